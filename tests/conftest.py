@@ -1,7 +1,6 @@
 """What several tests share: a one-joint arm as a URDF text and as a plant, and the plant of the IRB120."""
 
 import gc
-import shutil
 import signal
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
@@ -61,14 +60,12 @@ _module: Path | None = None  # whose tests are run
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip what needs a program that is not there; look for no rubbish in what the modules before have left."""
+    """Look for no rubbish in what the modules before have left."""
     global _module  # noqa: PLW0603  # a process runs one test at a time
     if item.path != _module:
         _module = item.path
         gc.collect()
         gc.freeze()  # else a third of the time goes into looking through the imported libraries, again and again
-    if item.get_closest_marker("graphviz") and shutil.which("dot") is None:
-        pytest.skip("needs Graphviz, whose program `dot` is not found")
 
 
 BY_THE_CLOCK = ("e2e", "test_server", "test_kills", "test_live", "test_cli_interrupts", "test_study", "test_sweep")

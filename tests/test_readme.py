@@ -149,7 +149,6 @@ def test_commands_do_their_work(block, folder, monkeypatch):
             assert run_command([*command, *SHORTER.get(command[0], [])]) == 0, command
 
 
-@pytest.mark.graphviz
 @each_readme
 def test_commands_that_draw_do_so(page, folder):
     drawing = [command for command in commands(PAGES[page]) if draws(command)]

@@ -156,7 +156,9 @@ def check(
 @with_mesh_path
 def diagram(
     station: StationArgument,
-    out: Annotated[Path | None, typer.Option(help="FILE.svg, .dot or .mmd; DOT on the screen unless given.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="FILE.svg, .png, .pdf, .dot or .mmd; DOT on the screen unless given.")
+    ] = None,
     set_: Settings = None,
     force: Force = False,
     allow_code: AllowCode = False,

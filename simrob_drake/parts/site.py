@@ -20,7 +20,7 @@ from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import release_with
-from simrob_drake.parts.captions import BlockRole, Drawn
+from simrob_drake.parts.captions import BlockRole, Drawn, InnerBlock
 from simrob_drake.parts.ground import Ground
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
@@ -342,12 +342,25 @@ class Site:
         value = np.array(read.Eval(read.get_system().GetMyContextFromRoot(context)))
         return value if rule is None else rule(value[np.newaxis])[0]
 
-    def draw(self, name: str, role: BlockRole, label: str, robot: StationRobot | None = None, *, key: str = "") -> None:
+    def draw(
+        self,
+        name: str,
+        role: BlockRole,
+        label: str,
+        robot: StationRobot | None = None,
+        *,
+        key: str = "",
+        inside: Sequence[str] = (),
+        within: str = "",
+        net: Mapping[str, InnerBlock] | None = None,
+    ) -> None:
         """Say in which block of the picture a system stands, with those whose names begin with its name and a dot.
 
-        Several systems share a block by its ``key``: the system's name unless given.
+        Several systems share a block by its ``key``: the system's name unless given. ``inside``,
+        ``within`` and ``net`` are those of :class:`~simrob_drake.parts.captions.Drawn`.
         """
-        self.drawn[name] = Drawn(key or name, role, label, robot.name if robot is not None and robot.prefix else "")
+        owner = robot.name if robot is not None and robot.prefix else ""
+        self.drawn[name] = Drawn(key or name, role, label, owner, tuple(inside), within, net or {})
 
     def draw_nothing(self, *names: str) -> None:
         """Say that systems are wiring, part of the arrows of the picture."""

@@ -223,6 +223,6 @@ def with_friction(builder: DiagramBuilder, ports: StationPorts, robot: StationRo
 def _sliding(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, speed: Vector) -> OutputPort:
     """Add c sat(v / v_s), size n, of the plant's state."""
     name, friction = f"{robot.prefix}friction", robot.model.friction
-    ports.draw(name, "robot", f"Friction\nof {robot.model.name}", robot)
+    ports.draw(name, "force", f"Friction\nof {robot.model.name}", robot)
     slope = (friction / speed)[:, np.newaxis] * robot.axis_map.state_matrix[len(friction) :]
     return fed(builder, name, Saturation(-friction, friction), mapped(builder, f"{name}.slope", slope, ports.state))

@@ -19,9 +19,7 @@ def draw_plant(ports: StationPorts) -> None:
         ports.draw("geometry_poses", "robot", "Geometry poses")
     else:
         pieces = [wrapped(f"with {', '.join(config.pieces)}")] if config.pieces else []
-        servos = [line for robot in robots for line in _actuators_text(ports, robot)]
-        inside = ["", "PD in its actuators:", *servos] if servos else []
-        ports.draw("plant", "robot", "\n".join(["Plant", *robot_texts, *pieces, *inside]))
+        ports.draw("plant", "robot", "\n".join(["Plant", *robot_texts, *pieces]))
         if robots and not config.solver.holds_joint_limits:
             _draw_stops(ports, robots)
     ports.draw("scene_graph", "scene", "Scene graph\nall geometry")
@@ -43,6 +41,24 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
                 ports.draw(f"{prefix}{axis}.{part}", "servo", label, robot, key=f"{prefix}more")
         else:
             _draw_servo(ports, robot, axis, [index], axis)
+
+
+def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
+    """Draw servos inside the plant's actuators: a block of their own beside the plant."""
+    label = f"{len(robot.axes)} joints,\nin the actuators"
+    limit = wrapped(shown_limits(robot.gains.torque_limit, list(robot.model.effort_units)))
+    kp, kd = f"kp {shown_values(robot.gains.kp)}", f"kd {shown_values(robot.gains.kd)}"
+    law = f"PD\n{kp}, {kd}" if short(f"{kp}, {kd}") else f"PD\n{wrapped(kp)}\n{wrapped(kd)}"
+    for part in ("desired_state", "actuation"):
+        ports.draw(
+            f"{robot.prefix}{part}",
+            "servo",
+            label,
+            robot,
+            key=f"{robot.prefix}servo",
+            inside=(law, f"Saturation\n{limit}"),
+            within="plant",
+        )
 
 
 def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
@@ -85,7 +101,7 @@ def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[
 
 def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
     limit = shown_limits(robot.gains.torque_limit[group], [robot.model.effort_units[index] for index in group])
-    ports.draw(name, "servo", f"Saturation\n{limit}", robot)
+    ports.draw(name, "servo", f"Saturation\n{wrapped(limit)}", robot)
 
 
 def _draw_stops(ports: StationPorts, robots: list[StationRobot]) -> None:
@@ -94,7 +110,7 @@ def _draw_stops(ports: StationPorts, robots: list[StationRobot]) -> None:
     units = list(dict.fromkeys(unit for robot in robots for unit in robot.model.units))
     springs = ", ".join(f"{unit.effort}/{unit.si}" for unit in units)
     dampers = ", ".join(f"{unit.effort}·s/{unit.si}" for unit in units)
-    ports.draw("stops", "robot", f"Joint stops\n{stiffness} {springs}\n{damping} {dampers}")
+    ports.draw("stops", "force", f"Joint stops\n{stiffness} {springs}\n{damping} {dampers}")
 
 
 def _robot_text(robot: StationRobot) -> str:
@@ -102,16 +118,5 @@ def _robot_text(robot: StationRobot) -> str:
     kind = robot.model.description.split(",")[0]
     kind = kind if short(kind) else robot.model.name
     title = f"{robot.name}: {kind}" if robot.prefix else kind
-    return wrapped(f"{title}, {len(robot.axes)} axes")
-
-
-def _actuators_text(ports: StationPorts, robot: StationRobot) -> list[str]:
-    """Return a line for each actuator of a robot that holds a servo of its own; of many the first and the last."""
-    if ports.config.servo_of(robot.name).realization != "implicit":
-        return []
-    gains = zip(robot.axes, robot.gains.kp, robot.gains.kd, robot.gains.torque_limit, strict=True)
-    lines = [
-        f"{robot.prefix}{axis}: kp {kp:.4g}, kd {kd:.4g}, ±{limit:.4g} {unit}"
-        for (axis, kp, kd, limit), unit in zip(gains, robot.model.effort_units, strict=True)
-    ]
-    return lines if len(lines) <= MANY else [lines[0], "⋮", lines[-1]]
+    whole = f"{title}, {len(robot.axes)} axes"
+    return whole if short(whole) else f"{wrapped(title)},\n{len(robot.axes)} axes"

@@ -19,7 +19,13 @@ from simrob_drake.parts.site import FromState, Site, StationRobot
 from simrob_drake.signals import Role, Signal, applied_signal
 from simrob_drake.stations.config import JointStops
 from simrob_drake.stations.contact import wire_friction, with_friction
-from simrob_drake.stations.drawing import draw_computed_torque, draw_feedforward, draw_integral, draw_servos
+from simrob_drake.stations.drawing import (
+    draw_actuator_servos,
+    draw_computed_torque,
+    draw_feedforward,
+    draw_integral,
+    draw_servos,
+)
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque
 from simrob_drake.stations.solver_config import DiscreteSolver
@@ -45,7 +51,7 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             title = f"{external.replace('_', ' ')} at {robot.prefix}{robot.tcp}, in its axes"
             ports.add(output, entry.get_output_port(), applied_signal(output, unit, title))
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
-            ports.draw(name, "robot", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
+            ports.draw(name, "force", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
     wire_friction(builder, ports)
     if not config.solver.holds_joint_limits:
         stiffness, damping = stops_of(ports)
@@ -135,7 +141,7 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
         if isinstance(ports.config.solver, DiscreteSolver):  # which tells each actuator the sum of its joint's
             torque = with_friction(builder, ports, robot, torque)
         declare_torque(ports, robot, torque)
-        ports.draw_nothing(f"{robot.prefix}desired_state", f"{robot.prefix}actuation")
+        draw_actuator_servos(ports, robot)
         if (robot.gains.ki > 0).any():
             draw_integral(ports, robot, "servo", list(range(len(robot.axes))), f"{len(robot.axes)} joints")
     elif servo.admittance_gain > 0:

@@ -37,7 +37,7 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
         block = FramePoses(plant=plant, frames=frames)
         outputs = [f"{robot.prefix}{output}" for output in [*frames, *(["tcp_pose"] if robot.tcp else [])]]
         ports.add_report(builder, f"{robot.prefix}poses", block, ports.state, *outputs)
-        ports.draw(f"{robot.prefix}poses", "sensor", "Poses\n" + ", ".join(["base", *robot.tools]), robot)
+        ports.draw(f"{robot.prefix}poses", "sensor", "Poses\n" + wrapped(", ".join(["base", *robot.tools])), robot)
         for name in frames:
             signals, of_state = [], None
             if name == "base_pose":

@@ -155,7 +155,7 @@ def add_prescribed_torque(
     acceleration = plant.get_generalized_acceleration_output_port()
     whole = joined(builder, f"{prefix}prescribed.efforts", torque, bus, acceleration)
     ports.draw_nothing(*(f"{prefix}prescribed.{part}" for part in ("bus", "efforts", "torque")))
-    ports.draw(f"{prefix}prescribed.force", "servo", "What moves\nprescribed joints", robot)
+    ports.draw(f"{prefix}prescribed.force", "force", "What moves\nprescribed joints", robot)
     return mapped(builder, f"{prefix}prescribed.torque", np.hstack([every, every[:, places] @ taken]), whole)
 
 

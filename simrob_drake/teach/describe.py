@@ -84,12 +84,20 @@ _SHARED: dict[str, tuple[str, ...]] = {
     "stops": ("joint_stops",),
     "scene_graph": ("floor", "contact", "pieces"),
     "piece_poses": ("pieces",),
+    "layers": ("controllers",),
 }
 _OF_A_ROBOT: dict[str, tuple[str, ...]] = {  # keys of the robot's own section
     "friction": ("drives",),
     "poses": ("base", "tcp", "tcp_offset"),
 }
-_SHOWN = {"poses": ("base_pose", "tcp_pose"), "stops": (), "scene_graph": (), "piece_poses": (), "friction": ()}
+_SHOWN = {
+    "poses": ("base_pose", "tcp_pose"),
+    "stops": (),
+    "scene_graph": (),
+    "piece_poses": (),
+    "friction": (),
+    "layers": ("reference",),
+}
 _OUTPUT, _SERVO = "output ", "servo."
 _INPUTS = ("reference", "feedforward", "input ")  # blocks that ask something of a robot
 _PLANT = ("plant", "inverse_dynamics", "geometry_poses")
@@ -122,19 +130,20 @@ def block_meaning(block: str, content: Mapping[str, Any], signals: Sequence[str]
         content: of the station's file, as :func:`simrob_drake.stations.load.station_content` gives it.
         signals: names of the station's outputs.
     """
-    name = block.partition(" to ")[0]  # a bar that hands out a block's signals
     robots = content.get("robots", {})
-    whose = next((robot for robot in robots if name.removeprefix(_OUTPUT).startswith(f"{robot}.")), "")
-    local = name.replace(f"{whose}.", "", 1) if whose else name
+    whose = next((robot for robot in robots if block.removeprefix(_OUTPUT).startswith(f"{robot}.")), "")
+    local = block.replace(f"{whose}.", "", 1) if whose else block
     part = local.partition(".")[2].removesuffix(".source") if local.partition(".")[0] in _PARTS else ""
     axis = local.partition(".")[0] if "." in local and not (part or local.startswith((_OUTPUT, _SERVO))) else ""
     keys = _keys(local, f"robots.{whose}" if whose else "robot", content)
     if part:  # the outputs of a sensor, a force or a controller have its name in theirs
-        return BlockMeaning(keys, tuple(signal for signal in signals if part in signal.split(".")))
+        whole = part.partition(".")[0]
+        shown = (part,) if part in signals else tuple(signal for signal in signals if whole in signal.split("."))
+        return BlockMeaning(keys, shown)
     if local in _PLANT:
         return BlockMeaning(keys, tuple(signal for signal in signals if signal.split(".")[-1] == "position"))
     if local.startswith(_OUTPUT):
-        shown: tuple[str, ...] = (name.removeprefix(_OUTPUT),)
+        shown = (block.removeprefix(_OUTPUT),)
     elif axis:
         shown = tuple(f"{whose}.{kind}".lstrip(".") for kind in ("position", "torque"))
     else:
@@ -148,13 +157,12 @@ def _keys(local: str, section: str, content: Mapping[str, Any]) -> tuple[str, ..
     kind, _, part = local.partition(".")
     keys: tuple[str, ...] = _SHARED.get(local, ())
     if part and kind in _PARTS:
-        keys = (f"{_PARTS[kind]}.{part.removesuffix('.source')}",)
+        keys = (f"{_PARTS[kind]}.{part.partition('.')[0]}",)
     elif local in _OF_A_ROBOT:
         keys = tuple(f"{section}.{key}" for key in _OF_A_ROBOT[local])
     elif local in _PLANT:
         robots = tuple(f"robots.{robot}" for robot in content.get("robots", ())) or ("robot",)
         keys = (*robots, "pieces", "gravity")
-        keys += ("servo",) if content.get("servo", {}).get("realization") == "implicit" else ()
     elif not keys and not local.startswith(_OUTPUT):
         key = "reference" if local.startswith(_INPUTS) else "servo"
         robot, _, name = section.partition(".")

@@ -164,5 +164,6 @@ def shown_in_browser(folder, name, time):
     command = ["chromium", "--headless", "--window-size=500,320", *drawing, *alone, *shown]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     colours = imread(picture)
-    columns = np.flatnonzero((colours[..., 2] > colours[..., 0] + 0.25).any(axis=0))
+    above = colours[: len(colours) * 2 // 3]  # the legend below has blue, too
+    columns = np.flatnonzero((above[..., 2] > above[..., 0] + 0.25).any(axis=0))
     return columns.mean() / colours.shape[1] if len(columns) else 2.0

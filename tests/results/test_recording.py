@@ -2,10 +2,13 @@
 
 import base64
 import gc
+import json
 import os
 import re
+import shutil
 import socket
 import sys
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from urllib.parse import urlsplit
@@ -23,6 +26,7 @@ from simrob_drake.results.animation.drawn import open_meshcat
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.animation.recording import save_recording
 from simrob_drake.results.animation.scene import ViewedStation
+from simrob_drake.results.colours import PATHS
 
 
 @pytest.fixture(scope="module")
@@ -99,11 +103,75 @@ def test_the_sum_of_forces_stands_at_the_centre_of_pressure_of_each_foot(tmp_pat
     page = save_recording(run, tmp_path / "stands.html").read_text(encoding="utf-8")
     told = [one for one in messages(page) if b"contact_forces/sum_" in one and b"set_object" in one]
     assert len(told) == 4  # shaft and head of each
-    assert '"touches": true' in page
+    assert '"their sum on a body"' in page
 
 
 def test_the_page_needs_no_other_file(page):
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=[\"']?(?!data:)", page)
+
+
+def run_of(page):
+    """Return what the page's own script knows."""
+    return json.loads(re.search(r"const RUN = (.*);\n", page).group(1))
+
+
+def test_the_page_says_whose_run_it_is_how_it_ended_and_what_has_which_colour(tmp_path):
+    result = simulate(load_station("irb120_force_stop"), progress=False)
+    named = replace(result, config=result.config.model_copy(update={"name": "</script><b>"}))
+    page = save_recording(named, tmp_path / "stop.html").read_text(encoding="utf-8")
+    run = run_of(page)
+    assert run["name"] == "</script><b>"
+    assert run["name"] not in page
+    assert run["message"] == f"stopped by stop: {result.message}"
+    assert run["stopped"] is True
+    assert run["end"] == result.stop_time
+    assert [text for _, text in run["legend"]] == ["way of the tool", "contact forces", "their sum on a body"]
+    assert len({colour for colour, _ in run["legend"]} | set(run["axes"])) == 6
+
+
+def test_ways_of_several_tools_are_told_apart(tmp_path):
+    result = simulate(load_station("two_irb120"), duration=0.05, progress=False)
+    run = run_of(save_recording(result, tmp_path / "two.html").read_text(encoding="utf-8"))
+    assert run["legend"] == [[PATHS[0], "way of the tool of left"], [PATHS[1], "way of the tool of right"]]
+    assert (run["stopped"], run["message"]) == (False, result.message)
+
+
+@pytest.mark.parametrize(
+    ("simulated", "clock", "said"),
+    [(3.0, 2.0, "1.5 × "), (30.0, 2.0, "15 × "), (0.03, 2.0, "0.015 × "), (0.001, 3.0, "0.00033 × "), (0.0, 2.0, "6")],
+)
+def test_how_fast_a_run_was_has_two_digits(simulated, clock, said, result):
+    run = replace(result, times=np.array([0.0, simulated]), stepping_time=clock, signal_time=0.0)
+    run = replace(run, step_times=np.linspace(0.0, simulated, 7))
+    assert run.pace.startswith(said)
+    assert run.pace.endswith("6 steps")
+    assert "0 × real" not in run.pace
+
+
+@pytest.mark.long
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs the browser chromium")
+def test_a_browser_has_a_clock_and_a_bar_to_play_by(result, tmp_path):
+    api = pytest.importorskip("playwright.sync_api")
+    file = save_recording(result, tmp_path / "recording.html")
+    drawing = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    with api.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=drawing)
+        page = browser.new_page(viewport={"width": 500, "height": 400})
+        raised = []
+        page.on("pageerror", lambda problem: raised.append(str(problem)))
+        page.goto(file.as_uri())
+        api.expect(page.locator("#run")).to_contain_text("ran to its end at 0.6 s")
+        button, slider, clock = (page.locator(f"#player {one}") for one in ("button", "input[type=range]", "#clock"))
+        button.click()
+        api.expect(button).to_have_attribute("aria-label", "play")
+        slider.evaluate("bar => { bar.value = 0.25; bar.dispatchEvent(new Event('input')) }")
+        api.expect(clock).to_have_text("0.25 / 0.60 s")
+        low = page.locator("#meshcat-pane").bounding_box()
+        assert low["y"] + low["height"] <= page.locator("#player").bounding_box()["y"]
+        button.click()
+        api.expect(clock).not_to_have_text("0.25 / 0.60 s")
+        browser.close()
+    assert raised == []
 
 
 def test_the_camera_is_in_the_page(page, result):

@@ -208,6 +208,10 @@ def test_the_blocks_of_a_picture_are_buttons():
     assert drawn.count('aria-pressed="true"') == 1
 
 
+def test_a_picture_is_never_too_small_to_be_read():
+    assert '<svg style="min-width: calc(0.9 * 1316px); max-width: calc(2 * 1316px)" ' in with_buttons(SVG)
+
+
 def test_both_languages_have_the_words():
     english, spanish = ({k for k in texts_of(name) if k.startswith("station.")} for name in ("en", "es"))
     assert english == spanish

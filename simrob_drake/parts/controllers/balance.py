@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -63,6 +63,12 @@ class Strategy(Strict):
 
 class Balance(LoopSection):
     """Answer pushes to a robot that stands: by strategies for ankles, hips, arms and knees, added up, and by a step."""
+
+    stages: ClassVar[tuple[str, ...]] = (
+        "Centre of mass,\ncapture point",
+        "Strategies\nankles, hips, arms",
+        "Step\nwhere these do not do",
+    )
 
     kind: Literal["balance"]
     facing_deg: Number = 0.0

@@ -6,7 +6,7 @@ import math
 import operator
 import weakref
 from collections.abc import Callable, Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -67,6 +67,12 @@ class FallGuard(LoopSection):
 
     It drives the axes of its posture alone. Several, each `toward` another side, take another posture for each.
     """
+
+    stages: ClassVar[tuple[str, ...]] = (
+        "Height, lean or\ncapture point",
+        "Guard\nit falls, or stands again",
+        "Way to the posture",
+    )
 
     kind: Literal["fall_guard"]
     height: Positive | None = None

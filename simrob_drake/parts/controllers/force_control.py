@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import AfterValidator
@@ -54,6 +54,12 @@ class ForceControl(LoopSection):
     That is named by `reads: {force: <sensor>}`. It moves all axes of its robot; in the other directions the tool stays
     as the reference has it.
     """
+
+    stages: ClassVar[tuple[str, ...]] = (
+        "Error of the force",
+        "PI law\npath of the tool",
+        "Jacobian\noffsets of the joints",
+    )
 
     kind: Literal["force_control"]
     force: Positive

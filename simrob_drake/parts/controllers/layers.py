@@ -29,7 +29,9 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         robot = site.robot(section.robot)
         wired[name] = section.wire(builder, name, robot, site)
         site.notes[name] = {"kind": section.kind}
-        _draw(site, f"controller.{name}", name, section, robot)
+        kind = section.kind.replace("_", " ")
+        label = f"{wrapped(name)}\n{kind}, {section.rate:g} Hz" if kind != name else f"{kind}, {section.rate:g} Hz"
+        site.draw(f"controller.{name}", "loop", label, robot, inside=section.stages)
         for output, port in wired[name].outputs.items():
             driven = {"offset": section.axes, "target": section.layered}.get(output)
             axes = robot.axes if driven is None else driven(robot)
@@ -138,7 +140,7 @@ def _drive(
     for name, (section, wired) in layers.items():
         outputs = wired.outputs
         weight, place = section.weight or 1.0, f"{key}.{name}"
-        _draw(site, place, name, section, robot)
+        _draw_layers(site, place, robot)
         if ASKED in wired.inputs:
             builder.Connect(stack.sum(f"{place}.asked"), wired.inputs[ASKED])
         if "offset" in outputs:
@@ -151,14 +153,14 @@ def _drive(
         if "feedforward" in outputs:
             torques.append(mapped(builder, f"{place}.torque", weight * np.eye(size), outputs["feedforward"]))
     builder.Connect(stack.limit(), inner)
-    _draw(site, f"{key}.limits", name, section, robot)
+    _draw_layers(site, f"{key}.limits", robot)
     for key, added in (("feedforward", torques), ("reference_velocity", speeds)):
         if added:
             add_to(builder, site, f"{robot.prefix}{key}", added, name="loops")
-            _draw(site, f"{robot.prefix}{key}.loops", name, section, robot)
+            _draw_layers(site, f"{robot.prefix}{key}.loops", robot)
 
 
-def _draw(site: Site, system: str, name: str, section: LoopSection, robot: StationRobot) -> None:
-    """Say that a system is part of a loop's block in the picture."""
-    label = f"{wrapped(name)}\n{section.kind.replace('_', ' ')}, {section.rate:g} Hz"
-    site.draw(system, "loop", label, robot, key=f"controller.{name}")
+def _draw_layers(site: Site, system: str, robot: StationRobot) -> None:
+    """Say that a system is part of the block that lays loops over the reference."""
+    label = "Reference\nand loops,\njoint limits"
+    site.draw(system, "loop", label, robot, key=f"{robot.prefix}layers")

@@ -45,6 +45,8 @@ class LoopSection(Strict):
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()
     """Inputs of robots that it drives beside the reference."""
+    stages: ClassVar[tuple[str, ...]] = ()
+    """What it does at each sample, one after the other, as the block picture shows it."""
     uppermost: ClassVar[bool] = False
     """Whether it lies above all others, whatever their priorities."""
 

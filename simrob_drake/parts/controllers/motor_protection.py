@@ -43,6 +43,8 @@ class MotorProtection(LoopSection):
 
     uppermost: ClassVar[bool] = True
 
+    stages: ClassVar[tuple[str, ...]] = ("Heat of the motors", "Stage\nwatch, give way, stop", "Offsets of the joints")
+
     kind: Literal["motor_protection"]
     limit: AxisValues | None = None
     """Torque above which an axis gives way, per axis [N·m or N]; less than the servo's own limit."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -27,6 +27,8 @@ from simrob_drake.signals import Signal
 
 class Objective(LoopSection):
     """Bring a signal of the station, such as the height of the base, to a value; then perhaps take a posture."""
+
+    stages: ClassVar[tuple[str, ...]] = ("Error of the signal", "PI law", "Weights of the joints")
 
     kind: Literal["objective"]
     measures: str

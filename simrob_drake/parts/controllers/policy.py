@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -34,6 +34,8 @@ _REMEMBERED = ("action", "clock", "goal")
 
 class Policy(LoopSection):
     """A network that was learnt: it observes the robot, and moves its axes from their reference."""
+
+    stages: ClassVar[tuple[str, ...]] = ("Observation", "Network", "Scale of each joint")
 
     kind: Literal["policy"]
     rate: Positive = 50.0

@@ -6,7 +6,7 @@ The thesis's automatic controller of joint positions (p. 98 to 102): the robot s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -56,6 +56,8 @@ class Sequencer(Pace, LoopSection):
 
     It drives all axes of its robot.
     """
+
+    stages: ClassVar[tuple[str, ...]] = ("Cell\nreached, or too late", "Ramp to the next cell")
 
     kind: Literal["sequencer"]
     cells: list[Cell] = Field(min_length=1)

@@ -33,6 +33,8 @@ class Touchdown(LoopSection):
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ("feedforward",)
 
+    stages: ClassVar[tuple[str, ...]] = ("Touch of each foot", "Phase\nfollow, hold, stand", "Legs\nseek the ground")
+
     kind: Literal["touchdown"]
     force: Positive = 15.0
     """Force from which a foot touches [N]."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -34,6 +34,12 @@ _READY = 1.0  # time to take the first posture from 45 deg away [s]
 
 class Walk(LoopSection):
     """Walk by commands, which may change at any time, and answer what disturbs the robot."""
+
+    stages: ClassVar[tuple[str, ...]] = (
+        "Estimator\ncapture point, slope",
+        "Planner\nsteps by commands",
+        "Legs\ninverse kinematics",
+    )
 
     kind: Literal["walk"]
     gait: dict[str, Any] = Field(default_factory=dict)

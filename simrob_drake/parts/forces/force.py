@@ -66,8 +66,9 @@ def add_force(
     force = section.shaped(builder, site, f"force.{name}", frame, point, output_port)
     block = add_external_force(builder, site.plant.plant, frame, name=f"force.{name}", point=point)
     builder.Connect(force, block.get_command_input_port())
-    site.draw(f"force.{name}", "robot", f"Force '{name}'\nat {place}")
-    site.draw(f"force.{name}.source", "reference", f"Force '{name}'\n{caption}")
+    label = f"Force '{name}'\n{caption}\nat {place}"
+    for system in (f"force.{name}", f"force.{name}.source"):
+        site.draw(system, "force", label, key=f"force.{name}")
     site.spatial_forces.append(block.get_spatial_forces_output_port())
     output = f"applied_force.{name}"
     title = f"applied force '{name}' at {place}, in its axes"

@@ -106,11 +106,16 @@ def placed(query: QueryObject, frames: Sequence[FrameId]) -> Iterator[tuple[str,
 
 def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> None:
     """Draw the ways of the tools in a run as lines; ``number`` keeps those of other runs."""
-    for index, robot in enumerate(result.plant.robots.values()):
+    for robot in result.plant.robots.values():
         if robot.tcp:
             path: Vector = result.pose("tcp", robot.name)[:, :3].T
-            colour = Rgba(*rgb(PATHS[index % len(PATHS)]))
+            colour = Rgba(*rgb(path_colour(result, robot.name)))
             meshcat.SetLine(f"tool_path/{robot.name}/{number}", np.asfortranarray(path), rgba=colour)
+
+
+def path_colour(result: RecordedRun, robot: str) -> str:
+    """Return the colour of the way of a robot's tool."""
+    return PATHS[list(result.plant.robots).index(robot) % len(PATHS)]
 
 
 def look(meshcat: Meshcat, camera: Camera) -> None:

@@ -1,12 +1,14 @@
 // What a recording adds to Meshcat's page: lines on the floor, a lamp straight above whose shadows tell what is over
-// what, a view that goes along with a robot that walks, and switches. RUN is written before this:
+// what, a view that goes along with a robot that walks, how the run ended, a clock, a bar to play by, a legend and
+// switches. RUN is written before this:
+//   name    of the station; message: how the run ended, stopped: whether before its time; end: when [s]
+//   legend  of colours: [colour, what has it]; axes: colours of the world's x, y and z
 //   way     how far the robot has gone in each frame, [x, y, z] [m]; empty where nobody walks
 //   rate    frames of the animation in a second
 //   middle  of what is seen in the first frame, [x, y, z], and radius of a ball around that [m]
 //   lines   on the floor, [begin, end] of [x, y, z] [m], and their spacing [m]; none without a floor
-//   touches  whether contact forces are computed
 (() => {
-  const { way, rate, middle, radius, lines, spacing, touches } = RUN;
+  const { way, rate, middle, radius, lines, spacing, legend, axes, end } = RUN;
   const three = MeshCat.THREE;
 
   // In short parts: some browsers leave a line out whose one end is behind the eye.
@@ -31,24 +33,76 @@
   for (const name of ["PointLightNegativeX", "PointLightPositiveX"])
     viewer.set_property(["Lights", name, "<object>"], "intensity", 14);
 
-  const bar = document.createElement("div");
-  bar.id = "switches";
-  bar.style = "position: fixed; left: 12px; bottom: 10px; font: 13px sans-serif; color: #333";
-  document.body.append(bar);
+  const add = (where, kind, what, ...parts) => {
+    const element = Object.assign(document.createElement(kind), what);
+    element.append(...parts);
+    where.append(element);
+    return element;
+  };
+  const style = `
+    #run, #player { position: fixed; left: 12px; font: 13px sans-serif; color: #333; }
+    #run { top: 10px; max-width: 60%; } #run b { display: block; font-size: 15px; } #run .stopped { color: #b2182b; }
+    #player { right: 12px; bottom: 8px; padding: 6px 10px; border-radius: 6px; background: #fffd; }
+    #player > div { display: flex; flex-wrap: wrap; align-items: center; gap: 4px 1em; }
+    #player input[type=range] { flex: 1; accent-color: #555; } #player button { width: 2.6em; height: 1.9em; }
+    #clock { min-width: 8.5em; text-align: right; font-variant-numeric: tabular-nums; }
+    #player i { display: inline-block; width: 1.2em; height: 4px; margin-right: 4px; vertical-align: middle; }`;
+  add(document.head, "style", {}, style);
+  document.title = RUN.name;
+  const words = add(document.body, "div", { id: "run" });
+  add(words, "b", {}, RUN.name);
+  add(words, "span", { className: RUN.stopped ? "stopped" : "" }, RUN.message);
+
+  const { animator } = viewer;
+  const panel = add(document.body, "div", { id: "player" });
+  const bar = add(panel, "div", {});
+  const button = add(bar, "button", { type: "button", onclick: () => play(!animator.playing) });
+  button.innerHTML = '<svg width="12" height="12"><path/></svg>';
+  const sign = button.querySelector("path");
+  const slider = add(bar, "input", { type: "range", min: 0, max: end, step: 0.001, ariaLabel: "time" });
+  const clock = add(bar, "span", { id: "clock" });
+  const paces = add(bar, "select", { ariaLabel: "pace" });
+  for (const pace of [0.1, 0.25, 0.5, 1, 2, 4]) add(paces, "option", { value: pace, selected: pace === 1 }, `× ${pace}`);
+  paces.onchange = () => (animator.mixer.timeScale = Number(paces.value));
+  const play = (on) => (on ? animator.play() : animator.pause());
+  slider.oninput = () => {
+    play(false);
+    animator.seek(Number(slider.value));
+    animator.display_progress(Number(slider.value));
+    tell();
+  };
+  document.addEventListener("keydown", (event) => {
+    if (event.code !== "Space" || event.target !== document.body) return;
+    event.preventDefault();
+    play(!animator.playing);
+  });
+  const tell = () => {
+    const time = Math.min(animator.time, end);
+    if (document.activeElement !== slider || animator.playing) slider.value = time;
+    clock.textContent = `${time.toFixed(2)} / ${end.toFixed(2)} s`;
+    sign.setAttribute("d", animator.playing ? "M2 1h3v10H2zM7 1h3v10H7z" : "M2 1l9 5l-9 5z");
+    button.ariaLabel = animator.playing ? "pause" : "play";
+  };
+
+  const swatches = add(panel, "div", { id: "legend" });
+  const add_colour = (where, colour, ...text) => add(where, "span", {}, add(where, "i", { style: `background: ${colour}` }), ...text);
+  for (const [colour, text] of legend) add_colour(swatches, colour, text);
+  if (lines.length) add(swatches, "span", {}, `lines on the floor every ${spacing} m`);
+  const switches = add(panel, "div", { id: "switches" });
   const add_switch = (text, checked, act) => {
-    const label = document.createElement("label");
-    const box = document.createElement("input");
-    Object.assign(box, { type: "checkbox", checked, onchange: () => (act(box.checked), viewer.set_dirty()) });
-    label.style.marginRight = "1em";
-    label.append(box, text);
-    bar.append(label);
+    const label = add(switches, "label", {});
+    const onchange = ({ target }) => (act(target.checked), viewer.set_dirty());
+    const box = add(label, "input", { type: "checkbox", checked, onchange });
+    label.append(text);
     return box;
   };
   const follow = way.length ? add_switch("follow the robot", true, () => {}) : null;
-  const axes = "the world's axes, 0.5 m of x (red), y (green), z (blue)";
-  add_switch(axes, true, (on) => viewer.set_property(["Axes"], "visible", on));
-  if (lines.length) bar.append(`lines on the floor every ${spacing} m; `);
-  if (touches) bar.append("arrows: contact forces (green), and their sum on a body (blue)");
+  add_switch("the world's axes, 0.5 m", true, (on) => viewer.set_property(["Axes"], "visible", on));
+  axes.forEach((colour, axis) => add_colour(switches, colour, "xyz"[axis]));
+
+  // Nothing of the picture hides behind the panel.
+  document.getElementById("meshcat-pane").style.height = `calc(100vh - ${panel.offsetHeight + 16}px)`;
+  viewer.set_3d_pane_size();
 
   // The world goes by: a camera that moved would go on looking at where it began.
   const gone = (time) => {
@@ -57,12 +111,13 @@
     return low ? low.map((from, axis) => from + (frame % 1) * (high[axis] - from)) : [0, 0, 0];
   };
   let seen = [0, 0, 0];
-  const update = viewer.animator.update.bind(viewer.animator);
-  viewer.animator.update = () => {
+  const update = animator.update.bind(animator);
+  animator.update = () => {
     // A part whose motion ends before the others' would begin again before them.
-    for (const action of viewer.animator.actions) action.getClip().duration = viewer.animator.duration;
+    for (const action of animator.actions) action.getClip().duration = animator.duration;
     update();
-    const now = gone(viewer.animator.time);
+    tell();
+    const now = gone(animator.time);
     if (follow?.checked) seen = now;
     for (const name of ["drake", "Axes"]) viewer.scene_tree.find([name]).object.position.set(...seen.map((part) => -part));
     const [x, y, z] = middle.map((from, axis) => from + now[axis] - seen[axis]);

@@ -11,8 +11,9 @@ from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, frame_times, side, walked_way
 from simrob_drake.results.animation.contact_arrows import draw_contact_forces
-from simrob_drake.results.animation.drawn import draw_tool_paths, look, open_meshcat
+from simrob_drake.results.animation.drawn import draw_tool_paths, look, open_meshcat, path_colour
 from simrob_drake.results.animation.scene import SPACING, ViewedStation, floor_lines, with_floor_under
+from simrob_drake.results.colours import AXES, FORCE, SUM_OF_FORCES
 from simrob_drake.results.record.run import RecordedRun
 
 _SCRIPT = Path(__file__).with_suffix(".js")
@@ -64,11 +65,27 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
         "radius": float(np.linalg.norm(points - middle, axis=1).max()),
         "lines": (lines @ tilt.T).round(4).tolist(),
         "spacing": SPACING,
-        "touches": result.contacts_at is not None,
+        "name": result.config.name,
+        "message": result.end_in_words,
+        "stopped": result.stopped_by is not None,
+        "end": result.stop_time,
+        "legend": _legend(result),
+        "axes": AXES,
     }
-    script = f"<script>const RUN = {json.dumps(run)};\n{_SCRIPT.read_text(encoding='utf-8')}</script>\n"
+    known = json.dumps(run).replace("</", "<\\/")  # a name may be anything
+    script = f"<script>const RUN = {known};\n{_SCRIPT.read_text(encoding='utf-8')}</script>\n"
     before, end, after = meshcat.StaticHtml().rpartition("</body>")
     return f"{before}{script}{end}{after}"
+
+
+def _legend(result: RecordedRun) -> list[tuple[str, str]]:
+    """Return what of the colours in the picture stands for what."""
+    robots = [robot for robot in result.plant.robots.values() if robot.tcp]
+    whose = {robot.name: f" of {robot.name}" if len(result.plant.robots) > 1 else "" for robot in robots}
+    found = [(path_colour(result, robot.name), f"way of the tool{whose[robot.name]}") for robot in robots]
+    if result.contacts_at is not None:
+        found += [(FORCE, "contact forces"), (SUM_OF_FORCES, "their sum on a body")]
+    return found
 
 
 def _record(meshcat: Meshcat, scene: ViewedStation, run: RecordedRun, times: Vector, frames_per_second: float) -> None:

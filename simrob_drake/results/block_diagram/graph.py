@@ -1,21 +1,15 @@
-"""The blocks and arrows of a block picture, and what makes them easy to read: bus bars only where signals branch."""
+"""The blocks and arrows of a block picture."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import Literal, get_args
+from dataclasses import dataclass, field, replace
+from typing import get_args
 
-from simrob_drake.parts.captions import BlockRole
+from simrob_drake.parts.captions import BlockRole, Shape
 
 ROLES: tuple[BlockRole, ...] = get_args(BlockRole)
 """In the order of the signal flow."""
 
-Shape = Literal["block", "mux", "bus", "port", "sum"]
-"""Of them two are thin bars: a mux brings signals together, a bus hands them out."""
-
 BARS: tuple[Shape, ...] = ("mux", "bus")
-
-_FAN = 3
-"""From how many arrows of one block into one cluster on they branch from a bus bar."""
 
 
 @dataclass
@@ -23,11 +17,18 @@ class DrawnBlock:
     """A block of the picture."""
 
     key: str  # its identifier in the graph
-    role: BlockRole  # what it is for, which makes its colour and cluster
+    role: BlockRole  # what it is for, which makes its colour and column
     robot: str  # whose it is; empty for what the robots share
     label: str = ""  # its lines
     shape: Shape = "block"  # block, one of the thin bars, port of the station, or sum
     systems: list[str] = field(default_factory=list)  # names of the systems of the Diagram that it stands for
+    inside: tuple[str, ...] = ()  # what happens in it, one after the other
+    within: str = ""  # the block whose system does its work
+
+    @property
+    def text(self) -> str:
+        """All its lines."""
+        return "\n".join([self.label, *(f"↓ {part}" for part in self.inside)])
 
 
 @dataclass(frozen=True)
@@ -72,54 +73,43 @@ class BlockGraph:
         return before <= after
 
     def drawn_arrows(self) -> list[Arrow]:
-        """Return the arrows to draw: one for two blocks that exchange signals, and no name told twice."""
+        """Return the arrows to draw: one for two blocks that exchange signals; ports bear their names themselves."""
         drawn = []
         for (source, target), signals in self.arrows.items():
             back = self.arrows.get((target, source))
             if back is None:
-                drawn.append(Arrow(source, target, "" if self._labelled(source, target) else ", ".join(signals)))
+                drawn.append(Arrow(source, target, "" if self.blocks[target].shape == "port" else ", ".join(signals)))
             elif self.forward(source, target):
                 text = " / ".join(filter(None, (", ".join(signals), ", ".join(back))))
                 drawn.append(Arrow(source, target, text, both=True))
         return drawn
 
-    def _labelled(self, source: str, target: str) -> bool:
-        """Tell whether an arrow to a port of the station carries what another arrow of its source names already."""
-        others = [self.arrows[source, other] for other in self.targets(source) if other != target]
-        return self.blocks[target].shape == "port" and self.arrows[source, target] in others
-
-    def tidy(self) -> None:
-        """Draw bus bars where signals branch or come together, and nowhere else."""
+    def dissolve_bars(self) -> None:
+        """Take out bars that do not gather, or hand out, what is alike; the others get the role of their ends."""
         for key in [key for key, block in self.blocks.items() if block.shape in BARS]:
-            self._settle_bar(key)
-        for key in [key for key, block in self.blocks.items() if block.shape not in BARS]:
-            self._branch(key)
-
-    def _settle_bar(self, key: str) -> None:
-        """Give a bar the role of its many ends; dissolve it where it has one source, or one target, in its way."""
-        bar, sources, targets = self.blocks[key], self.sources(key), self.targets(key)
-        many = sources if bar.shape == "mux" else targets
-        if len(many) > 1:
-            bar.role = self.blocks[many[0]].role
-            return
-        for source in sources:
-            for target in targets:
-                self.connect(source, target, self.arrows[key, target] or self.arrows[source, key])
-        self.arrows = {ends: signals for ends, signals in self.arrows.items() if key not in ends}
-        del self.blocks[key]
-
-    def _branch(self, key: str) -> None:
-        """Let the arrows of a block into another cluster, if they are many, branch from a bar there."""
-        clusters: dict[tuple[BlockRole, str], list[str]] = {}
-        for target in self.targets(key):
-            clusters.setdefault((self.blocks[target].role, self.blocks[target].robot), []).append(target)
-        for (role, robot), targets in clusters.items():
-            if len(targets) < _FAN or not self.forward(key, targets[0]) or role == self.blocks[key].role:
+            bar, sources, targets = self.blocks[key], self.sources(key), self.targets(key)
+            many = sources if bar.shape == "mux" else targets
+            roles = {self.blocks[end].role for end in many}
+            if len(many) > 1 and len(roles) == 1:
+                bar.role = roles.pop()
                 continue
-            bar = f"{key} to {robot} {role}"
-            self.blocks[bar] = DrawnBlock(bar, role, robot, shape="bus")
-            carried = {target: self.arrows.pop((key, target)) for target in targets}
-            self.connect(key, bar, (signal for signals in carried.values() for signal in signals))
-            for target in sorted(targets, key=lambda target: self.blocks[target].shape != "port"):
-                whole = set(carried[target]) == set(self.arrows[key, bar])
-                self.connect(bar, target, [] if whole else carried[target])
+            for source in sources:
+                for target in targets:
+                    self.connect(source, target, self.arrows[key, target] or self.arrows[source, key])
+            self.arrows = {ends: signals for ends, signals in self.arrows.items() if key not in ends}
+            del self.blocks[key]
+
+    def folded(self) -> "BlockGraph":
+        """Return it with those outputs of a robot that come from the same blocks as one block."""
+        groups: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+        for key, block in self.blocks.items():
+            if block.role == "sensor" and block.shape == "port":
+                groups.setdefault((block.robot, tuple(self.sources(key))), []).append(key)
+        first = {key: keys[0] for keys in groups.values() for key in keys}
+        graph = BlockGraph(self.title, self.description, self.robots)
+        graph.blocks = {key: replace(block) for key, block in self.blocks.items() if first.get(key, key) == key}
+        for keys in groups.values():
+            graph.blocks[keys[0]].label = "\n".join(self.blocks[key].label for key in keys)
+        for (source, target), signals in self.arrows.items():
+            graph.connect(source, first.get(target, target), signals)
+        return graph

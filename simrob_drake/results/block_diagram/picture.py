@@ -1,28 +1,25 @@
-"""The block picture of a station, as DOT, Mermaid or a drawing of Graphviz.
+"""The block picture of a station, as a drawing, or as a text in the language of Graphviz or Mermaid.
 
 ``python -m simrob_drake.results.block_diagram.picture`` draws the stations of the package anew.
 """
 
-import subprocess
 from pathlib import Path
 
 from simrob_drake.arguments import as_path
-from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import diagrams_root
 from simrob_drake.folders import replaced_at_once
-from simrob_drake.results.block_diagram.dot import dot_text
+from simrob_drake.results.block_diagram.drawing import Drawing
 from simrob_drake.results.block_diagram.graph import BlockGraph
-from simrob_drake.results.block_diagram.mermaid import mermaid_text
 from simrob_drake.results.block_diagram.reading import read_blocks
+from simrob_drake.results.block_diagram.texts import dot_text, mermaid_text
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names
 from simrob_drake.stations.resolve import resolve
 
-DRAWN_SUFFIXES = (".svg", ".png", ".pdf")
-"""What Graphviz draws; .dot and .mmd are written without it."""
-
-_TIMEOUT = 60.0  # s; a station takes less than one
+SUFFIXES = (".svg", ".png", ".pdf", ".dot", ".mmd")
+"""Of files that pictures are written to."""
 
 
 def station_dot(config: StationConfig) -> str:
@@ -38,9 +35,9 @@ def station_svg(config: StationConfig) -> str:
     """Return the block picture of a station as SVG.
 
     Raises:
-        SimrobError: a station that cannot be built, or Graphviz is missing, or fails.
+        SimrobError: a station that cannot be built.
     """
-    return _drawn(station_dot(config), "svg").decode()
+    return Drawing(_graph(config)).svg()
 
 
 def station_mermaid(config: StationConfig) -> str:
@@ -57,54 +54,39 @@ def save_block_picture(config: StationConfig, file: Path | str) -> Path:
 
     Args:
         config: the station.
-        file: its suffix says what is written: .dot, .mmd, or through Graphviz .svg, .png, .pdf.
+        file: its suffix says what is written: .svg, .png, .pdf, or as a text .dot or .mmd.
 
     Returns:
         the file.
 
     Raises:
         InvalidParameter: another suffix.
-        SimrobError: Graphviz is needed and missing, or fails.
+        SimrobError: a station that cannot be built.
         OutputError: the file cannot be written.
     """
     file = as_path(file, "file")
     suffix = file.suffix.lower()
-    if suffix not in (".dot", ".mmd", *DRAWN_SUFFIXES):
-        raise InvalidParameter("the picture's file", file.name, f"one of .dot, .mmd, {', '.join(DRAWN_SUFFIXES)}")
-    text = station_mermaid(config) if suffix == ".mmd" else station_dot(config)
-    content = _drawn(text, suffix[1:]) if suffix in DRAWN_SUFFIXES else text.encode()
+    if suffix not in SUFFIXES:
+        raise InvalidParameter("the picture's file", file.name, f"one of {', '.join(SUFFIXES)}")
+    if suffix in (".png", ".pdf"):
+        content = Drawing(_graph(config)).file(suffix[1:])
+    else:
+        texts = {".svg": station_svg, ".dot": station_dot, ".mmd": station_mermaid}
+        content = texts[suffix](config).encode()
     with replaced_at_once(file) as work:
         work.write_bytes(content)
     return file
 
 
 def main(folder: Path | None = None) -> None:
-    """Write ``<station>.dot`` and ``<station>.svg`` for the package's stations, beside their files unless told."""
+    """Write ``<station>.svg`` for the package's stations, beside their files unless told."""
     for name in station_names():
-        for suffix in (".dot", ".svg"):
-            print(save_block_picture(load_station(name), (folder or diagrams_root()) / f"{name}{suffix}"))
+        print(save_block_picture(load_station(name), (folder or diagrams_root()) / f"{name}.svg"))
 
 
 def _graph(config: StationConfig) -> BlockGraph:
     closed = closed_station(resolve(config))
     return read_blocks(closed.diagram, closed.ports)
-
-
-def _drawn(text: str, kind: str) -> bytes:
-    """Return what Graphviz draws from a text: ``kind`` is svg, png or pdf."""
-    try:
-        dot = ["dot", f"-T{kind}"]
-        return subprocess.run(dot, input=text.encode(), capture_output=True, timeout=_TIMEOUT, check=True).stdout
-    except FileNotFoundError as problem:
-        raise SimrobError(
-            f"a .{kind} picture needs Graphviz, whose program `dot` is not found; "
-            "install Graphviz, or choose a .dot or .mmd file"
-        ) from problem
-    except subprocess.TimeoutExpired as problem:
-        raise SimrobError(f"Graphviz took more than {_TIMEOUT:g} s; choose a .dot or .mmd file") from problem
-    except subprocess.CalledProcessError as problem:
-        message = " ".join(problem.stderr.decode(errors="replace").split())
-        raise SimrobError(f"Graphviz failed: {message}; choose a .dot or .mmd file") from problem
 
 
 if __name__ == "__main__":

@@ -189,7 +189,7 @@ class _Grid:
         labels = any(self._is_labelled(index) for index in range(len(self._stacks)) if index % self._columns)
         left, pitch = _MARGIN + _LABEL + numbers, frame + legend + _GAP + numbers + _LABEL * labels
         width = left + (self._columns - 1) * pitch + frame + max(legend, _MARGIN)
-        words = ((remark, _GREY), (_reason(self._result), RED))
+        words = ((remark, _GREY), (self._result.end_in_words if self._result.stopped_by else "", RED))
         lines = [(line, colour) for text, colour in words for line in textwrap.wrap(text, int(14 * width))]
         head = _HEAD + _LEGEND * bool(self._explained)
         tops, down = self._tops(head + _LINE * len(lines))
@@ -250,12 +250,6 @@ class _Grid:
 
 def _write_legend(where: Axes | Figure, lines: dict[str, Line2D], size: float, **place: Any) -> None:
     where.legend(list(lines.values()), list(lines), fontsize=size, frameon=False, **place)
-
-
-def _reason(result: RecordedRun) -> str:
-    """Return why a run was stopped, if it was."""
-    by = f"stopped by {result.stopped_by}: " if result.ending == "monitor" else ""
-    return f"{by}{result.message}" if result.stopped_by else ""
 
 
 def _limits(curves: Vector, label: str) -> Span:

@@ -163,6 +163,11 @@ class RecordedRun:
         return float(self.times[-1])
 
     @property
+    def end_in_words(self) -> str:
+        """How the run ended, and which monitor ended it."""
+        return f"stopped by {self.stopped_by}: {self.message}" if self.ending == "monitor" else self.message
+
+    @property
     def wall_time(self) -> float:
         """Wall-clock seconds of stepping and signals."""
         return self.stepping_time + self.signal_time
@@ -170,8 +175,11 @@ class RecordedRun:
     @property
     def pace(self) -> str:
         """How fast it was stepped, and in how many steps, in words."""
-        rate = self.realtime_rate
-        return f"{rate:{'.0f' if rate >= 10 else '.2g'}} × real time, {len(self.step_times) - 1} steps"
+        rate, steps = self.realtime_rate, f"{len(self.step_times) - 1} steps"
+        if not rate:
+            return steps  # it ended where it began
+        digits = max(1 - int(np.floor(np.log10(rate))), 0)
+        return f"{rate:.{digits}f} × real time, {steps}"
 
     @property
     def realtime_rate(self) -> float:

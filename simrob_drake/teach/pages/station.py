@@ -45,7 +45,7 @@ class _Page:
         self._asked = True
         with _card(t("station.blocks"), t("station.blocks_help")):
             self._wrong_picture = ui.label().classes("text-negative")
-            self._picture = BlockPicture(self._show_block)
+            self._picture = BlockPicture(self._show_block, t("station.enlarge"))
         with _card(t("station.block")):
             self._block = ui.column().classes("w-full gap-2")
         with _card(t("station.stops")):

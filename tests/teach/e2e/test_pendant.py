@@ -142,7 +142,7 @@ def test_a_file_that_another_editor_changed_is_asked_about(page, humanoid):
 def test_a_run_is_pushed_tuned_gone_back_in_and_taken_away(page, humanoid, tmp_path):
     opened(page, humanoid, pace="0.1 ×")
     page.get_by_role("tab", name="Station").click()
-    page.locator('[data-block="plant"]').click()
+    page.locator('[data-block="servo"]').click()
     gain = page.get_by_role("slider", name="servo.kp")
     expect(gain).to_be_visible()
     page.get_by_text("Push", exact=True).click()
@@ -288,7 +288,7 @@ def test_the_station_is_changed_and_refused_in_the_checkers_words(page, humanoid
     field.fill("150")
     field.press("Enter")
     expect(page.get_by_text("servo.kp: 150")).to_be_visible()
-    expect(page.locator('[data-block="plant"]')).to_contain_text("kp 150")
+    expect(page.locator('[data-block="servo"]')).to_contain_text("kp 150")
 
 
 @pytest.mark.long
