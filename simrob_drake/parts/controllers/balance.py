@@ -67,7 +67,7 @@ class Balance(LoopSection):
     stages: ClassVar[tuple[str, ...]] = (
         "Centre of mass,\ncapture point",
         "Strategies\nankles, hips, arms",
-        "Step\nwhere these do not do",
+        "Step\nif they are not enough",
     )
 
     kind: Literal["balance"]

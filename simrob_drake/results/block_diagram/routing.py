@@ -4,6 +4,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
+from math import fsum
+from statistics import fmean
 from typing import NamedTuple
 
 from simrob_drake.results.block_diagram.flow import Net
@@ -53,7 +55,7 @@ class _Trunk:
 
     def leads_down(self) -> bool:
         """Tell whether it leads down from where it comes from."""
-        return sum(self.from_right) * max(len(self.from_left), 1) > sum(self.from_left) * max(len(self.from_right), 1)
+        return fsum(self.from_right) * len(self.from_left) > fsum(self.from_left) * len(self.from_right)
 
 
 class _Far(NamedTuple):
@@ -135,7 +137,7 @@ class Routing:
     def _between(self, number: int, level: float, first: int, last: int) -> float:
         """Return the level nearest to that of a net and its targets with room for it between two channels."""
         aims = self._trunks[last][number].from_right if number in self._trunks[last] else []
-        aim = sum(aims) / len(aims) if aims else level
+        aim = fmean(aims) if aims else level
         top, bottom = min(self._tops[first:last]), max(self._bottoms[first:last])
         inside = (top + 2.0 * step for step in range(int((bottom - top) / 2)))
         free = [found for found in (level, *aims, *inside) if self._passes(number, found, first, last)]
