@@ -60,7 +60,7 @@ def keyed(slider, key, times):
 
 def taken(page, what):
     """Take something away, and return its file."""
-    button(page, "Take away").click()
+    button(page, "Download").click()
     with page.expect_download() as download:
         page.get_by_role("menu").get_by_text(what).click()
     return download.value.path()
