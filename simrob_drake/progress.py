@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 REFRESH = 0.1
 """Time between two movements of a bar [s]."""
+SELDOM = 60.0
+"""Time between two remarks where there is no bar, as in a log [s]."""
 
 
 def note(text: str, *, shown: bool) -> None:
@@ -35,7 +37,7 @@ class Advance(Protocol):
 
 @contextmanager
 def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Advance | None]:
-    """Show a bar and give a function that moves it; off a terminal that tells a remark, once. None if not ``shown``.
+    """Show a bar and give a function that moves it; off a terminal that tells remarks, one a minute. None if silent.
 
     Args:
         text: what the work is.
@@ -47,14 +49,15 @@ def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Advance | 
         return
     console = _console()
     if not console.is_terminal:
-        remarked: list[str] = []
+        said = -SELDOM
 
-        def remark_once(_: float, remark: str = "") -> None:
-            if remark and not remarked:
-                remarked.append(remark)
+        def remark_seldom(_: float, remark: str = "") -> None:
+            nonlocal said
+            if remark and monotonic() - said >= SELDOM:
+                said = monotonic()
                 console.print(f"{text}: {remark}", soft_wrap=True)
 
-        yield remark_once
+        yield remark_seldom
         return
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -116,7 +116,7 @@ def test_code_is_run_only_where_it_is_allowed(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("while True: pass", r"took longer than its 3 s; --seconds"),
+        ("while True: pass", r"took longer than its 1.5 s; --seconds"),
         ("x = bytearray(3_000_000_000)", r"took more than its 1 GB of memory; --memory"),
         ("import os; os._exit(0)", r"ended its process before all points were measured \(exit code 0"),
         ("import sys; sys.exit(0)", r"SystemExit: 0 \(answer.py, line 1\)"),
@@ -127,7 +127,7 @@ def test_code_is_run_only_where_it_is_allowed(tmp_path, capsys):
 def test_an_answer_that_does_not_end_well_is_told_in_a_line(tmp_path, text, said):
     entry = own_exercise(tmp_path / "own", "return at_least(answer.f(), 0)")
     with pytest.raises(SimrobError, match=said):
-        checked(entry, tmp_path, text, seconds=3, memory=1)
+        checked(entry, tmp_path, text, seconds=1.5, memory=1)
 
 
 def test_a_point_that_fails_leaves_the_others(tmp_path):

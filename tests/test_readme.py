@@ -70,6 +70,11 @@ SHOWN = {
     "Sine(amplitudes": r"joint 5 nods by (29\.9|30)",
     '"controllers.height.target": 0.38': r"0\.3(79\d|80\d) m",
     "class KeepHeight(SampledBlock)": r" -?0\.(0\d|1\d) mm",
+    "ServoGains(np.full": r"off by 0\.00[01]\d* rad",
+    "MomentumObserver(plant=": r"\[ ?-?0\. +-?0\. +2\. ",
+    "ContactReader()": r"up to 14\d N, at rest 9\.[78]\d N",
+    "Monitor(too_far, hold=0.2)": r"kReachedTerminationCondition at 0\.[67]\d s: the pendulum is at 1\.",
+    "plan = walk(": r"it went \[-?0\.0\d +0\.[56]\d? ",
     "class Nod(LeafSystem)": r"(nods by|se mueve) (29\.9|30).* rad\n",
 }
 """What a script with these words in it prints, as far as a page says it."""

@@ -103,11 +103,13 @@ def test_pages_of_both_languages_know_each_other(page, twin):
 
 def test_the_links_of_a_finished_site_are_looked_at(tmp_path):
     (tmp_path / "a.html").write_text('<a href="b.html#here">x</a><a href="b.html#gone">x</a><a href="c.html">x</a>')
+    (tmp_path / "d.html").write_text('<html lang="en"><a href="d.html" hreflang="es">x</a>')
     (tmp_path / "b.html").write_text('<p id="here"></p><a href="https://drake.mit.edu">x</a><script src="//cdn/x.js">')
     assert list(links.findings(tmp_path)) == [
         "a.html: b.html#gone: there is no such place on that page",
         "a.html: c.html leads nowhere",
         "b.html: fetches //cdn/x.js",
+        "d.html: d.html is not in the language es",
     ]
 
 

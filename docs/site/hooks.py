@@ -1,5 +1,7 @@
 """What mkdocs calls while it builds the site: see ``mkdocs.yml`` and, for the Spanish one, ``mkdocs.es.yml``."""
 
+import os
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -18,7 +20,9 @@ TOP = {False: ("README.md", "CHANGELOG.md", "CONTRIBUTING.md"), True: ("README.e
 
 TITLES = {"Start": "Inicio", "Lessons": "Lecciones", "Course": "Curso", "How to": "Guías", "Results": "Resultados"}
 """Those of the navigation in Spanish."""
-SPANISH_ALONE = ("tablas_dh.md", "simrob.md")
+FROM_TOP = "site:"
+"""Before links that count from the top of the whole site."""
+SPANISH_ALONE = ("simrob.md",)
 
 
 def is_spanish(config: MkDocsConfig) -> bool:
@@ -95,5 +99,16 @@ def on_page_context(context: dict[str, Any], page: SitePage, config: MkDocsConfi
     other = places.place(places.twin(source) or ("docs/README.md" if spanish else "docs/es/README.md"))
     for entry in config.extra["alternate"]:
         own = (entry["lang"] == "es") == spanish
-        entry["link"] = page.file.dest_uri if own else f"{'../' if spanish else ''}{other}"
+        entry["link"] = f"{FROM_TOP}{place_of(page, config) if own else other}"
     return context
+
+
+def place_of(page: SitePage, config: MkDocsConfig) -> str:
+    """Return where a page is on the whole site, as a path from its top."""
+    return f"{'es/' if is_spanish(config) else ''}{page.file.dest_uri}"
+
+
+def on_post_page(output: str, page: SitePage, config: MkDocsConfig) -> str:
+    """Make links from the top of the site relative; mkdocs leads out of no folder of a site that is in another."""
+    here = os.path.dirname(place_of(page, config)) or "."
+    return re.sub(rf'href="{FROM_TOP}([^"]+)"', lambda link: f'href="{os.path.relpath(link[1], here)}"', output)

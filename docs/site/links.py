@@ -19,6 +19,7 @@ class _Page(HTMLParser):
     def __init__(self, text: str) -> None:
         super().__init__()
         self.places, self.links, self.fetched = {"", "__skip", "top"}, set[str](), set[str]()
+        self.language, self.translations = "", dict[str, str]()
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
@@ -26,6 +27,10 @@ class _Page(HTMLParser):
         self.places |= {given[name] for name in ("id", "name") if name in given}
         if tag == "a" and given.get("href"):
             self.links.add(given["href"])
+            if "hreflang" in given:
+                self.translations[given["hreflang"]] = given["href"]
+        if tag == "html":
+            self.language = given.get("lang", "")
         if tag in FETCHED and given.get("rel") not in NOT_FETCHED and given.get(FETCHED[tag]):
             self.fetched.add(given[FETCHED[tag]])
 
@@ -43,6 +48,10 @@ def findings(site: Path) -> Iterator[str]:
             continue
         name = file.relative_to(site)
         yield from (f"{name}: fetches {link}" for link in sorted(page.fetched) if is_outside(link))
+        for language, link in page.translations.items():
+            there = pages.get((file.parent / unquote(link)).resolve())
+            if there and there.language != language:
+                yield f"{name}: {link} is not in the language {language}"
         for link in sorted(page.links | page.fetched):
             parts = urlsplit(link)
             to = (file.parent / unquote(parts.path)).resolve() if parts.path else file

@@ -34,7 +34,10 @@ def main() -> None:
 
     if interruptible:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    sys.exit(guarded(run_command, sys.argv[1:]))
+    code = guarded(run_command, sys.argv[1:])
+    if code == ExitCode.INTERRUPTED:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # who presses it twice waits no longer than for the end
+    sys.exit(code)
 
 
 def guarded(command: Callable[[list[str]], int], arguments: list[str]) -> int:

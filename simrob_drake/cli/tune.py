@@ -82,6 +82,9 @@ def _tell(place: StudyFolder, proof: list[Row]) -> None:
     if len(cost) > 1:
         table.add_row("trades", "", f"{len(place.front())} in front.csv")
     console.print(table)
+    if not proof:
+        console.print("Not proven: the study has no cases of its own under proof.")
+        return
     table = Table("proof", "start", "best", "ratio", box=None, pad_edge=False)
     start, best = ([row for row in proof if row["of"] == of] for of in ("start", "best"))
     ends = [f"{sum(row['ended'] == 'completed' for row in rows)} of {len(rows)}" for rows in (start, best)]

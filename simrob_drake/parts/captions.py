@@ -1,7 +1,8 @@
 """What blocks of a station's picture say, and how figures and positions are told in words."""
 
 import textwrap
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -19,6 +20,25 @@ BlockRole = Literal["reference", "loop", "own", "servo", "force", "robot", "scen
 """What a block is for, in the order of the signal flow; it makes the column and the colour in the picture."""
 
 
+Shape = Literal["block", "mux", "bus", "port", "sum"]
+"""Of them two are thin bars: a mux brings signals together, a bus hands them out."""
+
+
+@dataclass(frozen=True)
+class InnerBlock:
+    """A block of a net that is one system.
+
+    Attributes:
+        label: its lines.
+        sources: the blocks of the net that it reads.
+        reads: outputs of the station that it reads.
+    """
+
+    label: str
+    sources: tuple[str, ...]
+    reads: tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class Drawn:
     """A block of the picture.
@@ -29,6 +49,8 @@ class Drawn:
         label: its lines.
         robot: whose it is; empty for what the robots share, and where there is one only.
         inside: what happens in it, one after the other.
+        net: blocks that are drawn in its place, by name, in the order of the outputs of its Demultiplexer.
+        shape: how it looks.
         within: the key of the block whose system does its work, as the plant's does that of servos in its actuators.
     """
 
@@ -38,6 +60,8 @@ class Drawn:
     robot: str = ""
     inside: tuple[str, ...] = ()
     within: str = ""
+    net: Mapping[str, InnerBlock] = field(default_factory=dict)
+    shape: Shape = "block"
 
 
 def wrapped(text: str) -> str:

@@ -20,7 +20,7 @@ from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import release_with
-from simrob_drake.parts.captions import BlockRole, Drawn
+from simrob_drake.parts.captions import BlockRole, Drawn, InnerBlock
 from simrob_drake.parts.ground import Ground
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
@@ -352,14 +352,15 @@ class Site:
         key: str = "",
         inside: Sequence[str] = (),
         within: str = "",
+        net: Mapping[str, InnerBlock] | None = None,
     ) -> None:
         """Say in which block of the picture a system stands, with those whose names begin with its name and a dot.
 
-        Several systems share a block by its ``key``: the system's name unless given. ``inside`` and ``within`` are
-        those of :class:`~simrob_drake.parts.captions.Drawn`.
+        Several systems share a block by its ``key``: the system's name unless given. ``inside``,
+        ``within`` and ``net`` are those of :class:`~simrob_drake.parts.captions.Drawn`.
         """
         owner = robot.name if robot is not None and robot.prefix else ""
-        self.drawn[name] = Drawn(key or name, role, label, owner, tuple(inside), within)
+        self.drawn[name] = Drawn(key or name, role, label, owner, tuple(inside), within, net or {})
 
     def draw_nothing(self, *names: str) -> None:
         """Say that systems are wiring, part of the arrows of the picture."""

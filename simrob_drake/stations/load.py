@@ -1,7 +1,7 @@
 """From a name or a YAML file, and what the user wants changed, to a checked :class:`StationConfig`."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from functools import partial
 from os.path import exists, isdir, isfile  # which are false for names that no file can have
@@ -132,6 +132,11 @@ def _configured(
     allow_code: bool,
     mesh_path: tuple[Path, ...] = (),
 ) -> StationConfig:
+    alone = [key for key in overrides if _of_one_number(content, key.split("."))]
+    if alone:
+        others = {key: value for key, value in overrides.items() if key not in alone}
+        config = _configured(deepcopy(content), others, where, allow_code, mesh_path)
+        _write_by_axis(content, alone, {name: robot.axes for name, robot in resolve(config).robots.items()})
     for key, value in sorted(overrides.items(), key=lambda entry: not entry[0].endswith(".kind")):
         _override(content, key.split("."), value, where)
     content = located(content, Path.cwd())
@@ -218,6 +223,28 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
             _override(content, [*key, inner], value[inner], where)
     else:
         node[key[-1]] = _copied(value, key, where)
+
+
+def _of_one_number(content: Any, key: list[str]) -> bool:
+    """Tell whether a key would be that of one axis in what is a number for all of them."""
+    for part in key[:-1]:
+        content = content.get(part) if isinstance(content, dict) else None
+    return isinstance(content, (int, float)) and not isinstance(content, bool)
+
+
+def _write_by_axis(content: dict[str, Any], keys: list[str], axes: Mapping[str, Sequence[str]]) -> None:
+    """Write numbers for all axes of a robot as one an axis, which keys below them change for one axis alone."""
+    for key in keys:
+        *way, last, axis = key.split(".")
+        names = axes.get(way[1] if way[:1] == ["robots"] else ONLY_ROBOT, ())
+        node = content
+        for part in way:
+            node = node[part]
+        if isinstance(number := node[last], (int, float)):
+            if axis in names:
+                node[last] = dict.fromkeys(names, number)
+            elif axis.isdecimal():
+                node[last] = [number] * len(names)
 
 
 def _copied(value: Any, key: list[str], where: Path | str) -> Any:

@@ -137,11 +137,13 @@ def block_meaning(block: str, content: Mapping[str, Any], signals: Sequence[str]
     axis = local.partition(".")[0] if "." in local and not (part or local.startswith((_OUTPUT, _SERVO))) else ""
     keys = _keys(local, f"robots.{whose}" if whose else "robot", content)
     if part:  # the outputs of a sensor, a force or a controller have its name in theirs
-        return BlockMeaning(keys, tuple(signal for signal in signals if part in signal.split(".")))
+        whole = part.partition(".")[0]
+        shown = (part,) if part in signals else tuple(signal for signal in signals if whole in signal.split("."))
+        return BlockMeaning(keys, shown)
     if local in _PLANT:
         return BlockMeaning(keys, tuple(signal for signal in signals if signal.split(".")[-1] == "position"))
     if local.startswith(_OUTPUT):
-        shown: tuple[str, ...] = (block.removeprefix(_OUTPUT),)
+        shown = (block.removeprefix(_OUTPUT),)
     elif axis:
         shown = tuple(f"{whose}.{kind}".lstrip(".") for kind in ("position", "torque"))
     else:
@@ -155,7 +157,7 @@ def _keys(local: str, section: str, content: Mapping[str, Any]) -> tuple[str, ..
     kind, _, part = local.partition(".")
     keys: tuple[str, ...] = _SHARED.get(local, ())
     if part and kind in _PARTS:
-        keys = (f"{_PARTS[kind]}.{part.removesuffix('.source')}",)
+        keys = (f"{_PARTS[kind]}.{part.partition('.')[0]}",)
     elif local in _OF_A_ROBOT:
         keys = tuple(f"{section}.{key}" for key in _OF_A_ROBOT[local])
     elif local in _PLANT:

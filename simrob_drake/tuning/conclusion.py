@@ -4,25 +4,34 @@ from collections import Counter
 from collections.abc import Sequence
 from statistics import median
 
+import numpy as np
+from scipy.stats import binomtest, quantile_test
+
 from simrob_drake.tuning.trial import COMPLETED, Row
 
 START, WON = "start", "winner"
 """What is compared: where a search began, and what it found."""
+THOUGHT, NUMERICAL = "as thought", ("solver", "engine")
+"""The runs without a doubt, and the doubts that change nothing but who integrates."""
+_SURE = 0.95
 _MOST = 0.9  # of the pairs of runs in which a winner must cost less
 
 
-def conclusion(rows: Sequence[Row]) -> tuple[bool, list[str]]:
+def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = ()) -> tuple[bool, list[str]]:
     """Return whether a winner is proven, and sentences that say why.
 
     It is if no doubt ends more of its runs than of the start's, or any at all where there is no start, and if in nine
-    of ten pairs of runs that both went to their ends it costs less.
+    of ten pairs of runs that both went to their ends it costs less: by more than other solvers and engines find
+    otherwise, and surely so in the median.
 
     Args:
         rows: of the runs, each with ``of``, ``doubt``, ``draw``, ``ended``, and the costs if there is a start.
+        undoubted: kinds of doubts that the station does not know.
     """
     own = [row for row in rows if row["of"] == WON]
     start = [row for row in rows if row["of"] == START]
-    held = f"{_held(own)} of {len(own)} runs of the winner hold"
+    low, high = (100 * bound for bound in _share(_held(own), len(own)))
+    held = f"{_held(own)} of {len(own)} runs of the winner hold ({low:.0f} to {high:.0f} %, 95 % sure)"
     words = [held + (f", and {_held(start)} of {len(start)} of the start." if start else ".")]
     worse = []
     for doubt in dict.fromkeys(row["doubt"] for row in own):
@@ -37,6 +46,7 @@ def conclusion(rows: Sequence[Row]) -> tuple[bool, list[str]]:
     cheaper = [_compared(name, own, start) for name in cost_columns(rows[0])] if start else []
     words += [sentence for _, sentence in cheaper]
     words += _beyond(own)
+    words += [f"Not doubted: {', '.join(undoubted)}."] if undoubted else []
     proven = not worse and all(less for less, _ in cheaper)
     reasons = [f"it is less sure under {', '.join(worse)}"] if worse else []
     reasons += ["it does not cost less throughout"] if not all(less for less, _ in cheaper) else []
@@ -54,14 +64,46 @@ def _beyond(rows: Sequence[Row]) -> list[str]:
 
 def _compared(name: str, own: Sequence[Row], start: Sequence[Row]) -> tuple[bool, str]:
     """Return whether the winner costs less, and by how much in a sentence."""
-    pairs = [(row[name], other[name]) for row, other in zip(own, start, strict=True) if _ended(row) and _ended(other)]
+    pairs = [(ours, theirs) for ours, theirs in zip(own, start, strict=True) if _ended(ours) and _ended(theirs)]
     if not pairs:
         return False, f"No two runs can be compared by {name}."
-    less = sum(ours < theirs for ours, theirs in pairs)
-    before, after = (median(values) for values in zip(*[(theirs, ours) for ours, theirs in pairs], strict=True))
-    gain = f", {after / before:.2f} of it" if before > 0 and after > 0 else ""
-    sentence = f"The {name} is {after:.4g} in the median, {before:.4g} at the start{gain}"
-    return less >= _MOST * len(pairs), f"{sentence}; less in {less} of {len(pairs)} pairs."
+    costs = np.array([[ours[name], theirs[name]] for ours, theirs in pairs], dtype=float)
+    gains = costs[:, 1] - costs[:, 0]
+    after, before, gain = (float(np.median(values)) for values in (*costs.T, gains))
+    least = float(quantile_test(gains, p=0.5, alternative="greater").confidence_interval(_SURE).low)  # nan for a few
+    error = _numerical_error(name, pairs)
+    less = int(np.sum(gains > 0))
+    part = f", {after / before:.2f} of it" if before > 0 and after > 0 else ""
+    sentence = f"The {name} is {after:.4g} in the median, {before:.4g} at the start{part}"
+    sentence += f"; less in {less} of {len(pairs)} pairs"
+    if np.isfinite(least):
+        sentence += f", by {least:.4g} or more in the median (95 % sure)"
+    if error is not None:
+        sentence += f"; the gain of {gain:.4g} is another by {error:.4g} with other solvers and engines"
+    sure = less >= _MOST * len(pairs) and gain > (error or 0.0) and not least <= 0
+    return sure, f"{sentence}."
+
+
+def _numerical_error(name: str, pairs: Sequence[tuple[Row, Row]]) -> float | None:
+    """Return by how much a gain is another one with other solvers or another engine, the largest of their medians."""
+    gains: dict[str, dict[int, float]] = {}
+    for ours, theirs in pairs:
+        gains.setdefault(ours["doubt"], {})[ours["draw"]] = theirs[name] - ours[name]
+    thought = gains.get(THOUGHT, {})
+    errors = [
+        median(
+            abs(gain - thought[draw % len(thought)]) for draw, gain in found.items() if draw % len(thought) in thought
+        )
+        for kind, found in gains.items()
+        if kind in NUMERICAL and thought
+    ]
+    return max(errors, default=None)
+
+
+def _share(count: int, of: int) -> tuple[float, float]:
+    """Return between which parts (95 %, Wilson) the share lies of which so many were drawn."""
+    interval = binomtest(count, of).proportion_ci(_SURE, method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def cost_columns(row: Row) -> list[str]:

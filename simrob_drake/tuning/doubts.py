@@ -21,6 +21,7 @@ from simrob_drake.stations.load import ONLY_ROBOT
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import ResolvedStation, resolve
 from simrob_drake.stations.solver_config import ContinuousSolver
+from simrob_drake.tuning.conclusion import NUMERICAL, THOUGHT
 from simrob_drake.tuning.scene import ENGINE, MUJOCO
 from simrob_drake.tuning.variation import seeded
 
@@ -35,6 +36,10 @@ _STIFFNESS = 3.0  # times, or a part
 _LINK = 0.05  # more or less, of the mass of each link
 _STATIC, _DYNAMIC = (0.5, 1.2), 0.9  # coefficient of static friction, and dynamic as a part of it: Simulink's 1 and 0.9
 _POSTURE = 0.5  # deviation of each joint at the start [deg]
+_SIZE, _PACE = (0.5, 1.0), (0.8, 1.25)  # of moves, times what was thought
+_SIZES, _TIMES = ("target_deg", "amplitude_deg"), ("duration", "frequency")
+"""What of a reference is a size and what a time."""
+_SPEEDS = ("ahead", "sideways", "turn_deg")
 _STREAM = 7_919  # apart from the streams of searches and sweeps
 
 
@@ -59,20 +64,20 @@ def doubts(config: StationConfig, seeds: int, *, second_engine: bool = True) -> 
         seeds: how many draws of each kind.
         second_engine: whether what is done there can be done in MuJoCo, too, if MJCF can say the station.
     """
-    found: dict[str, list[Change]] = {"as thought": [{}]}
+    found: dict[str, list[Change]] = {THOUGHT: [{}]}
     if config.mode == "kinematic":
         return found
     thought = _Thought(config, resolve(config), _weights(config))
     for place, (kind, change) in enumerate(_KINDS.items()):
         drawn = [change(thought, np.random.default_rng([_STREAM, place, seed]), seed) for seed in range(seeds)]
         found |= {kind: drawn} if all(drawn) else {}
-    engine = {"engine": [{ENGINE: MUJOCO}]} if second_engine and _in_mujoco(thought) else {}
-    return {**found, "solver": _other_solvers(config), **engine}
+    engine = {SECOND_ENGINE: [{ENGINE: MUJOCO}]} if second_engine and _in_mujoco(thought) else {}
+    return {**found, SOLVER: _other_solvers(config), **engine}
 
 
 def drawn(config: StationConfig, seed: int) -> Change:
     """Return one robot on the floor of many: of another posture, noise, masses of all links, and friction, at once."""
-    thought, draw = _Thought(config, resolve(config), {}), np.random.default_rng([_STREAM, len(_KINDS), seed])
+    thought, draw = _Thought(config, resolve(config), {}), np.random.default_rng([_STREAM, _ROBOTS, seed])
     changed = _noisy(thought, draw, seed)
     for name, robot in thought.station.robots.items():
         heavy = [name_of(link) for link in robot.model.element.iterfind("link") if mass_of(link) > 0]
@@ -131,6 +136,35 @@ def _slippery(thought: _Thought, draw: np.random.Generator, seed: int) -> Change
     return changed
 
 
+def _moved(thought: _Thought, draw: np.random.Generator, seed: int) -> Change:
+    """Return other moves: each robot's own, and what it is told to walk, smaller and quicker or slower."""
+    changed: Change = {}
+    for name in thought.station.robots:
+        key = f"{thought.key(name)}.reference" if thought.config.robots[name].reference else "reference"
+        changed |= _scaled(thought.config.reference_of(name).model_dump(), key, draw)
+    for name, section in thought.config.controllers.items():
+        if commands := section.model_dump().get("commands"):
+            size = draw.uniform(*_SIZE)
+            slower = [{**one, **{key: one[key] * size for key in _SPEEDS}} for one in commands]
+            changed[f"controllers.{name}.commands"] = slower
+    return changed
+
+
+def _scaled(reference: Mapping[str, Any], key: str, draw: np.random.Generator) -> Change:
+    """Return changes of a reference's sizes, by a factor for each axis, and of its times by one."""
+    times = draw.uniform(*_PACE)
+    changed: Change = {f"{key}.{name}": reference[name] * times for name in _TIMES if reference.get(name)}
+    for name in _SIZES:
+        value = reference.get(name)
+        if isinstance(value, Mapping):
+            changed[f"{key}.{name}"] = {axis: one * draw.uniform(*_SIZE) for axis, one in value.items()}
+        elif isinstance(value, (list, tuple)):
+            changed[f"{key}.{name}"] = [one * draw.uniform(*_SIZE) for one in value]
+        elif value:
+            changed[f"{key}.{name}"] = value * draw.uniform(*_SIZE)
+    return changed
+
+
 def _on_other_floor(thought: _Thought, draw: np.random.Generator, seed: int) -> Change:
     """Return a softer or harder floor."""
     contact = thought.config.contact
@@ -157,7 +191,13 @@ _KINDS: dict[str, Callable[[_Thought, np.random.Generator, int], Change]] = {
     "friction": _slippery,
     "floor": _on_other_floor,
     "noise": _noisy,
+    "moves": _moved,
 }
+_ROBOTS = 5
+"""The place of the stream of whole robots, from when there were so many kinds."""
+SOLVER, SECOND_ENGINE = NUMERICAL
+KINDS = (*_KINDS, SOLVER, SECOND_ENGINE)
+"""All that can be doubted."""
 
 
 def _other_solvers(config: StationConfig) -> list[Change]:

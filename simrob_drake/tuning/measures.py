@@ -36,8 +36,8 @@ def measures(run: RecordedRun) -> dict[str, float | None]:
     r"""Return the figures of a run; a run that diverged has none, and None stands for what means nothing.
 
     ``tracking_error`` is the root of the mean of :math:`(q_{ref} - q)^2` over samples and axes, ``final_error`` the
-    largest :math:`|q_{ref} - q|` at the end, ``overshoot`` by how much a joint goes beyond its reference's end, as
-    a part of the move, ``peak_torque`` the largest :math:`|\tau| / \tau_{max}`, and ``work``
+    largest :math:`|q_{ref} - q|` at the end, ``overshoot`` by how much a joint goes beyond all that its reference
+    does, as a part of that, ``peak_torque`` the largest :math:`|\tau| / \tau_{max}`, and ``work``
     :math:`\int \sum_i |\tau_i \dot q_i| \, dt`. Legged robots have those of
     :class:`~simrob_drake.results.record.walks.Locomotion`, too, and ``fall``, 1 if a fall ended the run, else 0.
     """
@@ -57,9 +57,9 @@ def measures(run: RecordedRun) -> dict[str, float | None]:
 
 def _of_joints(run: RecordedRun, robot: str) -> dict[str, float | None]:
     reference, position = run.axes("q_ref", robot), run.axes("q", robot)
-    error, moved = reference - position, reference[-1] - reference[0]
-    moving = np.abs(moved) > _STILL
-    beyond = (position - reference[-1])[:, moving] / moved[moving]
+    error, low, high = reference - position, reference.min(axis=0), reference.max(axis=0)
+    moving = high - low > _STILL
+    beyond = (np.maximum(position - high, low - position)[:, moving]) / (high - low)[moving]
     limit = run.plant.robots[robot].gains.torque_limit
     return {
         "tracking_error": float(np.sqrt(np.mean(error**2))),

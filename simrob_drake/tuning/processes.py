@@ -5,8 +5,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context, parent_process
+from contextlib import contextmanager
+from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.connection import wait as wait_for
+from signal import SIG_BLOCK, SIG_SETMASK, SIGINT, pthread_sigmask
 from threading import Thread
 from typing import Self, TypeVar
 
@@ -33,9 +35,11 @@ class Processes:
         """Return itself."""
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """Let the processes end; what they have not begun is not done."""
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Let the processes end; what they have not begun is not done, and after an interrupt nothing is finished."""
         self._pool.shutdown(wait=False, cancel_futures=True)
+        for process in active_children() if kind is not None else ():
+            process.terminate()
 
     def outcomes(
         self, work: Callable[[Task], Outcome], tasks: Iterable[Task], died: Callable[[Task], Outcome]
@@ -55,7 +59,8 @@ class Processes:
             try:
                 while waiting or under_way:
                     while waiting and len(under_way) < self._workers:
-                        under_way[self._pool.submit(work, waiting[0])] = waiting[0]
+                        with _unheard():
+                            under_way[self._pool.submit(work, waiting[0])] = waiting[0]
                         waiting.popleft()
                     for future in wait(under_way, return_when=FIRST_COMPLETED).done:
                         outcome = future.result()
@@ -77,6 +82,16 @@ class Processes:
     def _fresh(workers: int) -> ProcessPoolExecutor:
         context = get_context("spawn")
         return ProcessPoolExecutor(workers, context, initializer=_die_with_parent, max_tasks_per_child=_TASKS)
+
+
+@contextmanager
+def _unheard() -> Iterator[None]:
+    """Start processes that hear no Ctrl-C: it is for this one, which ends them; till then it waits for the user's."""
+    before = pthread_sigmask(SIG_BLOCK, {SIGINT})  # which they inherit, and the thread that starts more of them
+    try:
+        yield
+    finally:
+        pthread_sigmask(SIG_SETMASK, before)
 
 
 def _die_with_parent() -> None:

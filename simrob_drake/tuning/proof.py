@@ -7,10 +7,11 @@ from typing import Any
 from pydantic import Field
 
 from simrob_drake.arguments import as_path
+from simrob_drake.errors import InvalidConfig
 from simrob_drake.folders import written_at_once
 from simrob_drake.sections import Integer, Strict
 from simrob_drake.tuning.conclusion import START, WON, conclusion
-from simrob_drake.tuning.doubts import Change, doubts
+from simrob_drake.tuning.doubts import KINDS, Change, doubts
 from simrob_drake.tuning.journal import Journal, columns_of, read_spec, run
 from simrob_drake.tuning.proof_page import page
 from simrob_drake.tuning.rollout import Case, Margin
@@ -48,6 +49,11 @@ class Proof(Strict):
         if not (folder / STUDY).is_file():
             return cls(station=place, parameters={WON: {}}, conditions=[{}], seeds=seeds)
         study = read_spec(folder, STUDY, Study).located(folder / STUDY)
+        if study.proof is None:
+            expected = (
+                "is not there; a winner is proven under cases that its search has not seen: other moves, loads, floors"
+            )
+            raise InvalidConfig(folder / STUDY, "proof", expected)
         conditions = [{**study.overrides, **case} for case in study.proof.cases]
         compared = {START: study.start, WON: winner_of(folder, study)}
         return cls(station=study.station, parameters=compared, conditions=conditions, seeds=seeds, study=study)
@@ -108,7 +114,7 @@ class ProofFolder:
         rows = table(run(self.journal, self.cases, workers=workers, scheduler=scheduler, progress=progress))
         judged = [{**row, **self._judged(row)} for row in rows]
         write_rows(self.folder / TABLE, judged)
-        proven, words = conclusion(judged)
+        proven, words = conclusion(judged, [kind for kind in KINDS if kind not in {row["doubt"] for row in judged}])
         title = f"{Path(self.proof.station).stem}: {len(judged)} runs"
         written_at_once(self.folder / PAGE, page(title, proven, words, judged, self.proof.parameters))
         return proven, words

@@ -111,8 +111,8 @@ class Study(Strict):
     seed: Integer = Field(default=0, ge=0)
     """Of the search."""
     search: Conditions = Conditions()
-    proof: Conditions = Conditions()
-    """Conditions that the search never sees."""
+    proof: Conditions | None = None
+    """Conditions that the search never sees; nothing is proven without."""
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
@@ -137,7 +137,7 @@ class Study(Strict):
         folder, border = file.absolute().parent, Border(file)
         conditions = {
             kind: one.model_copy(update={"cases": [located_changes(case, folder, border) for case in one.cases]})
-            for kind, one in (("search", self.search), ("proof", self.proof))
+            for kind, one in self._conditions
         }
         return self.model_copy(update={"overrides": located_changes(self.overrides, folder, border), **conditions})
 
@@ -154,7 +154,7 @@ class Study(Strict):
             raise InvalidConfig(where, f"method {self.method}", expected)
         if self.margin is None and any(name.endswith("margin") for name in self.measures):
             raise InvalidConfig(where, "margin", "this key is needed where a margin counts")
-        for kind, conditions in (("search", self.search), ("proof", self.proof)):
+        for kind, conditions in self._conditions:
             for number, case in enumerate(conditions.cases):
                 twice = next((key for key in case if key in self.vary), None)
                 if twice is not None:
@@ -169,6 +169,21 @@ class Study(Strict):
                     raise InvalidConfig(where, f"{kind}.cases.{number}", str(problem)) from problem
                 if self.margin is not None:
                     scene.pushed(self.margin.push, 0.0)
+
+        self._check_apart(where)
+
+    def _check_apart(self, where: Path | str) -> None:
+        """Check that the proof has no run that the search has."""
+        proof, search = self.proof, self.search
+        for number, case in enumerate(proof.cases if proof else ()):
+            seeds = set(search.seeds) & set(proof.seeds if proof else ())
+            if case in search.cases and seeds:
+                both = f"is a case of the search, too, with seed {min(seeds)}; a proof has others"
+                raise InvalidConfig(where, f"proof.cases.{number}", both)
+
+    @property
+    def _conditions(self) -> list[tuple[str, Conditions]]:
+        return [("search", self.search), *([("proof", self.proof)] if self.proof else [])]
 
     @property
     def aims(self) -> list[dict[str, float]]:

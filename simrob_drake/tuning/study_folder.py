@@ -140,7 +140,8 @@ class StudyFolder:
                 for _ in self._make(workers_, points[: study.trials - first], add):
                     if move:
                         least = np.min([cost for _, cost in self.trials], axis=0)
-                        move(self._started, f"least cost {', '.join(f'{cost:.4g}' for cost in least)}")
+                        cost = ", ".join(f"{one:.4g}" for one in least)
+                        move(self._started, f"least cost {cost} after {self._started}")
                 if self._started - first < len(points) or self._started == study.trials:
                     raise Enough
                 made = [self._tried[number] for number in range(first + 1, self._started + 1)]
@@ -195,6 +196,8 @@ class StudyFolder:
         return {key: record.rows[0][key] for key in self.study.vary}, *self.study.mean(record.rows)
 
     def _proof(self, workers: Engine) -> list[Row]:
+        if self.study.proof is None:
+            return []
         found = self._runs(workers, [self.study.start, self.best[0]], self.study.proof)
         return [
             {"of": of, **row, **named(self.study.judged(row)[0])}

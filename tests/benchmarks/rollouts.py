@@ -1,4 +1,4 @@
-"""Roll-outs a second of sweeps and searches, side by side, and the memory of a worker: a table of docs/tuning.md.
+"""Roll-outs a second of sweeps and searches, side by side, and the memory of a worker: for docs/results/search.md.
 
 Run it with ``python -m tests.benchmarks.rollouts [RUNS]``. Beside the time on the clock stands the processors' own, of
 all processes that work: on a machine that others use, too, the clock tells more of them than of this.

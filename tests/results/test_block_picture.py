@@ -116,7 +116,9 @@ def test_texts_are_the_same_every_time_and_name_every_block(variant: Variant) ->
     config, _, graph = variant
     dot, mermaid = dot_text(graph), mermaid_text(graph)
     assert dot == station_dot(config)
-    assert len(re.findall("tooltip=", dot)) == len(graph.blocks)
+    ports = {key: block for key, block in graph.blocks.items() if block.role == "sensor" and block.shape == "port"}
+    groups = {(block.robot, *graph.sources(key)) for key, block in ports.items()}
+    assert len(re.findall("tooltip=", dot)) == len(graph.blocks) - len(ports) + len(groups)
     for block in graph.blocks.values():
         assert block.text.replace("\n", "\\n") in dot
         assert block.text.replace("\n", "<br/>") in mermaid
@@ -241,6 +243,33 @@ def test_a_loop_shows_what_it_does_at_each_sample() -> None:
     assert graph.arrows["layers", "servo"] == ["q_ref"]
     for kind, section in KINDS.models.items():
         assert kind in ("own", "signal_flow") or section.stages, kind
+
+
+def test_a_signal_flow_is_drawn_block_by_block() -> None:
+    of = {"error": {"kind": "sum", "of": [{"q_ref.joint_2": 1, "q.joint_2": -1}]}}
+    of |= {"limit": {"kind": "saturation", "of": "error", "lower": -5, "upper": 5}}
+    law = {"kind": "signal_flow", "blocks": of, "torque": {"joint_2": "limit"}}
+    graph, _ = graph_of(load_station("double_pendulum", {"controllers": {"law": law}}))
+    ends = {source: target for source, target in graph.arrows if "law." in source and "output" not in target}
+    assert ends == {"controller.law.error": "controller.law.limit", "controller.law.limit": "controller.law.torque",
+                    "controller.law.torque": "joint_signals"}  # fmt: skip
+    assert graph.arrows["plant", "controller.law.error"] == ["q"]
+    assert graph.arrows["reference_source", "controller.law.error"] == ["q_ref"]
+    assert ("controller.law.limit", "output law.limit") in graph.arrows
+    assert graph.blocks["controller.law.limit"].label == "limit\nsaturation"
+
+
+@pytest.mark.parametrize("realization", ["per_joint", "vector", "implicit"])
+def test_what_feeds_torques_forward_leads_to_the_servos(realization: str) -> None:
+    law = {"kind": "signal_flow", "torque": {"joint_2": {"one": 1}}}
+    config = load_station("double_pendulum", {"servo.realization": realization, "controllers": {"law": law}})
+    graph, _ = graph_of(config)
+    (servo,) = graph.targets("controller.law.torque")
+    assert graph.blocks[servo].role == "servo"
+    assert servo in graph.targets("reference_source")
+    text = dot_text(graph)
+    assert f'"controller.law.torque" -> "{servo}"' in text
+    assert f'"reference_source" -> "{servo}"' in text
 
 
 def test_of_many_joints_the_first_and_the_last_are_drawn(tmp_path: Path) -> None:

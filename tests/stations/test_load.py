@@ -1,10 +1,12 @@
 """Station files: what is accepted, what is refused, and in which words."""
 
+import numpy as np
 import pytest
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.parts.references.hold import Hold
 from simrob_drake.stations.load import load_station, station_names, station_yaml
+from simrob_drake.stations.resolve import resolve
 
 
 @pytest.mark.parametrize("name", station_names())
@@ -54,6 +56,14 @@ def test_gains_may_be_given_by_axis():
     assert config.servo.kd is None
     config = load_station("irb120_dynamic", {"servo": {"kp": {"joint_2": 2000}}})
     assert config.servo.kp == {"joint_2": 2000.0}
+
+
+def test_one_axis_can_be_changed_where_the_file_has_a_number_for_all():
+    for key in ("servo.kp.joint_2", "servo.kp.1"):
+        station = load_station("irb120_dynamic", {key: 5, "servo.kd.joint_6": 1})
+        (robot,) = resolve(station).robots.values()
+        np.testing.assert_array_equal(robot.gains.kp, [1000, 5, 1000, 1000, 1000, 1000])
+        np.testing.assert_array_equal(robot.gains.kd, [10, 10, 10, 10, 10, 1])
 
 
 @pytest.mark.parametrize("overrides", [{"pieces.load": None}, {"pieces": {"load": None}}])
@@ -123,7 +133,8 @@ WRONG = [
     ({"inputs": ["feedforwrd"]}, r"inputs: there is no 'feedforwrd'; did you mean 'feedforward'\?"),
     ({"duration": -1}, r"duration: .*greater than 0"),
     ({"duraton": 1}, r"duraton: unknown key; did you mean 'duration'\?"),
-    ({"servo.kp.joint_2": 1}, r"servo\.kp: is 1000, so it has no key 'joint_2'"),
+    ({"servo.kp.joint_9": 1}, r"servo\.kp: is 1000, so it has no key 'joint_9'"),
+    ({"servo.kp.6": 1}, r"servo\.kp\.6: has no place '6'; those there are 0 to 5"),
     ({"robots": {"a": {"model": "irb120"}}}, r"either robot: or robots:"),
 ]
 

@@ -6,6 +6,7 @@ import yaml
 
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
+from simrob_drake.errors import InvalidConfig
 from simrob_drake.tuning.conclusion import START, WON, conclusion
 from simrob_drake.tuning.doubts import doubts
 from simrob_drake.tuning.proof import PAGE, TABLE, Proof, ProofFolder
@@ -17,7 +18,7 @@ from tests.tuning.test_study import PENDULUM
 @pytest.mark.parametrize(
     ("station", "kinds"),
     [
-        ("irb120_dynamic", ["as thought", "pushes", "masses", "friction", "noise", "solver"]),
+        ("irb120_dynamic", ["as thought", "pushes", "masses", "friction", "noise", "moves", "solver"]),
         ("zjudancer_dynamic", ["as thought", "pushes", "masses", "friction", "floor", "noise", "solver"]),
         ("irb120_kinematic", ["as thought"]),
     ],
@@ -58,7 +59,11 @@ def rows(costs, ended="completed", **more):
         (rows((1.0, 2.0)), False, "it does not cost less throughout"),
         (rows((2.0, 1.0), ended="fall"), False, "noise: 1 of 1 do not (start 0): fall"),
         (rows((2.0, 1.0), over_limits=0.5), True, "noise: 1 of 1 do not (start 1): beyond a limit"),
-        ([{"of": WON, "doubt": "noise", "draw": 0, "ended": "completed"}], True, "1 of 1 runs of the winner hold."),
+        (
+            [{"of": WON, "doubt": "noise", "draw": 0, "ended": "completed"}],
+            True,
+            "1 of 1 runs of the winner hold (21 to 100 %, 95 % sure).",
+        ),
         ([{"of": WON, "doubt": "noise", "draw": 0, "ended": "fall"}], False, "less sure under noise"),
         (
             rows((2.0, 1.0), beyond="foot_slip"),
@@ -71,6 +76,67 @@ def test_a_winner_is_proven_if_it_is_as_sure_and_costs_less(given, proven, told)
     found, words = conclusion(given)
     assert found is proven
     assert told in " ".join(words)
+
+
+def pairs(doubt, gains, start=100.0):
+    """Return the runs of a start and of a winner that costs less by so much."""
+    costs = {START: [start] * len(gains), WON: [start - gain for gain in gains]}
+    return [
+        {"of": of, "doubt": doubt, "draw": draw, "ended": "completed", "cost": cost}
+        for of in (START, WON)
+        for draw, cost in enumerate(costs[of])
+    ]
+
+
+@pytest.mark.parametrize(
+    ("thought", "solver", "moves", "proven"),
+    [
+        ([8, 8, 8], [8, 7, 9], [6, 5, 7, 6, 8, 7], True),
+        ([1, 1, 1], [3, -2, 0.5], [1, 1, 1, 1, 1, 1], False),  # other solvers find another gain by 2
+        ([8, 8, 8], [8, 7, 9], [-22, -83, -40, 6, 8, 7], False),  # the winner of one move costs more in others
+    ],
+)
+def test_a_gain_is_proven_beyond_the_error_of_the_solvers_and_for_other_moves(thought, solver, moves, proven):
+    rows = [*pairs("as thought", thought), *pairs("solver", solver), *pairs("moves", moves)]
+    found, words = conclusion(rows, ["floor", "engine"])
+    assert found is proven
+    told = " ".join(words)
+    error = np.median(np.abs(np.subtract(solver, thought)))
+    assert f"is another by {error:.4g} with other solvers" in told
+    assert "95 % sure" in told
+    assert words[-1] == "Not doubted: floor, engine."
+
+
+def test_moves_are_doubted_within_what_was_thought():
+    station = load_station("irb120_dynamic", {"reference": {"kind": "move", "target_deg": [10, 20, 30, 0, 0, 60]}})
+    drawn = doubts(station, 20)["moves"]
+    targets = np.array([change["reference.target_deg"] for change in drawn])
+    shares = targets[:, [0, 1, 2, 5]] / [10, 20, 30, 60]
+    assert 0.5 <= shares.min() < 0.6
+    assert 0.9 < shares.max() <= 1.0
+    assert (targets[:, 3:5] == 0).all()
+    walk = load_station(
+        "zjudancer_walking", {"controllers.walk.commands": [{"time": 0.5, "ahead": 0.2, "turn_deg": 5}]}
+    )
+    (change,) = doubts(walk, 1)["moves"]
+    (command,) = change["controllers.walk.commands"]
+    assert 0.1 <= command["ahead"] <= 0.2
+    assert command["turn_deg"] / command["ahead"] == pytest.approx(25)
+    assert command["time"] == 0.5
+
+
+def test_a_study_proves_nothing_without_cases_that_the_search_has_not_seen(tmp_path, capsys):
+    alone = {key: value for key, value in PENDULUM.items() if key != "proof"} | {"trials": 3}
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(alone))
+    out = tmp_path / "study"
+    assert run_command(["tune", str(tmp_path / "study.yaml"), "--out", str(out), "--workers", "1"]) == 0
+    assert "Not proven: the study has no cases of its own under proof." in capsys.readouterr().out
+    assert run_command(["prove", str(out)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "study.yaml: proof: is not there; a winner is proven under cases that its search has not seen" in line
+    same = {**PENDULUM, "proof": {"cases": [{}], "seeds": [3, 0]}}
+    with pytest.raises(InvalidConfig, match=r"proof.cases.0: is a case of the search, too, with seed 0"):
+        Study(**same).check()
 
 
 @pytest.mark.long

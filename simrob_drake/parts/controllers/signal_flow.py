@@ -20,7 +20,7 @@ from simrob_drake.blocks.signal_net import WiredBlock, signal_net
 from simrob_drake.blocks.wiring import fed, joined
 from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.frames import Vector
-from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.captions import InnerBlock, wrapped
 from simrob_drake.parts.controllers.flow_block import FlowBlock, Sum
 from simrob_drake.parts.controllers.flow_blocks import (
     Compare,
@@ -55,6 +55,7 @@ _ONE, _TIME = "one", "time"
 _AT_ONCE = ("effort", "estimate", "inertial")
 """Roles of signals that a torque changes at once: a law that reads one is an algebraic loop."""
 _TORQUE = "torque"
+_DRAWN = 12  # so many blocks are drawn each for itself, at most
 
 FlowBlockConfig = Annotated[
     Sums | Product | Saturation | DeadZone | Integrator | StateSpace | TransferFunction | Pid | RateLimiter
@@ -176,7 +177,7 @@ class SignalFlow(Strict):
         ports = net.add(builder, f"controller.{name}")
         site.notes[name] = {"kind": self.kind}
         label = f"{wrapped(name)}\nsignal flow, {len(self.blocks)} blocks"
-        site.draw(f"controller.{name}", "loop", label, robot)
+        site.draw(f"controller.{name}", "loop", label, robot, net=net.inner_blocks if len(ports) <= _DRAWN else None)
         shown = self.blocks if self.signals is None else self.signals
         for block, port in ports.items():
             if block in shown or block in self.stops:
@@ -217,10 +218,16 @@ class _Net:
     blocks: Mapping[str, FlowBlock]
     opened: Mapping[str, str]
     sources: dict[str, int] = field(default_factory=dict)
+    inner_blocks: dict[str, InnerBlock] = field(default_factory=dict)
 
     def add(self, builder: DiagramBuilder, place: str) -> dict[str, OutputPort]:
         """Add the blocks as one, and return the outputs of all of them by name."""
         sums = {name: [self._elements(name, terms) for terms in block.inputs] for name, block in self.blocks.items()}
+        for name, inputs in sums.items():
+            read = dict.fromkeys(owner for of in inputs for owner, _ in of)
+            inside, outside = (tuple(owner for owner in read if owner in own) for own in (self.blocks, self.sources))
+            label = f"{wrapped(name)}\n{self.blocks[name].kind.replace('_', ' ')}"
+            self.inner_blocks[name] = InnerBlock(label, inside, outside)
         measured = sum(self.sources.values())
         owners = [*self.sources, *self.blocks]
         sizes = [*self.sources.values(), *(block.size for block in self.blocks.values())]
@@ -236,8 +243,8 @@ class _Net:
             raise InvalidParameter(f"{self.key}.blocks", " → ".join(problem.args[1]), expected) from None
         except ValueError as problem:
             raise InvalidParameter(f"{self.key}.blocks", str(problem), "multiples of a common step") from None
-        read = [self.site.port(builder, source) for source in self.sources] if self.site is not None else []
-        values = fed(builder, place, net, *([joined(builder, f"{place}.bus", *read)] if read else []))
+        ports = [self.site.port(builder, source) for source in self.sources] if self.site is not None else []
+        values = fed(builder, place, net, *([joined(builder, f"{place}.bus", *ports)] if ports else []))
         split = Demultiplexer([block.size for block in self.blocks.values()])
         fed(builder, f"{place}.split", split, values)
         return {name: split.get_output_port(index) for index, name in enumerate(self.blocks)}

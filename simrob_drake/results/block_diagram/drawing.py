@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from io import BytesIO
+from math import fsum
 
 from simrob_drake.results.block_diagram.graph import ROLES, BlockGraph, DrawnBlock
 from simrob_drake.results.block_diagram.layout import CELL, LINE, ROW, Layout, Placed, text_width
@@ -57,22 +58,18 @@ class Drawing:
         self._parts: list[_Part] = []
         for net, lines in zip(layout.nets, routing.lines, strict=True):
             self._parts.append(("", list(_net_marks(net.text, lines))))
-        for placed in dict.fromkeys(map(id, layout.places.values())):
-            self._parts += _block_parts(next(p for p in layout.places.values() if id(p) == placed))
-        roles = [role for role in ROLES if any(block.role == role for block in graph.blocks.values())]
-        legend, x = list[_Mark](), 0.0
-        for role in roles:
-            fill, line = COLOURS[role]
-            y = routing.size[1] + _LEGEND
+        for column in layout.columns:
+            self._parts += [part for placed in column for part in _block_parts(placed)]
+        legend, x, (self._top, bottom) = list[_Mark](), 0.0, routing.span
+        for role in (role for role in ROLES if any(block.role == role for block in graph.blocks.values())):
+            (fill, line), y = COLOURS[role], bottom + _LEGEND
             legend += [_Area(_box(x, y - 9, 12, 10), fill, line), _Words(TITLES[role], (x + 17, y), line, middle=False)]
             x += text_width(TITLES[role]) + 32
-        title = [
-            _Words(graph.title, (0, -_HEADER + 14), size=13, middle=False, bold=True),
-            _Words(graph.description, (0, -_HEADER + 29), middle=False),
-        ]
-        self._parts += [("", legend), ("", list(title))]
-        wide = max(routing.size[0], x, text_width(graph.title, 14), text_width(graph.description))
-        self._size = wide + 2 * _EDGE, routing.size[1] + _HEADER + _LEGEND + 2 * _EDGE
+        self._top -= _HEADER
+        title = _Words(graph.title, (0, self._top + 14), size=13, middle=False, bold=True)
+        self._parts += [("", [*legend, title, _Words(graph.description, (0, self._top + 29), middle=False)])]
+        wide = max(routing.width, x, text_width(graph.title, 14), text_width(graph.description))
+        self._size = wide + 2 * _EDGE, bottom - self._top + _LEGEND + 2 * _EDGE
 
     def svg(self) -> str:
         """Return it as SVG: a group of class ``node`` with a title for each block."""
@@ -81,7 +78,7 @@ class Drawing:
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
             f' font-family="{_FONT}" font-size="{_FONT_SIZE:g}">',
             '<rect width="100%" height="100%" fill="#ffffff"/>',
-            f'<g transform="translate({_EDGE:g} {_EDGE + _HEADER:g})">',
+            f'<g transform="translate({_EDGE:g} {_EDGE - self._top:.1f})">',
         ]
         for key, marks in self._parts:
             drawn = "".join(map(_svg_mark, marks))
@@ -155,7 +152,7 @@ def _block_parts(placed: Placed) -> Iterator[_Part]:
 def _inside(placed: Placed, block: DrawnBlock, line: str) -> Iterator[_Mark]:
     """Yield a block's words, and what happens in it as boxes of their own, one under the other."""
     middle, cells = placed.x + placed.width / 2, [cell.split("\n") for cell in block.inside]
-    content = LINE * len(placed.lines) + sum(LINE * len(cell) + 2.5 * CELL for cell in cells)
+    content = LINE * len(placed.lines) + fsum(LINE * len(cell) + 2.5 * CELL for cell in cells)
     y = placed.y - content / 2
     for number, text in enumerate(placed.lines):
         bold = number == 0 and text == block.robot and len(placed.lines) > 1

@@ -1,16 +1,13 @@
 """The blocks and arrows of a block picture."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import Literal, get_args
+from dataclasses import dataclass, field, replace
+from typing import get_args
 
-from simrob_drake.parts.captions import BlockRole
+from simrob_drake.parts.captions import BlockRole, Shape
 
 ROLES: tuple[BlockRole, ...] = get_args(BlockRole)
 """In the order of the signal flow."""
-
-Shape = Literal["block", "mux", "bus", "port", "sum"]
-"""Of them two are thin bars: a mux brings signals together, a bus hands them out."""
 
 BARS: tuple[Shape, ...] = ("mux", "bus")
 
@@ -88,15 +85,31 @@ class BlockGraph:
         return drawn
 
     def dissolve_bars(self) -> None:
-        """Take out bars that have one source, or one target, in their way; others get the role of their ends."""
+        """Take out bars that do not gather, or hand out, what is alike; the others get the role of their ends."""
         for key in [key for key, block in self.blocks.items() if block.shape in BARS]:
             bar, sources, targets = self.blocks[key], self.sources(key), self.targets(key)
             many = sources if bar.shape == "mux" else targets
-            if len(many) > 1:
-                bar.role = self.blocks[many[0]].role
+            roles = {self.blocks[end].role for end in many}
+            if len(many) > 1 and len(roles) == 1:
+                bar.role = roles.pop()
                 continue
             for source in sources:
                 for target in targets:
                     self.connect(source, target, self.arrows[key, target] or self.arrows[source, key])
             self.arrows = {ends: signals for ends, signals in self.arrows.items() if key not in ends}
             del self.blocks[key]
+
+    def folded(self) -> "BlockGraph":
+        """Return it with those outputs of a robot that come from the same blocks as one block."""
+        groups: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+        for key, block in self.blocks.items():
+            if block.role == "sensor" and block.shape == "port":
+                groups.setdefault((block.robot, tuple(self.sources(key))), []).append(key)
+        first = {key: keys[0] for keys in groups.values() for key in keys}
+        graph = BlockGraph(self.title, self.description, self.robots)
+        graph.blocks = {key: replace(block) for key, block in self.blocks.items() if first.get(key, key) == key}
+        for keys in groups.values():
+            graph.blocks[keys[0]].label = "\n".join(self.blocks[key].label for key in keys)
+        for (source, target), signals in self.arrows.items():
+            graph.connect(source, first.get(target, target), signals)
+        return graph

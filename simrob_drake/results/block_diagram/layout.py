@@ -4,8 +4,10 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
+from math import fsum
+from statistics import fmean
 
-from simrob_drake.parts.captions import BlockRole
+from simrob_drake.results.block_diagram.flow import columns_of, nets_of
 from simrob_drake.results.block_diagram.graph import BARS, BlockGraph, DrawnBlock
 
 LINE, ROW, CELL = 13.0, 14.0, 8.0
@@ -13,32 +15,14 @@ LINE, ROW, CELL = 13.0, 14.0, 8.0
 PITCH = 16.0
 """From one arrow at a block to the next [px]."""
 
-_COLUMNS: tuple[tuple[BlockRole, ...], ...] = (
-    ("reference",),
-    ("loop", "own"),
-    ("servo",),
-    ("force",),
-    ("robot",),
-    ("sensor", "scene"),
-)
-_GAP, _MARGIN, _BAR, _ROUNDS = 14.0, 7.0, 5.0, 12
+_GAP, _MARGIN, _BAR, _ROUNDS = 14.0, 7.0, 5.0, 13
 _NARROW, _WIDE = " ijl.,:;'|()[]/!frt⋮-", "mwMW@±√ΣΔ%"
 
 
 def text_width(text: str, size: float = 11.0) -> float:
     """Return how wide a line is in the widest of the usual fonts [px]."""
     units = (0.38 if c in _NARROW else 0.96 if c in _WIDE else 0.74 if c.isupper() else 0.62 for c in text)
-    return size * sum(units)
-
-
-@dataclass
-class Net:
-    """A signal on its way from a block to all that read it: drawn as one line that branches."""
-
-    source: str
-    text: str
-    both: bool
-    targets: list[str] = field(default_factory=list)
+    return size * fsum(units)
 
 
 @dataclass
@@ -91,8 +75,8 @@ class Layout:
         """Place the blocks of a graph."""
         self._several = len(graph.robots) > 1
         self._robots = ["", *graph.robots]
-        self.nets = _nets(graph)
-        numbers = _numbered(graph)
+        self.nets = nets_of(graph)
+        numbers = columns_of(graph)
         self.places: dict[str, Placed] = {}
         self.columns: list[list[Placed]] = [[] for _ in range(max(numbers.values()) + 1)]
         for things in self._things(graph):
@@ -103,8 +87,9 @@ class Layout:
             self._settle(column, lambda placed: 0.0)
         for turn in range(_ROUNDS):
             self._set_ports()
-            for column in self.columns if turn % 2 == 0 else reversed(self.columns):
-                self._align(column, order=turn < _ROUNDS // 2)
+            ahead = turn % 2 == 0
+            for column in self.columns if ahead else reversed(self.columns):
+                self._align(column, ahead, order=turn < _ROUNDS // 2)
         self._set_ports()
         self._straighten()
 
@@ -136,7 +121,7 @@ class Layout:
             return Placed(things, lines[-1:], column, 22.0, 22.0)
         cells = [cell.split("\n") for cell in block.inside]
         width = max(text_width(line) for line in [*lines, *(line for cell in cells for line in cell)])
-        height = LINE * len(lines) + CELL + sum(LINE * len(cell) + 2.5 * CELL for cell in cells)
+        height = LINE * len(lines) + CELL + fsum(LINE * len(cell) + 2.5 * CELL for cell in cells)
         ends = max(sum(block.key in net.targets for net in self.nets), sum(n.source == block.key for n in self.nets))
         placed = Placed(things, lines, column, width + (4 if cells else 2) * _MARGIN, max(height, PITCH * ends))
         if cells and not block.within:  # into the first cell, and out of the last
@@ -167,13 +152,13 @@ class Layout:
                         near = step == (-1 if incoming else 1)
                         far = 1e4 if (step >= 0 if incoming else step <= 0) else -1e4
                         heights[number].append(other.y if near else far)
-                means = {number: sum(values) / len(values) for number, values in heights.items()}
+                means = {number: fmean(values) for number, values in heights.items()}
                 order = sorted(means, key=lambda number: (means[number], number))
                 side.clear()
                 middle = (len(order) - 1) / 2 - (placed.entry if incoming else placed.leave) / PITCH
                 side.update({each: (place - middle) * PITCH for place, each in enumerate(order)})
                 if placed.ports:
-                    side.update({number: sum(self.rows(number, placed)) / 2 for number in order})
+                    side.update({number: fmean(self.rows(number, placed)) for number in order})
 
     def _sort_rows(self, bar: Placed) -> None:
         """Put the ports of a bar in the order in which their nets come: those from far away over what is between."""
@@ -190,22 +175,23 @@ class Layout:
         rows = [bar.row(block.key) for block in bar.blocks if block.key in self.nets[number].targets]
         return rows[0], rows[-1]
 
-    def _align(self, column: list[Placed], *, order: bool) -> None:
-        """Place what stands in a column level with what it is connected to in the columns beside it."""
+    def _align(self, column: list[Placed], ahead: bool, *, order: bool) -> None:
+        """Place a column level with what it is connected to: on its left where one goes ahead, else on its right."""
 
         def desired(placed: Placed) -> float:
             if placed.bar:
                 return placed.y
-            near, far = [], []
+            sides: dict[bool, list[float]] = {True: [], False: []}
+            far = []
             for number, other, comes_in in self._ends(placed):
                 there, here = (other.right, placed.left) if comes_in else (other.left, placed.right)
                 if placed.ports or not self._next(placed, other):
                     far.append(other.y)
                 elif not other.ports and not other.force:
                     below = placed.height / 2 + 2 * PITCH if placed.force else 0.0  # of the way of the torques
-                    near.append(other.y + there[number] - here[number] + below)
-            found = near or far
-            return sum(found) / len(found) if found else placed.y
+                    sides[comes_in == ahead].append(other.y + there[number] - here[number] + below)
+            found = sides[True] or sides[False] or far
+            return fmean(found) if found else placed.y
 
         if order:
             column.sort(key=lambda placed: (placed.force, round(desired(placed), 3)))
@@ -268,76 +254,3 @@ def _move(placed: Placed, side: dict[int, float], number: int, offset: float) ->
     order = all((value < side[number]) == (value < offset) for value in others)
     if abs(offset) <= reach and order and all(abs(value - offset) >= PITCH - 6 for value in others):
         side[number] = offset
-
-
-def _nets(graph: BlockGraph) -> list[Net]:
-    """Return the signals: arrows of one name from one block are one net, also those to the station's outputs."""
-    nets: dict[tuple[str, str, str], Net] = {}
-    outputs: dict[tuple[str, str], list[str]] = defaultdict(list)
-    for arrow in graph.drawn_arrows():
-        source, target = graph.blocks[arrow.source], graph.blocks[arrow.target]
-        if target.shape == "port":
-            outputs[source.key, target.robot].append(target.key)
-            continue
-        joint = target.key.rpartition(".")[0] if source.shape == "bus" else ""
-        key = source.key, arrow.text, target.key if arrow.both else joint
-        nets.setdefault(key, Net(source.key, arrow.text, arrow.both)).targets.append(target.key)
-    for (source_key, robot), targets in outputs.items():
-        known = [net for (key, text, only), net in nets.items() if key == source_key and not only]
-        text = ", ".join(dict.fromkeys(signal for key in targets for signal in graph.arrows[source_key, key]))
-        whole = next((net for net in known if net.text == text), None)
-        if whole is None:
-            whole = nets.setdefault((source_key, text, f" {robot}"), Net(source_key, text, both=False))
-        whole.targets += targets
-    return list(nets.values())
-
-
-def _numbered(graph: BlockGraph) -> dict[str, int]:
-    """Return the column of each block: the roles in the order of the signal flow, what only shows at the end."""
-    found: dict[str, int] = {}
-    after, bars_end = 0, True
-    for roles in _COLUMNS:
-        blocks = [block for block in graph.blocks.values() if block.role in roles and not _is_output(graph, block)]
-        depths = _depths(graph, [block.key for block in blocks])
-        if roles == ("force",) and blocks and not bars_end:
-            after -= 1  # below the servos
-        found |= {key: after + depth for key, depth in depths.items()}
-        if blocks:
-            last = max(depths.values())
-            bars_end = roles == ("reference",) or all(
-                graph.blocks[k].shape in BARS for k in depths if depths[k] == last
-            )
-            after += last + 1
-    found |= {block.key: after for block in graph.blocks.values() if _is_output(graph, block)}
-    order = sorted(set(found.values()))
-    return {key: order.index(column) for key, column in found.items()}
-
-
-def _is_output(graph: BlockGraph, block: DrawnBlock) -> bool:
-    """Tell whether a block is a port of an output, or feeds nothing, as a monitor."""
-    return block.role == "sensor" and not graph.targets(block.key)
-
-
-def _depths(graph: BlockGraph, keys: list[str]) -> dict[str, int]:
-    """Return how many blocks of these come before each, at most; what leads back in a circle does not count."""
-    done: list[str] = []  # each after what it leads to
-    forward: dict[str, list[str]] = {}
-
-    def visit(key: str, path: tuple[str, ...]) -> None:
-        ahead = [
-            target for target in graph.targets(key) if (target, key) not in graph.arrows or graph.forward(key, target)
-        ]
-        forward[key] = [target for target in ahead if target in keys and target not in path]
-        for target in forward[key]:
-            if target not in forward:
-                visit(target, (*path, target))
-        done.append(key)
-
-    for key in keys:
-        if key not in forward:
-            visit(key, (key,))
-    depths = dict.fromkeys(keys, 0)
-    for key in reversed(done):
-        for target in forward[key]:
-            depths[target] = max(depths[target], depths[key] + 1)
-    return depths

@@ -4,7 +4,6 @@ Whoever added a system to the station said in which block it stands (:meth:`simr
 others some are wiring, bars or sums; what is left is a user's own.
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -12,8 +11,8 @@ from pydrake.systems.framework import Diagram, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, Demultiplexer, MatrixGain, Multiplexer, PassThrough, Selector
 
 from simrob_drake.blocks.events import EventTimes, SteadySteps
-from simrob_drake.parts.captions import BlockRole, Drawn, wrapped
-from simrob_drake.results.block_diagram.graph import BlockGraph, DrawnBlock, Shape
+from simrob_drake.parts.captions import Drawn, Shape, wrapped
+from simrob_drake.results.block_diagram.graph import BlockGraph, DrawnBlock
 from simrob_drake.stations.ports import StationPorts
 
 _SYMBOLS = {  # of a station's ports; the first that a signal has is its name
@@ -80,8 +79,12 @@ class _Reader:
         place = self._places[name]
         if place is None:
             return
+        if place.net:
+            self._draw_net(place)
+            self.graph.blocks[f"{place.key}.{next(iter(place.net))}"].systems.append(name)
+            return
         new = DrawnBlock(
-            place.key, place.role, place.robot, shape=place.shape, inside=place.inside, within=place.within
+            place.key, place.role, place.robot, place.label, place.shape, inside=place.inside, within=place.within
         )
         block = self.graph.blocks.setdefault(place.key, new)
         if place.within:  # another system does its work
@@ -89,25 +92,36 @@ class _Reader:
             self.graph.connect(place.within, place.key, _STATE)
         else:
             block.systems.append(name)
-        if place.label not in block.label:
-            block.label = f"{block.label}, {place.label}" if block.label else place.label
+
+    def _draw_net(self, place: Drawn) -> None:
+        """Draw the blocks of a net, of which one system is made, and what they tell each other."""
+        for name, inner in place.net.items():
+            key = f"{place.key}.{name}"
+            self.graph.blocks.setdefault(key, DrawnBlock(key, place.role, place.robot, inner.label))
+            for source in inner.sources:
+                self.graph.connect(f"{place.key}.{source}", key, [])
 
     def _connect(self, name: str) -> None:
         place = self._places[name]
+        if place is not None and place.net:
+            for key, inner in place.net.items():
+                for output in inner.reads:
+                    for source, signals in self._origins(*_identity(self._ports.outputs[output])[::2]):
+                        self.graph.connect(source, f"{place.key}.{key}", signals or [output])
+            return
         for index in range(self._systems[name].num_input_ports()):
             if place is not None and (name, index) in self._feeds:
                 for source, signals in self._origins(*self._feeds[name, index]):
                     carried = self._signals(name, "in", index) or signals
                     if carried or place.role != "force" or self.graph.blocks[source].role != "robot":
-                        self.graph.connect(
-                            source, place.key, carried
-                        )  # that a force knows where bodies are goes without
+                        self.graph.connect(source, place.key, carried)  # but not that a force knows where bodies are
 
     def _origins(self, name: str, output: int) -> list[tuple[str, Signals]]:
         """Return the drawn blocks that an output comes from, through wiring, each with what the signals are called."""
         place, here = self._places[name], self._signals(name, "out", output)
         if place is not None:
-            return [(place.key, here)]
+            key = f"{place.key}.{list(place.net)[output]}" if place.net else place.key
+            return [(key, here)]
         found = []
         for index in range(self._systems[name].num_input_ports()):
             called = here or self._signals(name, "in", index)
@@ -165,37 +179,24 @@ def _identity(port: OutputPort | InputPort) -> tuple[str, Side, int]:
     return port.get_system().get_name(), "out" if isinstance(port, OutputPort) else "in", int(port.get_index())
 
 
-@dataclass(frozen=True)
-class SystemPlace:
-    """Where a system is drawn: systems of one key share a block."""
-
-    key: str
-    role: BlockRole
-    label: str = ""
-    robot: str = ""  # empty for what the robots share
-    shape: Shape = "block"
-    inside: tuple[str, ...] = ()
-    within: str = ""
-
-
-def place_of(name: str, system: System, ports: StationPorts) -> SystemPlace | None:
+def place_of(name: str, system: System, ports: StationPorts) -> Drawn | None:
     """Return where a system is drawn, or None for wiring that is part of the arrows."""
     robot = next((r for r in ports.plant.robots.values() if name.startswith(r.prefix)), None)
     local = name if robot is None else name.removeprefix(robot.prefix)
     owner = robot.name if robot is not None and robot.prefix else ""
     drawn = _drawing_of(name, ports)
+    if isinstance(drawn, Drawn) and (drawn.net or not isinstance(system, _SILENT)):
+        return drawn
     if isinstance(system, _SILENT) or drawn is None:
         return None
-    if isinstance(drawn, Drawn):
-        return SystemPlace(drawn.key, drawn.role, drawn.label, drawn.robot, "block", drawn.inside, drawn.within)
     if _is_wire(local, system):
         return None
     bars: list[tuple[type, Shape, str]] = [(Multiplexer, "mux", ""), (Selector, "bus", ""), (Adder, "sum", "+")]
     for kind, shape, label in bars:
         if isinstance(system, kind):
-            return SystemPlace(name, "servo", label, owner, shape)
+            return Drawn(name, "servo", label, owner, shape=shape)
     shown = type(system).__name__ if type(system) is not LeafSystem else system.GetSystemType().split("::")[-1]
-    return SystemPlace(name, "own", f"{wrapped(name)}\n{shown}")
+    return Drawn(name, "own", f"{wrapped(name)}\n{shown}")
 
 
 def _is_wire(local: str, system: System) -> bool:

@@ -4,9 +4,12 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
+from math import fsum
+from statistics import fmean
 from typing import NamedTuple
 
-from simrob_drake.results.block_diagram.layout import PITCH, ROW, Layout, Net, Placed, text_width
+from simrob_drake.results.block_diagram.flow import Net
+from simrob_drake.results.block_diagram.layout import PITCH, ROW, Layout, Placed, text_width
 
 Point = tuple[float, float]
 
@@ -52,7 +55,7 @@ class _Trunk:
 
     def leads_down(self) -> bool:
         """Tell whether it leads down from where it comes from."""
-        return sum(self.from_right) * max(len(self.from_left), 1) > sum(self.from_left) * max(len(self.from_right), 1)
+        return fsum(self.from_right) * len(self.from_left) > fsum(self.from_left) * len(self.from_right)
 
 
 class _Far(NamedTuple):
@@ -61,9 +64,9 @@ class _Far(NamedTuple):
     number: int
     first: int
     last: int
-    upper: bool
-    back: bool
     ends: list[int]
+    back: bool = False
+    upper: bool = True
 
 
 class Routing:
@@ -71,7 +74,7 @@ class Routing:
 
     Attributes:
         lines: of each net.
-        size: width and height of all [px]; the top is at 0.
+        width: of all [px].
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -91,6 +94,11 @@ class Routing:
         self._spread()
         self.lines = [self._drawn(number, net) for number, net in enumerate(layout.nets)]
 
+    @property
+    def span(self) -> tuple[float, float]:
+        """Top and bottom of all [px]."""
+        return min(self._tops), max(self._bottoms)
+
     def _ends(self, number: int, net: Net) -> dict[int, dict[float, Placed]]:
         """Return where a net comes in, by columns."""
         ends: dict[int, dict[float, Placed]] = defaultdict(dict)
@@ -109,8 +117,8 @@ class Routing:
             self._taken[column] += [(number, level) for level in levels]
         ahead, back = ([c for c in ends if c > start], [c for c in ends if c < start])
         upper = all(self._layout.is_upper(placed) for column in back for placed in ends[column].values())
-        tasks = [_Far(number, start, max(ahead), True, False, sorted(ahead))] if ahead else []
-        return tasks + ([_Far(number, min(back), start, upper, True, back)] if back else [])
+        tasks = [_Far(number, start, max(ahead), sorted(ahead))] if ahead else []
+        return tasks + ([_Far(number, min(back), start, back, True, upper)] if back else [])
 
     def _lay(self, far: _Far) -> None:
         """Lay a way: ahead between what is in the way where that has room for it, else over or under it."""
@@ -129,7 +137,7 @@ class Routing:
     def _between(self, number: int, level: float, first: int, last: int) -> float:
         """Return the level nearest to that of a net and its targets with room for it between two channels."""
         aims = self._trunks[last][number].from_right if number in self._trunks[last] else []
-        aim = sum(aims) / len(aims) if aims else level
+        aim = fmean(aims) if aims else level
         top, bottom = min(self._tops[first:last]), max(self._bottoms[first:last])
         inside = (top + 2.0 * step for step in range(int((bottom - top) / 2)))
         free = [found for found in (level, *aims, *inside) if self._passes(number, found, first, last)]
@@ -172,9 +180,11 @@ class Routing:
         """Give each upright part a track on which it meets no other, in an order in which few lines cross."""
         trunks = {number: trunk for number, trunk in self._trunks[channel].items() if not trunk.level}
 
-        def rank(number: int) -> tuple[bool, float]:
-            trunk, level = trunks[number], min(trunks[number].from_left, default=0.0)
-            return (True, -level) if trunk.leads_down() else (False, level)
+        def rank(number: int) -> tuple[int, float]:
+            trunk = trunks[number]
+            if not trunk.from_left:  # it comes back from the right
+                return 2, min(trunk.from_right)
+            return (1, -min(trunk.from_left)) if trunk.leads_down() else (0, min(trunk.from_left))
 
         order = sorted(trunks, key=rank)
         pairs = [
@@ -189,20 +199,16 @@ class Routing:
                     order.insert(order.index(other), one)
         for place, number in enumerate(order):
             trunk = trunks[number]
-            others = [
-                trunks[o].track + 1 for o in order[:place] if _meet(trunk, trunks[o]) or _before(trunks[o], trunk)
-            ]
-            trunk.track = max(others, default=0)
+            left = [trunks[other] for other in order[:place]]
+            trunk.track = max((o.track + 1 for o in left if _meet(trunk, o) or _before(o, trunk)), default=0)
 
     def _spread(self) -> None:
         """Set the places from left to right, and the tracks between them."""
         x, self._tracks = 0.0, list[float]()
         for channel, trunks in enumerate(self._trunks):
             own = [net for net in self._layout.nets if self._layout.places[net.source].column == channel - 1]
-            names = max(
-                (text_width(net.text, 10) + 2 * _LABEL + (_HEAD if net.both else 0) for net in own if net.text),
-                default=0.0,
-            )
+            widths = (text_width(net.text, 10) + 2 * _LABEL + _HEAD * net.both for net in own if net.text)
+            names = max(widths, default=0.0)
             upright = [trunk.track for trunk in trunks.values() if not trunk.level]
             self._tracks.append(x + names + _TRACK)
             x += (names + _TRACK * (max(upright, default=-1) + 2) + _HEAD) if trunks else 0.0
@@ -212,23 +218,13 @@ class Routing:
                 for placed in column:
                     placed.x = x + (width - placed.width) / 2
                 x += width
-        for column in self._layout.columns:
-            for placed in column:
-                placed.y -= min(self._tops)
-        top = min(self._tops)
-        for number, lanes in self._lanes.items():
-            self._lanes[number] = [(level - top, first, last) for level, first, last in lanes]
-        for trunks in self._trunks:
-            for trunk in trunks.values():
-                trunk.from_left = [level - top for level in trunk.from_left]
-                trunk.from_right = [level - top for level in trunk.from_right]
-        self.size = x, max(self._bottoms) - top
+        self.width = x
 
     def _drawn(self, number: int, net: Net) -> Lines:
         """Return the lines of a net."""
         source, lines = self._layout.places[net.source], Lines()
         begin = (source.x + source.width, source.y + source.right[number])
-        lines.label = begin[0] + _LABEL + (_HEAD if net.both else 0), begin[1] - 3.5
+        lines.label = begin[0] + _LABEL + _HEAD * net.both, begin[1] - 3.5
         lanes, trunks = self._lanes[number], {c: t[number] for c, t in enumerate(self._trunks) if number in t}
         upright = {c: self._tracks[c] + _TRACK * trunk.track for c, trunk in trunks.items()}
         lines.ways = [[begin, (upright[source.column + 1], begin[1])]]

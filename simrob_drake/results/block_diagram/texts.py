@@ -32,6 +32,7 @@ _FONT = "Helvetica,Arial,sans-serif"
 
 def dot_text(graph: BlockGraph) -> str:
     """Return a block graph in Graphviz' language; the same graph gives the same text."""
+    graph = graph.folded()
     title = f"{graph.title}\n{graph.description}".strip() + "\n "
     lines = [
         f"digraph {_quoted(graph.title)} {{",
@@ -96,6 +97,7 @@ def _quoted(text: str) -> str:
 
 def mermaid_text(graph: BlockGraph) -> str:
     """Return a block graph as a flowchart; the same graph gives the same text."""
+    graph = graph.folded()
     names = {key: f"b{index}" for index, key in enumerate(graph.blocks)}
     lines = ["---", f"title: {_marked(graph.title)}", "---", "flowchart LR"]
     for number, (name, _, blocks) in enumerate(_clusters(graph)):

@@ -1,0 +1,51 @@
+"""Steps of environments a second of processor time: ``python -m tests.benchmarks.learning [SECONDS]``.
+
+Each task with its own solver and with the one that its station has, in turns, so that a busy machine treats them alike.
+"""
+
+from __future__ import annotations
+
+import sys
+from time import process_time
+
+import numpy as np
+
+from simrob_drake import load_station
+from simrob_drake.learning.environment import StationEnvironment
+from simrob_drake.learning.task import load_task, task_names
+
+SECONDS = 2.0
+ROUNDS = 5
+
+
+def speed(environment: StationEnvironment, seed: int, seconds: float) -> float:
+    """Return how many steps of random actions an environment makes in a second, resets included."""
+    environment.reset(seed=seed)
+    chance, steps, begin = np.random.default_rng(seed), 0, process_time()
+    while process_time() - begin < seconds:
+        action = chance.uniform(-0.3, 0.3, environment.action_space.shape)
+        *_, terminated, truncated, _ = environment.step(action)
+        steps += 1
+        if terminated or truncated:
+            environment.reset(seed=seed + steps)
+    return steps / (process_time() - begin)
+
+
+def main(seconds: float = SECONDS) -> None:
+    """Print a table."""
+    print("| task | solver | steps/s | of its station | steps/s | ratio |\n|---|---|---|---|---|---|")
+    for name in task_names():
+        station = load_station(load_task(name)[0].station)
+        (robot,) = station.robots.values()
+        realization = robot.servo.realization if robot.servo else "per_joint"
+        kinds = {"solver": station.solver.model_dump(), "servo.realization": realization}
+        pair = StationEnvironment(name), StationEnvironment(name, overrides=kinds)
+        speeds = np.array([[speed(one, seed, seconds) for one in pair] for seed in range(ROUNDS)])
+        own, its = np.median(speeds, axis=0)
+        ratio = np.median(speeds[:, 0] / speeds[:, 1])
+        schemes = [getattr(one.config.solver, "scheme", one.config.solver.kind) for one in pair]
+        print(f"| {name} | {schemes[0]} | {own:.0f} | {schemes[1]} | {its:.0f} | {ratio:.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main(*(float(one) for one in sys.argv[1:]))
