@@ -180,9 +180,11 @@ class Routing:
         """Give each upright part a track on which it meets no other, in an order in which few lines cross."""
         trunks = {number: trunk for number, trunk in self._trunks[channel].items() if not trunk.level}
 
-        def rank(number: int) -> tuple[bool, float]:
-            trunk, level = trunks[number], min(trunks[number].from_left, default=0.0)
-            return (True, -level) if trunk.leads_down() else (False, level)
+        def rank(number: int) -> tuple[int, float]:
+            trunk = trunks[number]
+            if not trunk.from_left:  # it comes back from the right
+                return 2, min(trunk.from_right)
+            return (1, -min(trunk.from_left)) if trunk.leads_down() else (0, min(trunk.from_left))
 
         order = sorted(trunks, key=rank)
         pairs = [
