@@ -66,7 +66,6 @@ class _Far(NamedTuple):
     last: int
     ends: list[int]
     back: bool = False
-    upper: bool = True
 
 
 class Routing:
@@ -116,14 +115,13 @@ class Routing:
             self._trunks[column][number].from_right += levels
             self._taken[column] += [(number, level) for level in levels]
         ahead, back = ([c for c in ends if c > start], [c for c in ends if c < start])
-        upper = all(self._layout.is_upper(placed) for column in back for placed in ends[column].values())
         tasks = [_Far(number, start, max(ahead), sorted(ahead))] if ahead else []
-        return tasks + ([_Far(number, min(back), start, back, True, upper)] if back else [])
+        return tasks + ([_Far(number, min(back), start, back, back=True)] if back else [])
 
     def _lay(self, far: _Far) -> None:
         """Lay a way: ahead between what is in the way where that has room for it, else over or under it."""
         if far.back:
-            level = self._beyond(far.first, far.last, upper=far.upper)
+            level = self._beyond(far.first, far.last, upper=False)
             self._take(level, far.first, far.last)
             self._add_lane(far.number, level, far.first, far.last, far.ends)
             return
