@@ -170,7 +170,7 @@ class Routing:
     def _passes(self, number: int, level: float, first: int, last: int) -> bool:
         """Tell whether a net can go on straight between what stands between two channels."""
         things = [placed for column in self._layout.columns[first:last] for placed in column]
-        taken = [other for levels in self._taken[first + 1 : last + 1] for other in levels]
+        taken = [other for levels in self._taken[first : last + 1] for other in levels]
         clear = all(owner == number or abs(level - other) >= _LANE - 1 for owner, other in taken)
         return clear and all(abs(level - placed.y) >= placed.height / 2 + _CLEAR for placed in things)
 
