@@ -1,8 +1,8 @@
 r"""What a policy is to learn: terms of what a robot truly does, each with a weight.
 
 The reward of a control period T is :math:`r = T \sum_j w_j t_j`, with the terms as they are at its end; ``ended``
-counts once. Penalties are terms with negative weights, as for a walker those on its height, its way aside and how its
-torso turns (thesis p. 122).
+counts once. Penalties are terms with negative weights, as for a walker those on its height, its drift and how
+its torso turns (thesis p. 122).
 """
 
 from collections.abc import Callable, Mapping
