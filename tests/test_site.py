@@ -67,6 +67,7 @@ def test_formulas_and_roles_of_docstrings_become_markdown():
     assert "<code>Arm</code>, by <autoref" in text
     assert ":math:" not in text
     assert text.endswith("\n\nEnd.")
+    assert markdown("``<a>`` of <robot>.<axis>") == "`<a>` of &lt;robot>.&lt;axis>"
 
 
 @pytest.mark.parametrize(
@@ -131,3 +132,9 @@ def test_every_table_of_results_says_its_command(page):
     command = re.compile(r"`(simrob|python|make) [^`]+`")
     assert all("|---" not in text or command.search(text) for text in sections), page
     assert "| ---" not in whole or command.search(whole)
+
+
+def test_lists_within_lists_are_indented_as_the_site_needs_it():
+    for page in [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")]:
+        prose = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+        assert not re.search(r"^ {1,3}(?:[-*]|\d+\.) ", prose, re.MULTILINE), page

@@ -38,7 +38,7 @@ def _row(parameter: Any, *, is_option: bool) -> list[str]:
     flag = getattr(parameter, "is_flag", False)
     value = _shown(parameter) if is_option and parameter.metavar else _values(parameter.type_descriptor.annotation)
     default = parameter.default if isinstance(parameter.default, int | float | str) and not flag else None
-    given = "required" if parameter.required else "" if default is None else f"`{default}`"
+    given = "required" if parameter.required else f"`{default}`" if default not in (None, "") else ""
     return [", ".join(f"`{name}`" for name in names), "" if flag else value, given, cell(parameter.help or "")]
 
 

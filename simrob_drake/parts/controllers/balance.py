@@ -64,11 +64,7 @@ class Strategy(Strict):
 class Balance(LoopSection):
     """Answer pushes to a robot that stands: by strategies for ankles, hips, arms and knees, added up, and by a step."""
 
-    stages: ClassVar[tuple[str, ...]] = (
-        "Centre of mass,\ncapture point",
-        "Strategies\nankles, hips, arms",
-        "Step\nif they are not enough",
-    )
+    stages: ClassVar[tuple[str, ...]] = ("Capture point", "Strategies\nankles, hips, arms", "Step\nif they fail")
 
     kind: Literal["balance"]
     facing_deg: Number = 0.0

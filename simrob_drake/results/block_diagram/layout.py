@@ -93,10 +93,6 @@ class Layout:
         self._set_ports()
         self._straighten()
 
-    def is_upper(self, placed: Placed) -> bool:
-        """Tell whether something belongs to a robot in the upper half of the picture of several."""
-        return placed.blocks[0].robot in self._robots[1 : 1 + (len(self._robots) - 1) // 2]
-
     def _things(self, graph: BlockGraph) -> list[list[DrawnBlock]]:
         """Return the blocks, the ports of a robot's outputs together in the order of their nets."""
         bars: dict[str, list[DrawnBlock]] = defaultdict(list)

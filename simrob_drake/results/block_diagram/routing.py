@@ -66,7 +66,6 @@ class _Far(NamedTuple):
     last: int
     ends: list[int]
     back: bool = False
-    upper: bool = True
 
 
 class Routing:
@@ -116,14 +115,13 @@ class Routing:
             self._trunks[column][number].from_right += levels
             self._taken[column] += [(number, level) for level in levels]
         ahead, back = ([c for c in ends if c > start], [c for c in ends if c < start])
-        upper = all(self._layout.is_upper(placed) for column in back for placed in ends[column].values())
         tasks = [_Far(number, start, max(ahead), sorted(ahead))] if ahead else []
-        return tasks + ([_Far(number, min(back), start, back, True, upper)] if back else [])
+        return tasks + ([_Far(number, min(back), start, back, back=True)] if back else [])
 
     def _lay(self, far: _Far) -> None:
         """Lay a way: ahead between what is in the way where that has room for it, else over or under it."""
         if far.back:
-            level = self._beyond(far.first, far.last, upper=far.upper)
+            level = self._beyond(far.first, far.last, upper=False)
             self._take(level, far.first, far.last)
             self._add_lane(far.number, level, far.first, far.last, far.ends)
             return
@@ -172,7 +170,7 @@ class Routing:
     def _passes(self, number: int, level: float, first: int, last: int) -> bool:
         """Tell whether a net can go on straight between what stands between two channels."""
         things = [placed for column in self._layout.columns[first:last] for placed in column]
-        taken = [other for levels in self._taken[first + 1 : last + 1] for other in levels]
+        taken = [other for levels in self._taken[first : last + 1] for other in levels]
         clear = all(owner == number or abs(level - other) >= _LANE - 1 for owner, other in taken)
         return clear and all(abs(level - placed.y) >= placed.height / 2 + _CLEAR for placed in things)
 
