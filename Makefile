@@ -55,8 +55,6 @@ pictures: $(TOOLS)  ## renew the block pictures beside the stations, the schemas
 	$(BIN)/python docs/gallery.py
 	$(BIN)/simrob run irb120_dynamic --duration 1.2 --out runs/readme --force
 	cp runs/readme/film_strip.png docs/irb120_dynamic.png
-	$(BIN)/simrob walk roid1_dynamic --steps 20 --out runs/docs --force
-	cp runs/docs/film_strip.png docs/roid1_walk.png
 	$(BIN)/simrob compare irb120_force_stop --out runs/engines --force
 	cp runs/engines/engines.png docs/engines.png
 	rm -rf runs/pushes && $(BIN)/simrob pushes zjudancer_dynamic --set gait.name=walk --out runs/pushes

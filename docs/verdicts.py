@@ -21,8 +21,8 @@ COLUMNS = {
 """The measures that are shown, and their headings."""
 HEADING = """# Verdicts
 
-What becomes of each station of the package when it is run as it is, `simrob run STATION`: the worst of all its axes,
-bodies and feet. [Stations](../stations.md#verdict) tells what the measures mean and how a station sets its bounds.
+How a run of each station of the package ends as it is, `simrob run STATION`: the worst of all its axes, bodies and
+feet. [Stations](../stations.md#verdict) says what the measures mean and how a station sets its bounds.
 `python docs/verdicts.py` writes this page.
 """
 BOARD = {"parent": "world", "pose": [-0.2, -0.2, 0.1, 0, 0, 0]}

@@ -45,7 +45,12 @@ def picture(results: dict[str, SimulationResult], file: Path) -> Path:
     """Draw tilt, height and way of the base on every area, at the scale of those that stay upright."""
     title = "the step of the thesis on the three contact areas"
     figure, frames = panels(title, 2, 2, size=(11, 6.5), sharex=True)
-    labels = ("tilt of the base [deg]", "height over its start [mm]", "way ahead [mm]", "way to the left [mm]")
+    labels = (
+        "tilt of the base [deg]",
+        "height over its start [mm]",
+        "distance forward [mm]",
+        "distance to the left [mm]",
+    )
     for axes, label in zip(frames.flat, labels, strict=True):
         axes.set(ylabel=label, xlabel="time [s]")
     for area, result in sorted(results.items(), key=lambda item: item[1].ending == "monitor"):

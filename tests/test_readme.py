@@ -6,6 +6,7 @@ the package: ``# irb120_dynamic.yaml, changed``. The commands of a block run one
 """
 
 import re
+import shlex
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -166,7 +167,7 @@ def test_commands_that_draw_do_so(page, folder):
 @each_page
 def test_commands_in_the_text_are_commands(page):
     for line in re.findall(r"`simrob ([^`]+)`", PAGES[page]):
-        name, *arguments = line.split()
+        name, *arguments = shlex.split(line)
         command = whole_command(name)
         if arguments:
             command.make_context(name, arguments)

@@ -23,15 +23,30 @@ GROUPS = {
 """What the package shows at its top, in the order in which one meets it."""
 
 
-def places() -> dict[str, str]:
-    """Return the module, below the package, of each name that the package shows."""
-    stub = Path(simrob_drake.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+def exported(file: Path, package: str) -> dict[str, str]:
+    """Return the module of each name that the ``__init__`` of a package takes from its modules."""
     return {
-        name.name: f"simrob_drake.{node.module}"
-        for node in ast.parse(stub).body
-        if isinstance(node, ast.ImportFrom)
+        name.name: f"{package}.{node.module}" if node.level else str(node.module)
+        for node in ast.parse(file.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ImportFrom) and (node.level or (node.module or "").startswith(package))
         for name in node.names
     }
+
+
+def places() -> dict[str, str]:
+    """Return the module, below the package, of each name that the package shows."""
+    return exported(Path(simrob_drake.__file__).with_suffix(".pyi"), "simrob_drake")
+
+
+def named() -> Iterator[tuple[str, str]]:
+    """Yield module and name of what the text of pages names with its module; of a package all that it shows."""
+    for page in [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")]:
+        for dotted in re.findall(r"`(simrob_drake(?:\.\w+)+)", page.read_text(encoding="utf-8")):
+            place = ROOT.joinpath(*dotted.split("."))
+            if (place / "__init__.py").is_file():
+                yield from ((module, name) for name, module in exported(place / "__init__.py", dotted).items())
+            elif place.parent.with_suffix(".py").is_file():
+                yield dotted.rpartition(".")[0], place.name
 
 
 def _scripts() -> Iterator[str]:
@@ -42,8 +57,10 @@ def _scripts() -> Iterator[str]:
 
 
 def further() -> dict[str, list[str]]:
-    """Return by module what scripts of pages and examples import from beyond the package's top."""
+    """Return by module what pages and examples import or name from beyond the package's top."""
     found: dict[str, set[str]] = {}
+    for module, name in named():
+        found.setdefault(module, set()).add(name)
     for script in _scripts():
         for node in ast.walk(ast.parse(script)):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("simrob_drake."):
@@ -91,5 +108,7 @@ def pages() -> Iterator[Page]:
     yield Page(f"{FOLDER}/python/index.md", "\n\n".join(parts) + "\n")
     found = [f"{module}.{name}" for module, names in further().items() for name in names]
     modules = "\n".join(documented(name, level=2, more="show_root_full_path") for name in found)
-    yield Page(f"{FOLDER}/modules.md", f"# More modules\n\nWhat the pages and examples import besides.\n\n{modules}")
+    yield Page(
+        f"{FOLDER}/modules.md", f"# More modules\n\nWhat pages and examples import or name besides.\n\n{modules}"
+    )
     yield from block_pages()

@@ -38,7 +38,7 @@ def _row(parameter: Any, *, is_option: bool) -> list[str]:
     flag = getattr(parameter, "is_flag", False)
     value = _shown(parameter) if is_option and parameter.metavar else _values(parameter.type_descriptor.annotation)
     default = parameter.default if isinstance(parameter.default, int | float | str) and not flag else None
-    given = "must be there" if parameter.required else "" if default is None else f"`{default}`"
+    given = "required" if parameter.required else f"`{default}`" if default not in (None, "") else ""
     return [", ".join(f"`{name}`" for name in names), "" if flag else value, given, cell(parameter.help or "")]
 
 
@@ -52,7 +52,7 @@ def command_page(name: str, title: str) -> Page:
     for kind, parameters in (("argument", arguments), ("option", options)):
         if parameters:
             rows = [_row(each, is_option=kind == "option") for each in parameters]
-            parts += [f"## {kind.capitalize()}s", table([kind, "value", "unless given", "what it is"], rows)]
+            parts += [f"## {kind.capitalize()}s", table([kind, "value", "default", "what it is"], rows)]
     return Page(f"{FOLDER}/{name}.md", "\n\n".join(parts) + "\n")
 
 

@@ -39,7 +39,8 @@ def reference() -> list[Page]:
 def made(config: MkDocsConfig) -> Iterator[Page]:
     """Yield the pages that are in no file below the site's folder."""
     for name in TOP[is_spanish(config)]:
-        yield Page(f"{name.split('.')[0].lower()}.md", (places.ROOT / name).read_text(encoding="utf-8"))
+        title = "---\ntitle: README\n---\n\n" if name.startswith("README") else ""  # else it is called as the start
+        yield Page(f"{name.split('.')[0].lower()}.md", title + (places.ROOT / name).read_text(encoding="utf-8"))
     if not is_spanish(config):
         yield from reference()
         yield from places.shown_files()

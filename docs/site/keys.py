@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any
 
 from docs.site.texts import Page, cell, markdown, table
@@ -40,6 +41,22 @@ def referred(schema: Schema) -> str:
     return str(schema["$ref"]).rpartition("/")[2] if "/$defs/" in schema.get("$ref", "") else ""
 
 
+@cache
+def kinds() -> Mapping[str, str]:
+    """Return what sections that come in kinds are called in files, by their classes."""
+    found = {
+        name: section.get("properties", {}).get("kind", {}).get("const")
+        for schema in schemas().values()
+        for name, section in schema.get("$defs", {}).items()
+    }
+    return {name: str(kind) for name, kind in found.items() if kind}
+
+
+def called(section: str) -> str:
+    """Return what a section is called: by its kind, if it comes in kinds."""
+    return f"`{kinds()[section]}`" if section in kinds() else section
+
+
 def anchor(section: str) -> str:
     """Return where a section stands on its page."""
     return section.lower()
@@ -53,7 +70,7 @@ def _bounds(value: Schema) -> str:
 def shown_type(value: Schema, here: str = "") -> str:
     """Return in words what a value may be, with links to the sections that it may be."""
     if name := referred(value):
-        return f"[{name}]({here}#{anchor(name)})"
+        return f"[{called(name)}]({here}#{anchor(name)})"
     if values := [value["const"]] if "const" in value else value.get("enum"):
         return ", ".join(f"`{choice}`" for choice in values)
     if choices := value.get("anyOf") or value.get("oneOf"):
@@ -74,7 +91,7 @@ def _shown_collection(value: Schema, here: str) -> str:
 
 def _default(value: Schema, required: bool) -> str:
     if required:
-        return "must be there"
+        return "required"
     default = value.get("default")
     text = json.dumps(default, ensure_ascii=False)
     return "" if default is None or len(text) > 40 else f"`{text.strip(chr(34)) or chr(34) * 2}`"
@@ -88,7 +105,7 @@ def key_table(section: Schema, here: str = "") -> str:
          cell(value.get("description", ""))]
         for key, value in section.get("properties", {}).items()
     ]  # fmt: skip
-    return table(["key", "may be", "unless given", "what it is"], rows) if rows else ""
+    return table(["key", "value", "default", "what it is"], rows) if rows else ""
 
 
 def _sections(schema: Schema, key: Schema, seen: dict[str, None]) -> dict[str, None]:
@@ -108,8 +125,8 @@ def _told(text: str) -> str:
 def section_text(schema: Schema, name: str, level: str = "##") -> str:
     """Return what there is to say of a section."""
     section = schema["$defs"][name]
-    kind = section.get("properties", {}).get("kind", {}).get("const")
-    heading = f"{level} {name}{f' (`kind: {kind}`)' if kind else ''} {{ #{anchor(name)} }}"
+    title = f"`kind: {kinds()[name]}`" if name in kinds() else name
+    heading = f"{level} {title} {{ #{anchor(name)} }}"
     return "\n".join([heading, "", _told(section.get("description", "")), key_table(section)])
 
 
@@ -119,7 +136,7 @@ def key_page(file: str, schema: Schema, key: str) -> Page:
     where = f"A key of `{file}.yaml`: {shown_type(value)}."
     default = _default(value, key in schema.get("required", ()))
     parts = [f"# `{key}` ({file})", _told(value.get("description", "")), where]
-    parts += [f"Unless given: {default}."] if default.startswith("`") else []
+    parts += [f"Default: {default}."] if default.startswith("`") else []
     parts += [section_text(schema, name) for name in _sections(schema, value, {})]
     return Page(f"{FOLDER}/{file}/{key}.md", "\n\n".join(parts) + "\n")
 
@@ -135,7 +152,7 @@ def file_pages(file: str, schema: Schema) -> Iterator[Page]:
         required = key in schema.get("required", ())
         link = f"[`{key}`]({key}.md)" if whole else f"`{key}`"
         rows.append([link, shown, _default(value, required), cell(value.get("description", ""))])
-    columns = ["key", "may be", "unless given", "what it is"]
+    columns = ["key", "value", "default", "what it is"]
     text = f"# `{file}.yaml`\n\n{_told(schema.get('description', ''))}\n{table(columns, rows)}"
     yield Page(f"{FOLDER}/{file}/index.md", text)
 

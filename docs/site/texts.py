@@ -31,7 +31,8 @@ def _role(match: re.Match[str]) -> str:
 
 def markdown(docstring: str) -> str:
     """Return a docstring, which has roles and formulas of reStructuredText, as Markdown."""
-    text = cleandoc(docstring)
+    parts = cleandoc(docstring).replace("``", "`").split("`")
+    text = "`".join(part if index % 2 else part.replace("<", "&lt;") for index, part in enumerate(parts))
     text = _BLOCK.sub(lambda match: f"\n{match[1]}{formula(match[2], 'block')}\n", text)
     return _ROLE.sub(_role, _INLINE.sub(lambda match: formula(match[1]), text))
 

@@ -120,7 +120,7 @@ class Trial:
 
 
 def tried(trial: Trial) -> tuple[int, float, float, float, float]:
-    """Return number, return, way ahead [m], duration [s] and time of the processor [s] of an episode."""
+    """Return number, return, distance forward [m], duration [s] and time of the processor [s] of an episode."""
     began = time.process_time()
     env = environment(trial.station, trial.fast)
     policy = env.episode.policy

@@ -25,7 +25,7 @@ CONDITIONS: dict[str, dict[str, Any]] = {
     "steps of 2 ms": {"solver": {"kind": "discrete", "time_step": 2e-3}},
     "cenic": {"solver": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02}},
 }
-SEEDS = range(900_000, 900_020)
+FIRST, MANY = 910_000, 100  # seeds: nothing was chosen by these
 NOISE_DEG = 1.0  # standard deviation of where each axis begins
 FAR, LONG = 3.0, 20.0  # what is asked for [m, s]
 TOLD = ("condition", "seed", "ahead", "aside", "lasted", "ended")
@@ -72,8 +72,11 @@ def main() -> None:
     options.add_argument("station", type=Path)
     options.add_argument("--out", type=Path, default=Path("runs/proof.csv"))
     options.add_argument("--conditions", nargs="+", choices=list(CONDITIONS), default=list(CONDITIONS))
+    options.add_argument("--first", type=int, default=FIRST, help="the first seed")
+    options.add_argument("--many", type=int, default=MANY, help="how many")
     given = options.parse_args()
-    walks = [Walk(condition, seed, given.station) for condition in given.conditions for seed in SEEDS]
+    seeds = range(given.first, given.first + given.many)
+    walks = [Walk(condition, seed, given.station) for condition in given.conditions for seed in seeds]
     given.out.parent.mkdir(parents=True, exist_ok=True)
     found = []
     with Processes() as processes, given.out.open("w", newline="") as file:

@@ -1,4 +1,4 @@
-r"""Torques that the model of a plant foretells, by Drake's own inverse dynamics.
+r"""Torques that the model of a plant predicts, by Drake's own inverse dynamics.
 
 .. math:: \tau = M(q)\,\dot v + C(q, v)\,v + \tau_g(q)
 

@@ -15,5 +15,6 @@ for _name, _task in ENVIRONMENTS.items():
     gymnasium.register(
         f"simrob/{_name}-v0",
         entry_point="simrob_drake.learning.environment:StationEnvironment",
+        vector_entry_point="simrob_drake.learning.vector:StationVectorEnvironment",
         kwargs={"task": _task},
     )

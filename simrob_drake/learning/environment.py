@@ -77,7 +77,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         now = episode.moment(
             goal=self._goal, desired_speed=np.inf if task.speed is None else task.speed, yields=task.yields
         )
-        parts = rewards(task.rewards, now, episode.period)
+        parts = {name: float(part) for name, part in rewards(task.rewards, now, episode.period).items()}
         info = {"rewards": parts, "place": now.place, "time": episode.time}
         if episode.ended:
             info["ended"] = episode.ended

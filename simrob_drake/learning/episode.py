@@ -145,7 +145,7 @@ class Episode:
         return RewardSample(
             place=self._ahead @ (base[:3] - self._start[:3]),
             speed=self._ahead @ moving[:3],
-            turned=turned_from(self._start, base),
+            turned=turned_from(self._start[3:], base[3:]),
             spin=moving[3:],
             effort=self._value("torque") / limits,
             action=self._action,

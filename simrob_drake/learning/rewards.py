@@ -1,27 +1,27 @@
 r"""What a policy is to learn: terms of what a robot truly does, each with a weight.
 
 The reward of a control period T is :math:`r = T \sum_j w_j t_j`, with the terms as they are at its end; ``ended``
-counts once. Penalties are terms with negative weights, as for a walker those on its height, its way aside and how its
-torso turns (thesis p. 122).
+counts once. Penalties are terms with negative weights, as for a walker those on its height, its drift and how
+its torso turns (thesis p. 122).
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from pydrake.math import RollPitchYaw, RotationMatrix
+import numpy.typing as npt
 
-from simrob_drake.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.frames import Vector
 
 
 @dataclass(frozen=True)
 class RewardSample:
-    """What is true of a robot at the end of a control period.
+    """What is true of a robot, or of k robots, at the end of a control period; of k all shapes have that in front.
 
     Attributes:
         place: of its root link, from where that was at the start: ahead, to the left, up, shape (3,) [m].
         speed: of that, likewise [m/s].
-        turned: of its root link from how it stood.
+        turned: of its root link from how it stood, angles Rx Ry Rz, shape (3,) [rad].
         spin: of its root link, in the world's axes, shape (3,) [rad/s].
         effort: torques as parts of their limits, shape (n,).
         action: what was asked for, shape (m,), and what was asked for before.
@@ -32,12 +32,12 @@ class RewardSample:
         push: force that acts at the tool or the root link, in the world's axes, shape (3,) [N].
         desired_speed: ahead [m/s].
         yields: how fast the tool is to go for a force on it [m/s per N].
-        ended: a monitor ended the episode.
+        ended: whether a monitor ended the episode.
     """
 
     place: Vector
     speed: Vector
-    turned: RotationMatrix
+    turned: Vector
     spin: Vector
     effort: Vector
     action: Vector
@@ -48,25 +48,25 @@ class RewardSample:
     push: Vector = field(default_factory=lambda: np.zeros(3))
     desired_speed: float = np.inf
     yields: float = 0.0
-    ended: bool = False
+    ended: bool | npt.NDArray[np.bool_] = False
 
 
-def _square(values: Vector) -> float:
-    return float(values @ values)
+def _square(values: Vector) -> Vector:
+    return np.asarray((values * values).sum(axis=-1))
 
 
-TERMS: dict[str, Callable[[RewardSample], float]] = {
-    "ahead": lambda now: min(float(now.speed[0]), now.desired_speed),
-    "alive": lambda now: 1.0,
-    "height": lambda now: min(float(now.place[2]), 0.0) ** 2,
-    "lateral": lambda now: float(now.place[1]) ** 2,
-    "rotation": lambda now: _square(RollPitchYaw(now.turned).vector()),
+TERMS: dict[str, Callable[[RewardSample], npt.ArrayLike]] = {
+    "ahead": lambda now: np.minimum(now.speed[..., 0], now.desired_speed),
+    "alive": lambda now: np.ones(now.speed.shape[:-1]),
+    "height": lambda now: np.minimum(now.place[..., 2], 0.0) ** 2,
+    "lateral": lambda now: now.place[..., 1] ** 2,
+    "rotation": lambda now: _square(now.turned),
     "spin": lambda now: _square(now.spin),
-    "effort": lambda now: float(np.mean(now.effort**2)),
+    "effort": lambda now: np.mean(now.effort**2, axis=-1),
     "haste": lambda now: _square(now.action - now.last_action),
-    "distance": lambda now: float(np.linalg.norm(now.tool - now.goal)),
+    "distance": lambda now: np.linalg.norm(now.tool - now.goal, axis=-1),
     "yielding": lambda now: _square(now.tool_speed - now.yields * now.push),
-    "ended": lambda now: float(now.ended),
+    "ended": lambda now: np.asarray(now.ended, dtype=float),
 }
 """The terms by name: speed ahead, up to the one that is wanted [m/s]; 1; the squares of how
 far it sank [m²], went aside [m²] and turned [rad²], of its rates [rad²/s²], of its torques as parts of their limits, of
@@ -74,12 +74,26 @@ the change of its action; from the tool to the goal [m]; the square of how far i
 asks for [m²/s²]; 1 where a monitor ends the episode."""
 
 
-def rewards(weights: Mapping[str, float], now: RewardSample, period: float) -> dict[str, float]:
+def rewards(weights: Mapping[str, float], now: RewardSample, period: float) -> dict[str, Vector]:
     """Return what each term with a weight adds to the reward of a control period [s]; their sum is the reward."""
-    return {name: weight * TERMS[name](now) * (1.0 if name == "ended" else period) for name, weight in weights.items()}
+    return {
+        name: np.asarray(weight * np.asarray(TERMS[name](now)) * (1.0 if name == "ended" else period))
+        for name, weight in weights.items()
+    }
 
 
-def turned_from(start: Vector, pose: Vector) -> RotationMatrix:
-    """Return how a pose (7,) is turned from another."""
-    first, now = (transform_from_xyz_quaternion(each).rotation() for each in (start, pose))
-    return first.inverse() @ now
+def turned_from(start: Vector, now: Vector) -> Vector:
+    """Return how orientations (..., 4) qw qx qy qz are turned from others: angles Rx Ry Rz, shape (..., 3) [rad]."""
+    (a, b, c, d), (e, f, g, h) = (np.moveaxis(each, -1, 0) for each in (start, now))
+    w, x = a * e + b * f + c * g + d * h, a * f - b * e - c * h + d * g
+    y, z = a * g + b * h - c * e - d * f, a * h - b * g + c * f - d * e
+    size = w * w + x * x + y * y + z * z  # of any length
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x) / size, -1.0, 1.0))
+    return np.stack(
+        [
+            np.arctan2(2 * (w * x + y * z), size - 2 * (x * x + y * y)),
+            pitch,
+            np.arctan2(2 * (w * z + x * y), size - 2 * (y * y + z * z)),
+        ],
+        axis=-1,
+    )

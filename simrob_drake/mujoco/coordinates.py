@@ -55,7 +55,7 @@ class Coordinates:
         """Return positions (m, nq) and velocities (m, nv) of the plant, of MuJoCo's."""
         speeds = qvel.copy()
         for quaternion, turning in self.free:
-            speeds[:, turning] = _turned(qpos[:, quaternion], qvel[:, turning], 1.0)
+            speeds[:, turning] = turned(qpos[:, quaternion], qvel[:, turning], 1.0)
         return qpos[:, self.positions], speeds[:, self.velocities]
 
     def to_mujoco(self, q: Vector, v: Vector) -> tuple[Vector, Vector]:
@@ -63,11 +63,11 @@ class Coordinates:
         qpos, qvel = np.empty_like(q), np.empty_like(v)
         qpos[self.positions], qvel[self.velocities] = q, v
         for quaternion, turning in self.free:
-            qvel[turning] = _turned(qpos[np.newaxis, quaternion], qvel[np.newaxis, turning], -1.0)[0]
+            qvel[turning] = turned(qpos[np.newaxis, quaternion], qvel[np.newaxis, turning], -1.0)[0]
         return qpos, qvel
 
 
-def _turned(quaternions: Vector, vectors: Vector, sense: float) -> Vector:
+def turned(quaternions: Vector, vectors: Vector, sense: float) -> Vector:
     """Return vectors (m, 3) turned by unit quaternions (m, 4) w x y z, or back by them with sense -1."""
     w, axis = quaternions[:, :1], sense * quaternions[:, 1:]
     twice = 2 * np.cross(axis, vectors)

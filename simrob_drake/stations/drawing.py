@@ -62,7 +62,7 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
 
 
 def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
-    """Draw what the model foretells of the motion that robots are asked for: one block for all of them."""
+    """Draw what the model predicts for the desired motion of robots: one block for all of them."""
     kinds = dict.fromkeys(ports.config.servo_of(robot).feedforward.replace("_", " ") for robot in robots)
     whose = wrapped(f"of {', '.join(robots)}") if len(ports.plant.robots) > 1 else "of what is asked for"
     ports.draw("model_feedforward", "servo", "\n".join([f"Feedforward: {', '.join(kinds)}", whose]))

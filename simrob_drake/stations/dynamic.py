@@ -110,7 +110,7 @@ def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRob
 def _with_feedforward(
     builder: DiagramBuilder, ports: StationPorts, signals: Mapping[str, ServoSignals]
 ) -> dict[str, ServoSignals]:
-    """Add the torques that the model foretells, and return what the servos read, by robot, with them in it."""
+    """Add the torques that the model predicts, and return what the servos read, by robot, with them in it."""
     read, servo_of = dict(signals), ports.config.servo_of
     fed_forward = {name: own for name, own in signals.items() if servo_of(name).feedforward != "none"}
     if not fed_forward:

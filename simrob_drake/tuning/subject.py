@@ -27,7 +27,7 @@ class Subject:
         root: the link that it is held by in other stations.
         mass: with what it carries [kg].
         heading: where it looks at the start, counterclockwise from the world's x [rad].
-        ahead: its way ahead, level, along the axes of what is pushed, shape (3,).
+        ahead: its forward direction, level, along the axes of what is pushed, shape (3,).
         left: likewise to its left.
     """
 

@@ -11,11 +11,14 @@ from time import process_time
 import numpy as np
 
 from simrob_drake import load_station
+from simrob_drake.errors import SimrobError
 from simrob_drake.learning.environment import StationEnvironment
 from simrob_drake.learning.task import load_task, task_names
+from simrob_drake.learning.vector import StationVectorEnvironment
 
 SECONDS = 2.0
 ROUNDS = 5
+MANY = 256
 
 
 def speed(environment: StationEnvironment, seed: int, seconds: float) -> float:
@@ -31,9 +34,25 @@ def speed(environment: StationEnvironment, seed: int, seconds: float) -> float:
     return steps / (process_time() - begin)
 
 
+def together(name: str, seconds: float) -> str:
+    """Return how many steps of single robots a vector of them makes in a second."""
+    try:
+        environment = StationVectorEnvironment(MANY, name)
+    except SimrobError:
+        return "–"
+    environment.reset(seed=0)
+    chance, steps, begin = np.random.default_rng(0), 0, process_time()
+    while process_time() - begin < seconds:
+        environment.step(chance.uniform(-0.3, 0.3, environment.action_space.shape))
+        steps += MANY
+    return f"{steps / (process_time() - begin):.0f}"
+
+
 def main(seconds: float = SECONDS) -> None:
     """Print a table."""
-    print("| task | solver | steps/s | of its station | steps/s | ratio |\n|---|---|---|---|---|---|")
+    print(
+        "| task | solver | steps/s | of its station | steps/s | ratio | many in MuJoCo |\n|---|---|---|---|---|---|---|"
+    )
     for name in task_names():
         station = load_station(load_task(name)[0].station)
         (robot,) = station.robots.values()
@@ -44,7 +63,8 @@ def main(seconds: float = SECONDS) -> None:
         own, its = np.median(speeds, axis=0)
         ratio = np.median(speeds[:, 0] / speeds[:, 1])
         schemes = [getattr(one.config.solver, "scheme", one.config.solver.kind) for one in pair]
-        print(f"| {name} | {schemes[0]} | {own:.0f} | {schemes[1]} | {its:.0f} | {ratio:.1f} |", flush=True)
+        row = (name, schemes[0], f"{own:.0f}", schemes[1], f"{its:.0f}", f"{ratio:.1f}", together(name, seconds))
+        print(f"| {' | '.join(row)} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RollPitchYaw, RotationMatrix
 
 from simrob_drake.learning.rewards import TERMS, RewardSample, rewards, turned_from
@@ -9,7 +10,7 @@ from simrob_drake.learning.rewards import TERMS, RewardSample, rewards, turned_f
 NOW = RewardSample(
     place=np.array([1.0, -0.2, -0.05]),
     speed=np.array([0.4, 9.0, 9.0]),
-    turned=RollPitchYaw(0.1, -0.2, 0.3).ToRotationMatrix(),
+    turned=np.array([0.1, -0.2, 0.3]),
     spin=np.array([1.0, 2.0, -2.0]),
     effort=np.array([0.5, -1.0]),
     action=np.array([1.0, 0.0]),
@@ -56,5 +57,12 @@ def test_turns_are_seen_from_where_it_stood():
     """Of a robot that faces y and then leans 0.2 rad about its own x."""
     faced = RollPitchYaw(0, 0, np.pi / 2).ToRotationMatrix()
     leaned = faced @ RotationMatrix.MakeXRotation(0.2)
-    poses = [np.concatenate([np.zeros(3), turn.ToQuaternion().wxyz()]) for turn in (faced, leaned)]
-    np.testing.assert_allclose(RollPitchYaw(turned_from(*poses)).vector(), [0.2, 0, 0], atol=1e-12)
+    orientations = [turn.ToQuaternion().wxyz() for turn in (faced, leaned)]
+    np.testing.assert_allclose(turned_from(*orientations), [0.2, 0, 0], atol=1e-12)
+
+
+def test_turns_of_many_robots_are_those_of_drake():
+    drawn = np.random.default_rng(0).standard_normal((20, 4))
+    start, *others = (RotationMatrix(Quaternion(row / np.linalg.norm(row))) for row in drawn)
+    expected = [RollPitchYaw(start.inverse() @ other).vector() for other in others]
+    np.testing.assert_allclose(turned_from(drawn[0], drawn[1:]), expected, atol=1e-12)

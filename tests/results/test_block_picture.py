@@ -51,6 +51,7 @@ VARIANTS = [
     ("irb120_dynamic", {"reference": {"kind": "sine", "amplitude_deg": 5}}),
     ("two_irb120", {"servo.realization": "per_joint", "solver": {"kind": "discrete"}}),
     ("two_irb120", {"mode": "kinematic"}),
+    ("yobotics_terrain", {"servo.realization": "vector"}),
 ]
 
 Corners = tuple[tuple[float, float], tuple[float, float]]

@@ -69,3 +69,10 @@ def test_parts_have_the_outputs_they_declare():
     balance = told("humanoid_balance")
     assert balance["force.push"] == BlockMeaning(("forces.push",), ("applied_force.push",))
     assert balance["servo"] == BlockMeaning(("servo",), ("torque",))
+
+
+def test_a_block_of_a_signal_flow_has_its_own_output():
+    meaning = block_meaning("controller.law.error", {"controllers": {"law": {}}}, ["law.error", "law.limit"])
+    assert meaning == BlockMeaning(("controllers.law",), ("law.error",))
+    whole = block_meaning("controller.law.torque", {"controllers": {"law": {}}}, ["law.error", "law.limit"])
+    assert whole.signals == ("law.error", "law.limit")

@@ -42,7 +42,7 @@ class Strategy(Strict):
     moves_deg: dict[str, Number] = Field(min_length=1)
     """How far each axis moves at most, by name [deg, or m where it slides]."""
     beyond: NotNegative = 0.0
-    """The error that is let be [m]."""
+    """The error that is ignored [m]."""
     full: Positive
     """The error from which on the axes are moved as far as that [m]."""
     lead: NotNegative | None = None
@@ -64,11 +64,7 @@ class Strategy(Strict):
 class Balance(LoopSection):
     """Answer pushes to a robot that stands: by strategies for ankles, hips, arms and knees, added up, and by a step."""
 
-    stages: ClassVar[tuple[str, ...]] = (
-        "Centre of mass,\ncapture point",
-        "Strategies\nankles, hips, arms",
-        "Step\nwhere these do not do",
-    )
+    stages: ClassVar[tuple[str, ...]] = ("Capture point", "Strategies\nankles, hips, arms", "Step\nif they fail")
 
     kind: Literal["balance"]
     facing_deg: Number = 0.0

@@ -68,11 +68,7 @@ class FallGuard(LoopSection):
     It drives the axes of its posture alone. Several, each `toward` another side, take another posture for each.
     """
 
-    stages: ClassVar[tuple[str, ...]] = (
-        "Height, lean or\ncapture point",
-        "Guard\nit falls, or stands again",
-        "Way to the posture",
-    )
+    stages: ClassVar[tuple[str, ...]] = ("Height or lean", "Guard\nfalls, or stands", "Way to the posture")
 
     kind: Literal["fall_guard"]
     height: Positive | None = None

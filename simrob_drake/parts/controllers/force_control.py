@@ -55,11 +55,7 @@ class ForceControl(LoopSection):
     as the reference has it.
     """
 
-    stages: ClassVar[tuple[str, ...]] = (
-        "Error of the force",
-        "PI law\npath of the tool",
-        "Jacobian\noffsets of the joints",
-    )
+    stages: ClassVar[tuple[str, ...]] = ("Error of the force", "PI law\npath of the tool", "Jacobian\njoint offsets")
 
     kind: Literal["force_control"]
     force: Positive

@@ -35,11 +35,7 @@ _READY = 1.0  # time to take the first posture from 45 deg away [s]
 class Walk(LoopSection):
     """Walk by commands, which may change at any time, and answer what disturbs the robot."""
 
-    stages: ClassVar[tuple[str, ...]] = (
-        "Estimator\ncapture point, slope",
-        "Planner\nsteps by commands",
-        "Legs\ninverse kinematics",
-    )
+    stages: ClassVar[tuple[str, ...]] = ("Estimator\ncapture point", "Planner\nnext steps", "Legs\ninverse kinematics")
 
     kind: Literal["walk"]
     gait: dict[str, Any] = Field(default_factory=dict)

@@ -1,7 +1,7 @@
 r"""Where a robot on its feet is and how it moves, as an IMU at its root link and the encoders of its joints tell.
 
 A complementary filter of the base's position p and velocity v, in the world's axes, as of Bloesch et al., State
-estimation for legged robots (RSS 2012). The accelerometer foretells, with the orientation R̄ midway between two samples,
+estimation for legged robots (RSS 2012). The accelerometer predicts, with the orientation R̄ midway between two samples,
 
 .. math:: a_k = \bar R (f_k - b_{k-1}) + g, \quad p^-_k = p_{k-1} + T v_{k-1} + \tfrac12 T^2 a_k, \quad
     v^-_k = v_{k-1} + T a_k .

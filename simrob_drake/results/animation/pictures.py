@@ -60,7 +60,7 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
     """Return frames side by side, with the time under each, as PNG.
 
     The camera follows a robot that walks; then how far that is from its start stands there too, and the floor has lines
-    every 0.1 m.
+    every 0.1 m, bold ones every 0.5 m.
 
     Args:
         result: a run or a program.
@@ -78,10 +78,10 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
     if height < 16:
         raise InvalidParameter("height", height, "at least 16 [pixels]")
     studio = Studio(result, height=height, oversampling=2)
-    captions, strip = _captions(times, studio.way), BytesIO()
+    texts, strip = captions(times, studio.walked), BytesIO()
     if events:
-        captions = [f"{caption}\n{text}" for caption, (_, text) in zip(captions, events, strict=True)]
-    _strip(list(studio.images(times)), captions).save(strip, format="png")
+        texts = [f"{caption}\n{text}" for caption, (_, text) in zip(texts, events, strict=True)]
+    side_by_side(list(studio.images(times)), texts).save(strip, format="png")
     return strip.getvalue()
 
 
@@ -167,7 +167,7 @@ def _check_video(file: Path) -> None:
         raise OutputError(f"{file} cannot be written: it broke off, the disk may be full") from problem
 
 
-def _captions(times: Vector, way: Way | None) -> list[str]:
+def captions(times: Vector, way: Way | None) -> list[str]:
     """Return what stands under the frames: the time, and how far from its start a robot is that walks."""
     if way is None:
         return [f"{time:.2f} s" for time in times]
@@ -175,16 +175,16 @@ def _captions(times: Vector, way: Way | None) -> list[str]:
     return [f"{time:.2f} s, {distance:.2f} m" for time, distance in zip(times, distances, strict=True)]
 
 
-def _strip(images: list[Pixels], captions: list[str]) -> Image.Image:
+def side_by_side(images: list[Pixels], texts: list[str]) -> Image.Image:
     """Put images side by side with captions, in as many rows as keep them large where they are wide."""
     height, width = images[0].shape[:2]
-    lines = max(caption.count("\n") for caption in captions) + 1
+    lines = max(text.count("\n") for text in texts) + 1
     below = max(round(_CAPTION * height), 14) * lines
     columns = -(-len(images) // -(-len(images) * width // round(_WIDEST * height)))
     rows = -(-len(images) // columns)
     strip = Image.new("RGB", (columns * (width + _GAP) - _GAP, rows * (height + below)), _WHITE)
     pen, font = ImageDraw.Draw(strip), _font(0.6 * below / lines)
-    for number, (image, text) in enumerate(zip(images, captions, strict=True)):
+    for number, (image, text) in enumerate(zip(images, texts, strict=True)):
         left, top = number % columns * (width + _GAP), number // columns * (height + below)
         strip.paste(Image.fromarray(image), (left, top))
         middle = left + width / 2, top + height + below / 2
@@ -203,9 +203,20 @@ class Studio:
 
     Attributes:
         way: of the camera; None where it stands still.
+        walked: how far a robot that walks goes; None where nothing walks.
     """
 
-    def __init__(self, result: RecordedRun, *, height: int, width: int | None = None, oversampling: int = 1) -> None:
+    def __init__(
+        self,
+        result: RecordedRun,
+        *,
+        height: int,
+        width: int | None = None,
+        oversampling: int = 1,
+        follow: bool = True,
+        azimuth: float | None = None,
+        widest: float = _ASPECTS[1],
+    ) -> None:
         """Set the camera up.
 
         Args:
@@ -213,17 +224,22 @@ class Studio:
             height: of the images [pixels].
             width: of the images [pixels]; chosen to suit the motion unless given.
             oversampling: pixels a side that are rendered for one of the image: more make smoother edges.
+            follow: go beside a robot that walks; else all of its way is in the picture.
+            azimuth: where the eye is, counterclockwise from x [rad]; before the front quarter unless given.
+            widest: width over height, at most, of images that suit the motion.
 
         Raises:
             InvalidModel: a robot that cannot be built.
         """
         self._result = result
-        self.way = way = walked_way(result)
-        gone = None if way is None else way(np.linspace(0.0, result.stop_time, _PLACES))
+        self.walked = walked = walked_way(result)
+        self.way = way = walked if follow else None
+        gone = None if walked is None else walked(np.linspace(0.0, result.stop_time, _PLACES))
         config = result.config if gone is None else with_floor_under(result.config, gone)
         self._scene = scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()), way=gone)
-        azimuth, points = side(scene.station), scene.extents_of_run(result, way)
-        width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), *_ASPECTS))
+        azimuth = side(scene.station) if azimuth is None else azimuth
+        points = scene.extents_of_run(result, way)
+        width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), _ASPECTS[0], widest))
         self._camera = camera_on(points, aspect=width / height, azimuth=azimuth)
         self._oversampling = oversampling
         distance = float(np.linalg.norm(self._camera.target - self._camera.eye))

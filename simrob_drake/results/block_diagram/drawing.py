@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from io import BytesIO
+from math import fsum
 
 from simrob_drake.results.block_diagram.graph import ROLES, BlockGraph, DrawnBlock
 from simrob_drake.results.block_diagram.layout import CELL, LINE, ROW, Layout, Placed, text_width
@@ -151,7 +152,7 @@ def _block_parts(placed: Placed) -> Iterator[_Part]:
 def _inside(placed: Placed, block: DrawnBlock, line: str) -> Iterator[_Mark]:
     """Yield a block's words, and what happens in it as boxes of their own, one under the other."""
     middle, cells = placed.x + placed.width / 2, [cell.split("\n") for cell in block.inside]
-    content = LINE * len(placed.lines) + sum(LINE * len(cell) + 2.5 * CELL for cell in cells)
+    content = LINE * len(placed.lines) + fsum(LINE * len(cell) + 2.5 * CELL for cell in cells)
     y = placed.y - content / 2
     for number, text in enumerate(placed.lines):
         bold = number == 0 and text == block.robot and len(placed.lines) > 1

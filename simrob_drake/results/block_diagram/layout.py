@@ -4,6 +4,8 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
+from math import fsum
+from statistics import fmean
 
 from simrob_drake.results.block_diagram.flow import columns_of, nets_of
 from simrob_drake.results.block_diagram.graph import BARS, BlockGraph, DrawnBlock
@@ -20,7 +22,7 @@ _NARROW, _WIDE = " ijl.,:;'|()[]/!frt⋮-", "mwMW@±√ΣΔ%"
 def text_width(text: str, size: float = 11.0) -> float:
     """Return how wide a line is in the widest of the usual fonts [px]."""
     units = (0.38 if c in _NARROW else 0.96 if c in _WIDE else 0.74 if c.isupper() else 0.62 for c in text)
-    return size * sum(units)
+    return size * fsum(units)
 
 
 @dataclass
@@ -91,10 +93,6 @@ class Layout:
         self._set_ports()
         self._straighten()
 
-    def is_upper(self, placed: Placed) -> bool:
-        """Tell whether something belongs to a robot in the upper half of the picture of several."""
-        return placed.blocks[0].robot in self._robots[1 : 1 + (len(self._robots) - 1) // 2]
-
     def _things(self, graph: BlockGraph) -> list[list[DrawnBlock]]:
         """Return the blocks, the ports of a robot's outputs together in the order of their nets."""
         bars: dict[str, list[DrawnBlock]] = defaultdict(list)
@@ -119,7 +117,7 @@ class Layout:
             return Placed(things, lines[-1:], column, 22.0, 22.0)
         cells = [cell.split("\n") for cell in block.inside]
         width = max(text_width(line) for line in [*lines, *(line for cell in cells for line in cell)])
-        height = LINE * len(lines) + CELL + sum(LINE * len(cell) + 2.5 * CELL for cell in cells)
+        height = LINE * len(lines) + CELL + fsum(LINE * len(cell) + 2.5 * CELL for cell in cells)
         ends = max(sum(block.key in net.targets for net in self.nets), sum(n.source == block.key for n in self.nets))
         placed = Placed(things, lines, column, width + (4 if cells else 2) * _MARGIN, max(height, PITCH * ends))
         if cells and not block.within:  # into the first cell, and out of the last
@@ -150,13 +148,13 @@ class Layout:
                         near = step == (-1 if incoming else 1)
                         far = 1e4 if (step >= 0 if incoming else step <= 0) else -1e4
                         heights[number].append(other.y if near else far)
-                means = {number: sum(values) / len(values) for number, values in heights.items()}
+                means = {number: fmean(values) for number, values in heights.items()}
                 order = sorted(means, key=lambda number: (means[number], number))
                 side.clear()
                 middle = (len(order) - 1) / 2 - (placed.entry if incoming else placed.leave) / PITCH
                 side.update({each: (place - middle) * PITCH for place, each in enumerate(order)})
                 if placed.ports:
-                    side.update({number: sum(self.rows(number, placed)) / 2 for number in order})
+                    side.update({number: fmean(self.rows(number, placed)) for number in order})
 
     def _sort_rows(self, bar: Placed) -> None:
         """Put the ports of a bar in the order in which their nets come: those from far away over what is between."""
@@ -189,7 +187,7 @@ class Layout:
                     below = placed.height / 2 + 2 * PITCH if placed.force else 0.0  # of the way of the torques
                     sides[comes_in == ahead].append(other.y + there[number] - here[number] + below)
             found = sides[True] or sides[False] or far
-            return sum(found) / len(found) if found else placed.y
+            return fmean(found) if found else placed.y
 
         if order:
             column.sort(key=lambda placed: (placed.force, round(desired(placed), 3)))

@@ -4,6 +4,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
+from math import fsum
+from statistics import fmean
 from typing import NamedTuple
 
 from simrob_drake.results.block_diagram.flow import Net
@@ -53,7 +55,7 @@ class _Trunk:
 
     def leads_down(self) -> bool:
         """Tell whether it leads down from where it comes from."""
-        return sum(self.from_right) * max(len(self.from_left), 1) > sum(self.from_left) * max(len(self.from_right), 1)
+        return fsum(self.from_right) * len(self.from_left) > fsum(self.from_left) * len(self.from_right)
 
 
 class _Far(NamedTuple):
@@ -64,7 +66,6 @@ class _Far(NamedTuple):
     last: int
     ends: list[int]
     back: bool = False
-    upper: bool = True
 
 
 class Routing:
@@ -114,14 +115,13 @@ class Routing:
             self._trunks[column][number].from_right += levels
             self._taken[column] += [(number, level) for level in levels]
         ahead, back = ([c for c in ends if c > start], [c for c in ends if c < start])
-        upper = all(self._layout.is_upper(placed) for column in back for placed in ends[column].values())
         tasks = [_Far(number, start, max(ahead), sorted(ahead))] if ahead else []
-        return tasks + ([_Far(number, min(back), start, back, True, upper)] if back else [])
+        return tasks + ([_Far(number, min(back), start, back, back=True)] if back else [])
 
     def _lay(self, far: _Far) -> None:
         """Lay a way: ahead between what is in the way where that has room for it, else over or under it."""
         if far.back:
-            level = self._beyond(far.first, far.last, upper=far.upper)
+            level = self._beyond(far.first, far.last, upper=False)
             self._take(level, far.first, far.last)
             self._add_lane(far.number, level, far.first, far.last, far.ends)
             return
@@ -135,7 +135,7 @@ class Routing:
     def _between(self, number: int, level: float, first: int, last: int) -> float:
         """Return the level nearest to that of a net and its targets with room for it between two channels."""
         aims = self._trunks[last][number].from_right if number in self._trunks[last] else []
-        aim = sum(aims) / len(aims) if aims else level
+        aim = fmean(aims) if aims else level
         top, bottom = min(self._tops[first:last]), max(self._bottoms[first:last])
         inside = (top + 2.0 * step for step in range(int((bottom - top) / 2)))
         free = [found for found in (level, *aims, *inside) if self._passes(number, found, first, last)]
@@ -170,7 +170,7 @@ class Routing:
     def _passes(self, number: int, level: float, first: int, last: int) -> bool:
         """Tell whether a net can go on straight between what stands between two channels."""
         things = [placed for column in self._layout.columns[first:last] for placed in column]
-        taken = [other for levels in self._taken[first + 1 : last + 1] for other in levels]
+        taken = [other for levels in self._taken[first : last + 1] for other in levels]
         clear = all(owner == number or abs(level - other) >= _LANE - 1 for owner, other in taken)
         return clear and all(abs(level - placed.y) >= placed.height / 2 + _CLEAR for placed in things)
 
@@ -178,9 +178,11 @@ class Routing:
         """Give each upright part a track on which it meets no other, in an order in which few lines cross."""
         trunks = {number: trunk for number, trunk in self._trunks[channel].items() if not trunk.level}
 
-        def rank(number: int) -> tuple[bool, float]:
-            trunk, level = trunks[number], min(trunks[number].from_left, default=0.0)
-            return (True, -level) if trunk.leads_down() else (False, level)
+        def rank(number: int) -> tuple[int, float]:
+            trunk = trunks[number]
+            if not trunk.from_left:  # it comes back from the right
+                return 2, min(trunk.from_right)
+            return (1, -min(trunk.from_left)) if trunk.leads_down() else (0, min(trunk.from_left))
 
         order = sorted(trunks, key=rank)
         pairs = [

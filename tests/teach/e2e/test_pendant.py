@@ -60,7 +60,7 @@ def keyed(slider, key, times):
 
 def taken(page, what):
     """Take something away, and return its file."""
-    button(page, "Take away").click()
+    button(page, "Download").click()
     with page.expect_download() as download:
         page.get_by_role("menu").get_by_text(what).click()
     return download.value.path()
@@ -289,6 +289,10 @@ def test_the_station_is_changed_and_refused_in_the_checkers_words(page, humanoid
     field.press("Enter")
     expect(page.get_by_text("servo.kp: 150")).to_be_visible()
     expect(page.locator('[data-block="servo"]')).to_contain_text("kp 150")
+    whole = button(page, "As large as the screen")
+    for shown in (True, False):
+        whole.click()
+        page.wait_for_function(f"!!document.fullscreenElement === {str(shown).lower()}")
 
 
 @pytest.mark.long
