@@ -214,10 +214,8 @@ def save_portrait(robot: str) -> Path:
 
 def page() -> str:
     """Return the gallery: a heading, what the station is, its command, its clip and its picture, station by station."""
-    parts = [
-        "# Gallery",
-        "What the stations of the package do; `make pictures` writes this page. Lines on floors are 0.1 m apart.",
-    ]
+    lines = "Lines on floors are 0.1 m apart, bold ones 0.5 m."
+    parts = ["# Gallery", f"What the stations of the package do; `make pictures` writes this page. {lines}"]
     for station in station_names():
         description = " ".join(filter(None, [f"{load_station(station).description}.", NOTES.get(station)]))
         parts += [f"## {station}", description, f"`{command(station)}`"]

@@ -12,6 +12,7 @@ pytest.importorskip("latex2mathml", reason="needs the extra docs")
 
 from docs.site import api, commands, keys, links, parts, places
 from docs.site.texts import markdown
+from simrob_drake import station_names
 from simrob_drake.cli.app import whole_command
 
 ROOT = Path(__file__).parent.parent
@@ -132,6 +133,21 @@ def test_every_table_of_results_says_its_command(page):
     command = re.compile(r"`(simrob|python|make) [^`]+`")
     assert all("|---" not in text or command.search(text) for text in sections), page
     assert "| ---" not in whole or command.search(whole)
+
+
+@pytest.mark.parametrize(
+    ("page", "start", "end"),
+    [
+        ("docs/walking.md", "## Walks that react", "**Rough ground.**"),
+        ("docs/es/walking.md", "## Marchas que reaccionan", "**Suelo abrupto.**"),
+    ],
+)
+def test_the_page_of_walking_names_keys_that_there_are(page, start, end):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    part = text[text.index(start) : text.index(end)]
+    sections = keys.schemas()["gaits"]["$defs"]
+    known = {key for name in ("WalkingParameters", "Feedback") for key in sections[name]["properties"]}
+    assert {*re.findall(r"`([a-z_]+)`", part)} - known - {"walk", "reacting"} <= set(station_names())
 
 
 def test_lists_within_lists_are_indented_as_the_site_needs_it():

@@ -1,4 +1,4 @@
-"""How far leg odometry errs while robots walk, on sensors good and worn: a table of docs/loops.md.
+"""How far leg odometry errs while robots walk, on sensors good and worn: for docs/results/walking.md.
 
 Run it with ``python -m tests.benchmarks.odometry [NAME]...``; it takes some minutes.
 """

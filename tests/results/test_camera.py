@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from PIL import ImageDraw
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
@@ -17,7 +19,13 @@ from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.results.animation.camera import side, walked_way
 from simrob_drake.results.animation.pictures import Studio, save_film_strip
 from simrob_drake.results.animation.recording import save_recording
-from simrob_drake.results.animation.scene import SPACING, ViewedStation, floor_lines, with_floor_under
+from simrob_drake.results.animation.scene import (
+    SPACING,
+    ViewedStation,
+    add_floor_grid,
+    floor_lines,
+    with_floor_under,
+)
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
 
@@ -110,6 +118,19 @@ def test_the_lines_lie_on_whole_tenths_of_the_floor_about_the_way():
         np.testing.assert_allclose(np.diff(places), SPACING)
         np.testing.assert_allclose(places / SPACING, np.round(places / SPACING), atol=1e-9)
     assert lines[..., 0].max() == 4.0  # the floor ends there
+
+
+def test_every_fifth_line_of_a_floor_in_pictures_is_bold():
+    graph = SceneGraph()
+    add_floor_grid(graph, np.array([[0.0, 0.0, 0.0], [1.2, 0.3, 0.0]]), size=8.0, tilt=RigidTransform())
+    inspector, bold = graph.model_inspector(), []
+    for line in inspector.GetAllGeometryIds():
+        shape, pose = inspector.GetShape(line), inspector.GetPoseInFrame(line)
+        across = int(shape.width() < shape.depth())
+        if min(shape.width(), shape.depth()) > 0.006:
+            bold.append((across, round(float(pose.translation()[1 - across]), 9)))
+    assert {place for _, place in bold} <= {number / 2 for number in range(-3, 6)}
+    assert len(bold) == len(set(bold)) > 8
 
 
 def test_the_floor_reaches_beyond_a_walk_and_is_left_where_that_is_short():

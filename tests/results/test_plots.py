@@ -15,6 +15,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from simrob_drake import build_station, load_station, simulate, simulate_diagram
 from simrob_drake.errors import OutputError, UnknownName
 from simrob_drake.frames import transform_from_xyz_quaternion
+from simrob_drake.results.plots import tool_plots
 from simrob_drake.results.plots.files import save_plots
 from simrob_drake.results.plots.grid import Curve, Plot, Stack, grid_figure
 from simrob_drake.results.plots.joint_plots import side_groups
@@ -163,20 +164,25 @@ def test_the_tool_is_shown_with_its_reference_and_what_it_misses(result, drawn):
     np.testing.assert_allclose(errors[3:], np.subtract(asked, got), atol=1e-9)
 
 
-def test_angles_of_the_reference_are_those_nearest_to_the_tools(result, drawn):
-    """The tool's Ry goes through 90 degrees, where Rz and Rx jump by 180; the error does not."""
-    half = np.linspace(np.deg2rad(40), np.deg2rad(50), len(result.times))
-    q_ref = result.axes("q_ref")
-    still = {f"q_ref__{name}": np.zeros(len(half)) for name in result.plant.robots["robot"].axes}
-    assert q_ref.shape[1] == len(still)
+@pytest.mark.parametrize(
+    ("reached", "shown"),
+    [((2, 81, 1), (1, 80, 2)), ((361, 79, 2), (361, 80, 2)), ((182, 99, 181), (181, 100, 182))],
+)
+def test_angles_of_the_reference_are_those_nearest_to_the_tools(reached, shown):
+    """Of all Rz, Ry, Rx of one orientation: else the error would jump by 180 degrees where Ry goes through 90."""
+    found = np.rad2deg(tool_plots._nearest(*np.deg2rad([[[1.0, 80.0, 2.0]], [reached]])))
+    np.testing.assert_allclose(found, [shown])
+    one, same = (RollPitchYaw(*np.deg2rad(angles[::-1])).ToRotationMatrix() for angles in ((1, 80, 2), shown))
+    assert one.IsNearlyEqualTo(same, 1e-12)
+
+
+def test_where_small_turns_are_large_angles_the_plot_says_so(result, drawn):
+    half = np.full(len(result.times), np.deg2rad(44))  # of Ry
     nothing = np.zeros_like(half)
-    turning = changed(result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=np.sin(half), tcp__qz=nothing, **still)
-    panels = drawn(turning)["tcp"].axes
-    reference = np.array([curve(panel, "reference").get_ydata() for panel in panels[6::2]])
-    turns = [RollPitchYaw(*np.deg2rad(row[::-1])).ToRotationMatrix() for row in reference.T]
-    assert all(turn.IsNearlyEqualTo(turns[0], 1e-9) for turn in turns)  # written in other angles, but the same
-    lock = "large where Ry is near ±90"
-    assert [panel.get_title(loc="right") for panel in panels[6::2]] == [lock, "", lock]
+    upright = changed(result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=np.sin(half), tcp__qz=nothing)
+    notes = [panel.get_title(loc="right") for panel in drawn(upright)["tcp"].axes[6::2]]
+    assert notes == ["large where Ry is near ±90", "", "large where Ry is near ±90"]
+    assert not any(panel.get_title(loc="right") for panel in drawn(result)["tcp"].axes)
 
 
 def test_angles_that_go_on_turning_do_not_jump(result, drawn):

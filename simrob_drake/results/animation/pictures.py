@@ -60,7 +60,7 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
     """Return frames side by side, with the time under each, as PNG.
 
     The camera follows a robot that walks; then how far that is from its start stands there too, and the floor has lines
-    every 0.1 m.
+    every 0.1 m, bold ones every 0.5 m.
 
     Args:
         result: a run or a program.
