@@ -31,7 +31,7 @@ def joint_of(ties: Sequence[Tie]) -> tuple[str, RigidTransform] | None:
     if not len(free):
         return "Weld Joint", ties[0].base.pose
     turns, slides = _split(free)
-    make = _JOINTS.get((len(turns), len(slides)))
+    make = _LEFT_OVER.get((len(turns), len(slides)))
     made = make(turns, slides) if make else None
     if made is not None and len(slides) + (made[0] == "Prismatic Joint") > 1:  # any place will do: one at the bodies
         made[1].set_translation(ties[0].base.pose.translation())
@@ -77,7 +77,7 @@ def _ball(turns: Vector, _: Vector) -> tuple[str, RigidTransform] | None:
     return "Spherical Joint", RigidTransform(middle)
 
 
-_JOINTS: dict[tuple[int, int], Callable[[Vector, Vector], tuple[str, RigidTransform] | None]] = {
+_LEFT_OVER: dict[tuple[int, int], Callable[[Vector, Vector], tuple[str, RigidTransform] | None]] = {
     **dict.fromkeys([(1, 0), (1, 1), (1, 2)], _hinge),
     **dict.fromkeys([(0, 1), (0, 2), (0, 3)], _slider),
     (3, 0): _ball,

@@ -80,7 +80,7 @@ def _with(make: Callable[[Node], Callable[[Value], Value]]) -> Rule:
     return lambda reader, node, number: _elementwise(make(node))(reader, node, number)
 
 
-def _constant(_: SignalReader, node: Node, __: int) -> Signal:
+def _ps_constant(_: SignalReader, node: Node, __: int) -> Signal:
     return signal(float(value) * _unit(node, "constant") for value in node.numbers("constant", "1"))
 
 
@@ -110,18 +110,18 @@ def _integrator(reader: SignalReader, node: Node, _: int) -> Signal:
     return with_states(reader, node, "integrator", {"initial": _figure(node, "x0", "x", default="0")})
 
 
-def _ramp(_: SignalReader, node: Node, __: int) -> Signal:
+def _ps_ramp(_: SignalReader, node: Node, __: int) -> Signal:
     begin = _figure(node, "start_time", default="0")
     rising = _figure(node, "slope") * limited(TIME - begin, 0.0, math.inf)
     return signal([rising + _figure(node, "initial_output", default="0")])
 
 
-def _step(_: SignalReader, node: Node, __: int) -> Signal:
+def _ps_step(_: SignalReader, node: Node, __: int) -> Signal:
     before, after = _figure(node, "initial_output", default="0"), _figure(node, "final_output")
     return signal([computed("step", time=_figure(node, "step_time", default="1"), before=before, after=after)])
 
 
-def _sine(_: SignalReader, node: Node, __: int) -> Signal:
+def _ps_sine(_: SignalReader, node: Node, __: int) -> Signal:
     rate = _figure(node, "frequency") * (2 * math.pi if "Hz" in node.text("frequency_unit", "Hz") else 1.0)
     angle = rate * TIME + _figure(node, "phase", "phase_shift", default="0")
     return signal([_figure(node, "amplitude") * applied("sin", angle) + _figure(node, "bias", "center", default="0")])
@@ -129,7 +129,7 @@ def _sine(_: SignalReader, node: Node, __: int) -> Signal:
 
 PHYSICAL: dict[str, Rule] = {
     "Simulink-PS Converter": _into_physics,
-    "PS Constant": _constant,
+    "PS Constant": _ps_constant,
     "PS Gain": lambda reader, node, _: scaled(reader.input(node), _figure(node, "gain")),
     "PS Add": _elementwise(lambda u, v: u + v, 2),
     "PS Subtract": _elementwise(lambda u, v: u - v, 2),
@@ -144,9 +144,9 @@ PHYSICAL: dict[str, Rule] = {
     "PS Dead Zone": _with(partial(_limited, kind="dead_zone")),
     "PS Lookup Table (1D)": _with(_lookup),
     "PS Switch": _switch,
-    "PS Ramp": _ramp,
-    "PS Step": _step,
-    "PS Sine Wave": _sine,
+    "PS Ramp": _ps_ramp,
+    "PS Step": _ps_step,
+    "PS Sine Wave": _ps_sine,
     "PS Integrator": _integrator,
 }
 """What blocks give at their right port 1, by type."""
