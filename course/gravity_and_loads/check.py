@@ -59,6 +59,8 @@ def torques(answer: ModuleType) -> Reading:
 def error(answer: ModuleType, load: float) -> np.ndarray:
     """Return the errors of joints 2 and 3 [deg] under 3 kg with a feedforward that believes in a load."""
     result = held(*np.deg2rad([40.0, -20.0]), LOAD, [Feedforward(answer, load)], kp=1000, kd=50)
+    if result.ending != "completed":  # a block that fails ends a run
+        raise RuntimeError(result.message)
     return np.rad2deg(result.axes("q")[-1] - result.axes("q_ref")[-1])[1:3]
 
 

@@ -62,7 +62,9 @@ def picture(file: Path) -> Path:
     for gain in (0.0, 100.0, 320.0, 1000.0):
         result = run(gain, [0, 2.0, 0], 0.5)
         tool = result.pose("tcp")[:, :3]
-        way.plot(result.times, 1e3 * np.linalg.norm(tool - tool[0], axis=1), label=f"gain {gain:g} 1/s")
+        late = result.times >= 0.5
+        moved = 1e3 * np.linalg.norm(tool[late] - tool[late][0], axis=1)
+        way.plot(result.times[late], moved, label=f"gain {gain:g} 1/s")
     way.axvspan(0.5, 1.0, color="#dddddd")
     way.set_xlabel("time [s], the push in grey")
     way.set_ylabel("way of the tool [mm]")

@@ -4,7 +4,6 @@ from nicegui import ui
 
 from simrob_drake.programs.timeline import GRID
 from simrob_drake.teach.pages.elements import follow, icon_button, set_label
-from simrob_drake.teach.pages.engine_words import spoken
 from simrob_drake.teach.pendant import Pendant
 
 PACES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
@@ -49,8 +48,7 @@ def build(pendant: Pendant) -> None:
 
     def tell() -> None:
         notice = session.message
-        told = t(f"notice.{notice.key}", **notice.fills) if notice.key else spoken(str(notice), pendant.language)
-        message.text = told
+        message.text = t(f"notice.{notice.key}", **notice.fills) if notice.key else t.of_engine(str(notice))
         message.classes(add="pendant-wrong" if notice.wrong else "", remove="" if notice.wrong else "pendant-wrong")
 
     follow(session, phase, "phase", "program", "description")
