@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from simrob_drake.importer.options import EntryKind
 from simrob_drake.simulink.model.block_types import FATES, BlockType, Domain, Fate, block_types
 from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.signals.forms import closure
 from simrob_drake.simulink.signals.tracing import RULES
 from simrob_drake.simulink.simulink_model import SimulinkModel
 
@@ -23,6 +24,7 @@ class BlockOutcome:
         path: from the model's top.
         type: of the block.
         domain, fate, text: as in the table of block types.
+        noun: what a loss counts as.
     """
 
     path: str
@@ -30,6 +32,7 @@ class BlockOutcome:
     domain: Domain
     fate: Fate
     text: str = ""
+    noun: str = ""
 
 
 def outcomes(model: SimulinkModel) -> list[BlockOutcome]:
@@ -38,13 +41,31 @@ def outcomes(model: SimulinkModel) -> list[BlockOutcome]:
     for entry in model.report.entries:
         if entry.kind in _BY_ENTRY:
             found.setdefault(entry.element, []).append((_BY_ENTRY[entry.kind], entry.text))
+    undriven = _undriven(model)
     left_out = [
         BlockOutcome(path, kind, "structure", "ignored", why) for path, (kind, why) in model.expanded.left_out.items()
     ]
-    return [*(_outcome(model, node, found.get(node.path, [])) for node in model.expanded.nodes), *left_out]
+    return [
+        *(_outcome(model, node, found.get(node.path, []), undriven.get(node, "")) for node in model.expanded.nodes),
+        *left_out,
+    ]
 
 
-def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]]) -> BlockOutcome:
+def _undriven(model: SimulinkModel) -> dict[Node, str]:
+    """Return what drives joints, and acts on bodies, but comes from blocks that are left open; these by their names."""
+    drives = [(push.node, [*push.force, *push.torque]) for push in model.pushes]
+    for link in model.bodies.links:
+        laws = [model.laws[freedom] for freedom in link.joint.freedoms if freedom in model.laws]
+        drives.append((link.joint.node, [value for law in laws for value in (law.net, law.reference or 0.0)]))
+    found: dict[Node, str] = {}
+    for node, values in drives:
+        terms = (term for terms in closure(values) for term in terms if term.kind == "open")
+        if names := sorted({term.of.path for term in terms if isinstance(term.of, Node)}):
+            found[node] = ", ".join(names)
+    return found
+
+
+def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], undriven: str) -> BlockOutcome:
     if node.block.commented == "through":
         return BlockOutcome(node.path, node.kind, "structure", "ignored", "commented through: its ports are joined")
     row = block_types().get(node.kind) or _unknown(model, node)
@@ -52,7 +73,11 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]]) ->
     if row.domain == "mechanics" and fate != "lost" and (unread := model.network.unread(node)):
         ports = ", ".join(f"{side} {number}" for _, side, number in unread)
         fate, text = "lost", f"nothing reads its port {ports}"
-    return BlockOutcome(node.path, node.kind, row.domain, fate, text)
+    if undriven and fate != "lost":
+        text = f"what drives it comes from {undriven}, left open: it is 0 until something drives that"
+        return BlockOutcome(node.path, node.kind, "mechanics", "lost", text, "drive")
+    noun = row.text if row.fate == "lost" and row.text else node.kind
+    return BlockOutcome(node.path, node.kind, row.domain, fate, text, noun)
 
 
 def _unknown(model: SimulinkModel, node: Node) -> BlockType:
@@ -75,11 +100,7 @@ def lost_mechanics(found: list[BlockOutcome]) -> list[BlockOutcome]:
 
 def fidelity(found: list[BlockOutcome], prescribed: int = 0) -> str:
     """Return how faithful a station is, as in ``2 gears and 1 spring lost; 3 control blocks left open``."""
-    types = block_types()
-    nouns = Counter(
-        row.text if (row := types.get(outcome.type)) and row.fate == "lost" else outcome.type.rpartition("/")[2]
-        for outcome in lost_mechanics(found)
-    )
+    nouns = Counter(outcome.noun for outcome in lost_mechanics(found))
     lost = [_counted(number, noun) for noun, number in nouns.items()]
     parts = [
         f"{' and '.join(part for part in (', '.join(lost[:-1]), *lost[-1:]) if part)} lost"

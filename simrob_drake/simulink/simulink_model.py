@@ -187,9 +187,20 @@ def _stopping(tracer: Tracer, expanded: Expanded) -> tuple[list[Node], dict[Node
     return found, stops
 
 
+_UNHEEDED = {
+    "TriggerPort": "its trigger is not read: what is in it goes on all the time",
+    "ResetPort": "its reset is not read: its states go on",
+}
+"""What a subsystem becomes that has such a port."""
+
+
 def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
-    """Report what no station has: open blocks, callbacks."""
+    """Report what no station has: triggers that something moves by, open blocks, callbacks."""
     report = expanded.findings.report
+    for port in (node for node in expanded.nodes if node.kind in _UNHEEDED):
+        subsystem = port.path.removesuffix(port.block.name)
+        if any(node.path.startswith(subsystem) and tracer.followed(node) for node in expanded.nodes):
+            report.add("approximated", subsystem.removesuffix("/"), _UNHEEDED[port.kind])
     for node, why in tracer.opened.items():
         report.add("open", node.path, f"{node.kind or 'block'}: left open{f'; {why}' if why else ''}")
     for name in expanded.model.callbacks:

@@ -5,8 +5,9 @@ import re
 import zipfile
 
 import pytest
-from slx_files import REVOLUTE, TRANSFORM, WORLD, pendulum, write_model
+from slx_files import REVOLUTE, TRANSFORM, WORLD, Level, pendulum, write_model
 from test_mechanics import mechanism
+from test_slx_signals import Plant
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
@@ -78,3 +79,36 @@ def test_a_physical_port_that_nothing_reads_is_a_loss(tmp_path, kind, side):
     (extra_one,) = (outcome for outcome in outcomes if outcome.path == "Extra")
     assert extra_one.fate == "lost"
     assert extra_one.text == f"nothing reads its port {side.replace(':', ' ')}"
+
+
+def test_an_open_block_that_drives_a_joint_is_a_lost_drive(tmp_path):
+    plant = Plant()
+    brain = plant.chain("Stateflow Chart", "Brain", plant.positions[0])
+    plant.chain("Scope", "Look", plant.chain("Stateflow Chart", "Idle", plant.positions[0]))
+    plant.drive(plant.chain("Gain", "k", brain, Gain="3"), plant.chain("Gain", "own", plant.positions[1], Gain="-1"))
+    imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out")
+    assert imported.fidelity == "1 drive lost; 1 control block left open"
+    drives = {name: block for name, block in blocks_of(tmp_path / "out").items() if block["type"] == "Revolute Joint"}
+    assert [drives[name]["fate"] for name in "AB"] == ["lost", "exact"]
+    assert drives["A"]["text"].startswith("what drives it comes from Brain, left open")
+
+
+@pytest.mark.parametrize(("port", "side"), [("TriggerPort", "trigger"), ("ResetPort", "Reset")])
+def test_a_trigger_that_is_not_read_is_told_where_something_moves_by_it(tmp_path, port, side):
+    plant = Plant()
+    for number, name in enumerate(("Fast", "Shown")):
+        inner = Level(first=100 * (number + 1))
+        inner.block(port, "When")
+        source, gain, out = inner.block("Inport", "u"), inner.block("Gain", "k"), inner.block("Outport", "y")
+        inner.wire(f"{source}#out:1", f"{gain}#in:1")
+        inner.wire(f"{gain}#out:1", f"{out}#in:1")
+        subsystem = plant.block("SubSystem", name, inner=inner.xml())
+        plant.wire(plant.positions[number], f"{subsystem}#in:1")
+        plant.wire(plant.chain("Clock", f"Time {name}"), f"{subsystem}#{side}")
+        if name == "Fast":
+            plant.drive(f"{subsystem}#out:1", plant.positions[1])
+    imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out")
+    assert [entry.element for entry in imported.report.of("approximated")] == ["Fast"]
+    blocks = blocks_of(tmp_path / "out")
+    assert [blocks[name]["fate"] for name in ("Fast", "Fast/When", "Shown")] == ["approximated"] * 2 + ["exact"]
+    assert "is not read" in blocks["Fast"]["text"]

@@ -16,11 +16,17 @@ from nicegui.testing.user_interaction import UserInteraction
 
 from simrob_drake import teach
 from simrob_drake.errors import SimrobError, UnknownName
+from simrob_drake.results.verdict.criterion import MeasuredValue
+from simrob_drake.results.verdict.judge import CRITERIA
+from simrob_drake.results.verdict.verdict import Measure
 from simrob_drake.robots.catalog import robot_names
+from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.load import load_station
 from simrob_drake.teach.pages import shell
 from simrob_drake.teach.pages.elements import KEYS
 from simrob_drake.teach.pages.words import languages, texts_of, words
 from simrob_drake.teach.pendant import Pendant
+from simrob_drake.yaml_files import read_yaml
 
 EN, ES = texts_of("en"), texts_of("es")
 BRACES = re.compile(r"{(\w+)}")
@@ -100,6 +106,36 @@ def test_the_languages_say_the_same_things():
     assert all(isinstance(text, str) and text.strip() for text in [*EN.values(), *ES.values()])
     with pytest.raises(UnknownName, match="language 'fr'"):
         words("fr")
+
+
+def test_sentences_of_the_engine_keep_their_parts():
+    sentences = read_yaml(Path(teach.__file__).parent / "pages" / "strings" / "engine" / "es.yaml")
+    for english, own in sentences.items():
+        assert sorted(BRACES.findall(english)) == sorted(BRACES.findall(own)), english
+    assert words("en").of_engine("ran to its end at 3 s") == "ran to its end at 3 s"
+
+
+def test_the_pendant_says_in_spanish_what_the_engine_says():
+    said = words("es").of_engine
+    assert said("ran to its end at 3 s\nof nobody knows what") == "llegó al final a los 3 s\nof nobody knows what"
+    fall = "stopped by fall: robot fell: it leans by more than 45 deg, at 2.561 s"
+    assert said(fall) == "la detuvo fall: robot se cayó: se inclina más de 45°, a los 2.561 s"
+    stations = ("irb120_dynamic", "humanoid_fixed", "box_on_floor", "zjudancer_walking")
+    found = [one for name in stations for one in check_station(load_station(name)) if "[" not in one.text]
+    assert len(found) > 50
+    assert [one.text for one in found if said(one.text) == one.text] == []
+    assert [one.subject for one in found if said(one.subject) == one.subject and " of " in one.subject] == []
+
+
+def test_verdicts_are_said_in_spanish():
+    """Of all criteria, in their own words."""
+    said = words("es").of_engine
+    for criterion in CRITERIA:
+        value = MeasuredValue("joint_2", 2.0, criterion.unit, 1.0, 0.5, 194.0, "steps")
+        measure = Measure(criterion, (value._replace(value=0.0, bound=1.0) if criterion.least else value,))
+        for text in (str(measure), measure.warning):
+            assert said(text) != text
+            assert not re.search(r"\b(was|were|of|the|its|bound|limit)\b", said(text)), said(text)
 
 
 def test_every_notice_of_a_session_has_its_words():

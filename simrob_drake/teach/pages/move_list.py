@@ -107,7 +107,7 @@ def _edit(
             if content is not None and store(content):
                 dialog.close()
             elif content is not None:
-                wrong.text = str(session.message)
+                wrong.text = t.of_engine(str(session.message))
 
         with ui.row():
             ui.button(t("legs.save"), on_click=save).props("no-caps")

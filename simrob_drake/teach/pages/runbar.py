@@ -48,7 +48,7 @@ def build(pendant: Pendant) -> None:
 
     def tell() -> None:
         notice = session.message
-        message.text = t(f"notice.{notice.key}", **notice.fills) if notice.key else str(notice)
+        message.text = t(f"notice.{notice.key}", **notice.fills) if notice.key else t.of_engine(str(notice))
         message.classes(add="pendant-wrong" if notice.wrong else "", remove="" if notice.wrong else "pendant-wrong")
 
     follow(session, phase, "phase", "program", "description")

@@ -73,7 +73,7 @@ class _Page:
             done = session.unset(key)  # which may have brought it
         else:
             done = session.set(key, value)
-        return "" if done else str(session.message)
+        return "" if done else self._t.of_engine(str(session.message))
 
     def _refresh(self) -> None:
         """Show the station as it is now."""
@@ -101,7 +101,7 @@ class _Page:
             return
         self._asked = True
         picture = await asyncio.wrap_future(self._session.picture())
-        self._wrong_picture.text = "" if picture else str(self._session.message)
+        self._wrong_picture.text = "" if picture else self._t.of_engine(str(self._session.message))
         if picture:
             self._picture.show(picture)
         findings = await asyncio.wrap_future(self._session.check())
@@ -113,6 +113,8 @@ class _Page:
 
     def _show_findings(self, findings: Sequence[Mapping[str, str]]) -> None:
         """Show the warnings, and behind them, folded, what is in order."""
+        own = self._t.of_engine
+        findings = [{**one, "subject": own(one["subject"]), "text": own(one["text"])} for one in findings]
         fine = [finding for finding in findings if finding["level"] != "warning"]
         for finding in findings:
             if finding not in fine:
@@ -178,7 +180,7 @@ class _Page:
             return
         self._heard = ending
         if ending["ending"] not in ("completed", "stopped"):
-            line = f"{ending['time']:.2f} s: {ending['message']}"
+            line = f"{ending['time']:.2f} s: {self._t.of_engine(ending['message'])}"
             self._endings = [line, *self._endings][:_MOST_ENDINGS]
             self._show_stops()
 

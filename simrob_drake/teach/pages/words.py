@@ -1,5 +1,6 @@
 """The words of the pages, in each language one file beside, and what a session says in them."""
 
+import re
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -18,6 +19,9 @@ class Words(Protocol):
     def __call__(self, key: str, **values: object) -> str:
         """Return a text with figures put in where it has their names in braces."""
 
+    def of_engine(self, text: str) -> str:
+        """Return what the engine says in English, line by line, in the language; what it does not know as it is."""
+
 
 def languages() -> list[str]:
     """Return the languages that there are, ``en`` first."""
@@ -30,12 +34,35 @@ def words(language: str) -> Words:
     Raises:
         UnknownName: there is no such language.
     """
-    texts = texts_of(one_of("language", language, languages()))
+    return _Words(texts_of(one_of("language", language, languages())), _sentences_of(language))
 
-    def t(key: str, **values: object) -> str:
-        return texts[key].format(**values) if values else texts[key]
 
-    return t
+@dataclass(frozen=True)
+class _Words:
+    texts: dict[str, str]
+    sentences: tuple[tuple[re.Pattern[str], str], ...]
+
+    def __call__(self, key: str, **values: object) -> str:
+        return self.texts[key].format(**values) if values else self.texts[key]
+
+    def of_engine(self, text: str) -> str:
+        return "\n".join(map(self._said, text.split("\n"))) if self.sentences else text
+
+    def _said(self, line: str) -> str:
+        """Return a line in the words of the first sentence that it is, and so its parts, which are shorter."""
+        for pattern, sentence in self.sentences:
+            if (found := pattern.fullmatch(line)) is not None:
+                return sentence.format(**{name: self._said(part) for name, part in found.groupdict().items()})
+        return line
+
+
+@cache
+def _sentences_of(language: str) -> tuple[tuple[re.Pattern[str], str], ...]:
+    """Return the sentences of the engine that a language has words for, with patterns of them in English."""
+    file = _FOLDER / "engine" / f"{language}.yaml"
+    known = read_yaml(file) if file.is_file() else {}
+    parts = re.compile(r"\\{(\w+)\\}")
+    return tuple((re.compile(parts.sub(r"(?P<\1>.+?)", re.escape(english))), own) for english, own in known.items())
 
 
 @cache
