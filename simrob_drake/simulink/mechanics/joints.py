@@ -19,11 +19,7 @@ AXES = {
     "-Y": np.array([0.0, -1.0, 0.0]),
     "-Z": np.array([0.0, 0.0, -1.0]),
 }
-_TURNS = {
-    "X": RotationMatrix.MakeXRotation,
-    "Y": RotationMatrix.MakeYRotation,
-    "Z": RotationMatrix.MakeZRotation,
-}
+_TURNS = {"X": RotationMatrix.MakeXRotation, "Y": RotationMatrix.MakeYRotation, "Z": RotationMatrix.MakeZRotation}
 
 
 def rigid_transform(node: Node) -> RigidTransform:
