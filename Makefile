@@ -61,6 +61,8 @@ pictures: $(TOOLS)  ## renew the block pictures beside the stations, the schemas
 	cp runs/pushes/pushes.png docs/zjudancer_pushes.png
 	rm -rf runs/gains && $(BIN)/simrob sweep irb120_dynamic --vary servo.kp=log:100:10000:9 --vary pieces.load.mass=0.5,1,2 --out runs/gains
 	cp runs/gains/plots/map.png docs/gains_map.png
+	for exercise in examples/course/*.py; do $(BIN)/python $$exercise; done
+	cp runs/course/*.png docs/course/figures/
 	-$(BIN)/python -m docs.teach_pictures  # which needs a browser
 
 hooks: $(TOOLS)  ## let git run ruff and mypy before each commit
