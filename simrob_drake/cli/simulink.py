@@ -169,7 +169,7 @@ def fmu(
 
         simrob fmu irb120_dynamic --step 1e-3 --out irb120.fmu
     """
-    from simrob_drake.simulink.fmi.writing import with_fixed_steps, write_fmu
+    from simrob_drake.simulink.fmi.unit import with_fixed_steps, write_fmu
 
     config = station_from(station, set_)
     if step is not None:

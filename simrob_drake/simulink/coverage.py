@@ -2,13 +2,50 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal, NamedTuple, get_args
+
+import yaml
 
 from simrob_drake.importer.options import EntryKind
-from simrob_drake.simulink.model.block_types import FATES, BlockType, Domain, Fate, block_types
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import closure
 from simrob_drake.simulink.signals.tracing import RULES
 from simrob_drake.simulink.simulink_model import SimulinkModel
+
+Fate = Literal["exact", "ignored", "approximated", "open", "lost"]
+FATES: tuple[Fate, ...] = get_args(Fate)
+"""What can become of a block, the least loss first."""
+
+Domain = Literal["structure", "mechanics", "signals"]
+
+
+class BlockType(NamedTuple):
+    """A row of the table.
+
+    Attributes:
+        domain: what it is part of.
+        fate: what becomes of it unless more is known of the block.
+        text: how it is approximated, what is left open, or what a loss counts as; may be empty.
+    """
+
+    domain: Domain
+    fate: Fate
+    text: str = ""
+
+
+@cache
+def block_types() -> dict[str, BlockType]:
+    """Return the table, by type."""
+    content = yaml.safe_load(Path(__file__).with_name("block_types.yaml").read_text(encoding="utf-8"))
+    rows: dict[str, BlockType] = {}
+    for domain, fates in content.items():
+        for fate, types in fates.items():
+            texts = types if isinstance(types, dict) else dict.fromkeys(types, "")
+            rows |= {name: BlockType(domain, fate, text or "") for name, text in texts.items()}
+    return rows
+
 
 _BY_ENTRY: dict[EntryKind, Fate] = {
     "approximated": "approximated", "defaulted": "approximated", "open": "open", "lost": "lost", "refused": "lost",

@@ -10,9 +10,9 @@ from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.simulink.coverage import BlockOutcome, fidelity, outcomes
 from simrob_drake.simulink.simulink_model import SimulinkModel, read_simulink, undefined_variables
-from simrob_drake.simulink.writing.contact_sections import StationFiles
-from simrob_drake.simulink.writing.names import plain
 from simrob_drake.simulink.writing.station import StationWriter
+from simrob_drake.simulink.writing.touching import StationFiles
+from simrob_drake.simulink.writing.urdf import plain
 
 REPORT_FILE = "report.json"
 

@@ -12,22 +12,17 @@ from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.simulink.cad.model import read_cad_model
-from simrob_drake.simulink.mechanics.bodies import Bodies, RigidPart, read_bodies
-from simrob_drake.simulink.mechanics.closures import can_close, close, cuttable
-from simrob_drake.simulink.mechanics.contacts import ContactPair, read_contacts
+from simrob_drake.simulink.mechanics.bodies import Bodies, ContactPair, RigidPart, read_bodies, read_contacts
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
-from simrob_drake.simulink.mechanics.trees import Tree, grow
-from simrob_drake.simulink.model.expand import Expanded, expand
+from simrob_drake.simulink.mechanics.trees import Tree, can_close, close, cuttable, grow
 from simrob_drake.simulink.model.network import Connections
-from simrob_drake.simulink.model.nodes import Findings, Node
-from simrob_drake.simulink.reading.libraries import Libraries
-from simrob_drake.simulink.reading.model_file import read_model
+from simrob_drake.simulink.model.nodes import Expanded, Findings, Node, expand
+from simrob_drake.simulink.reading.model_file import Libraries, read_model
 from simrob_drake.simulink.signals.forms import Value, flat, terms_of
-from simrob_drake.simulink.signals.laws import Law, read_laws
-from simrob_drake.simulink.signals.pushes import ExternalForce, read_pushes
+from simrob_drake.simulink.signals.laws import ExternalForce, Law, read_laws, read_pushes
 from simrob_drake.simulink.signals.tracing import Tracer
-from simrob_drake.simulink.values.octave import find_octave
+from simrob_drake.simulink.values.workspace import find_octave
 
 _LONGEST = 3600.0  # s
 

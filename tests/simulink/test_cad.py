@@ -11,10 +11,10 @@ from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.cad.assembly import End, Instance, Tie
-from simrob_drake.simulink.cad.constraints import joint_of
+from simrob_drake.simulink.cad.model import joint_of
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.mechanics.closures import body_poses
 from simrob_drake.simulink.mechanics.mesh_files import load_mesh
+from simrob_drake.simulink.mechanics.trees import body_poses
 from simrob_drake.simulink.simulink_model import read_simulink
 
 PLACE, TURN = np.array([0.3, -0.2, 0.5]), RotationMatrix(RollPitchYaw(0.4, -0.7, 1.1))

@@ -11,8 +11,8 @@ from test_slx_signals import Plant
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
+from simrob_drake.simulink.coverage import FATES, block_types
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.model.block_types import FATES, block_types
 
 GEAR = "sm_lib/Gears and Couplings/Gears/Worm and Gear Constraint"
 

@@ -8,8 +8,7 @@ import pytest
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidParameter, OutputError
-from simrob_drake.simulink.fmi.unit import StepFailed, SteppedStation
-from simrob_drake.simulink.fmi.writing import with_fixed_steps, write_fmu
+from simrob_drake.simulink.fmi.unit import StepFailed, SteppedStation, with_fixed_steps, write_fmu
 
 pytest.importorskip("pythonfmu")
 fmpy = pytest.importorskip("fmpy")

@@ -9,8 +9,7 @@ from slx_files import Level, mask, pendulum, write_model
 
 from simrob_drake.errors import InvalidModel, SimrobError
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.reading.model_file import read_model
-from simrob_drake.simulink.reading.package import LARGEST_PART
+from simrob_drake.simulink.reading.model_file import LARGEST_PART, read_model
 from simrob_drake.simulink.simulink_model import read_simulink
 
 

@@ -9,7 +9,7 @@ from test_mechanics import four_bar, mechanism
 from simrob_drake import load_station, simulate
 from simrob_drake.simulink.fmi.unit import SteppedStation
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.mechanics.closures import body_poses, common_points
+from simrob_drake.simulink.mechanics.trees import body_poses, common_points
 
 TIGHT = {"solver.accuracy": 1e-6, "solver.max_step": 0.01}
 SENSOR = "sm_lib/Frames and\nTransforms/Transform\nSensor"

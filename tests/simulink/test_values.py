@@ -8,7 +8,7 @@ import pytest
 from scipy.io import savemat
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.simulink.values import mat_bounds
+from simrob_drake.simulink.values import mat_files as mat_bounds
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
 from simrob_drake.simulink.values.mat_files import variables_of_mat
 from simrob_drake.simulink.values.syntax import NotUnderstood

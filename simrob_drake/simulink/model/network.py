@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from simrob_drake.simulink.model.expand import Expanded, chosen_variant
-from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.model.nodes import Expanded, Node, chosen_variant
 from simrob_drake.simulink.reading.graph import Port
 
 Place = tuple[int, str, int]

@@ -1,15 +1,102 @@
-"""Read a model file: `.slx`, or `.mdl` as a package of parts or as the old text."""
+"""Model files, and the libraries that they take blocks from: a zip of XML, or a text."""
 
+import io
 import re
+import zipfile
+import zlib
+from collections.abc import Iterable
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.simulink.reading.elements import SystemReader, TooManyElements, one_line, read_defaults, read_mask
-from simrob_drake.simulink.reading.graph import Mask, Model, System
-from simrob_drake.simulink.reading.mdl_text import parse_mdl
-from simrob_drake.simulink.reading.package import Package
-from simrob_drake.simulink.reading.xml_part import Unreadable, parse_part
+from simrob_drake.files import NotRead, content_of
+from simrob_drake.simulink.reading.graph import (
+    Mask,
+    Model,
+    SimulinkBlock,
+    System,
+    SystemReader,
+    TooManyElements,
+    one_line,
+    read_defaults,
+    read_mask,
+)
+from simrob_drake.simulink.reading.xml_part import Unreadable, parse_mdl, parse_part
+
+MOST_PARTS = 20_000
+LARGEST_PART = 64 * 2**20  # bytes
+LARGEST_MODEL = 256 * 2**20  # bytes of all parts that are read
+
+_TEXT_PACKAGE = b"__MWOPC_PACKAGE_BEGIN__"
+_TEXT_PART = re.compile(rb"^__MWOPC_PART_BEGIN__ (\S.*?)\s*$\n", re.MULTILINE)
+_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError, ValueError)
+
+
+class Package:
+    """The parts of a model file by name, such as ``simulink/blockdiagram.xml``.
+
+    Attributes:
+        path: the file.
+        parts: the XML parts; empty for the old `.mdl` text without parts, which ``text`` then holds.
+        text: the whole of an old `.mdl` file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read a file.
+
+        Raises:
+            InvalidModel: it is missing, protected, damaged or too large.
+        """
+        self.path = path
+        self.parts: dict[str, bytes] = {}
+        self.text = b""
+        if path.suffix.lower() in (".slxp", ".mdlp"):
+            raise InvalidModel(path, "", "is a protected model, which only MATLAB opens; ask its author for the .slx")
+        try:
+            content = content_of(path, LARGEST_MODEL)
+        except NotRead as problem:
+            raise InvalidModel(path, "", f"cannot be read: {problem}") from problem
+        if zipfile.is_zipfile(io.BytesIO(content)):
+            self._read_zip(content)
+        elif path.suffix.lower() == ".mdl":
+            self._read_text(content)
+        else:
+            raise InvalidModel(self.path, "", "is no .slx file: not a zip, or one that was cut off")
+
+    def _read_zip(self, content: bytes) -> None:
+        try:
+            with zipfile.ZipFile(io.BytesIO(content)) as archive:
+                entries = archive.infolist()
+                if len(entries) > MOST_PARTS:
+                    raise InvalidModel(self.path, "", f"has {len(entries)} parts; at most {MOST_PARTS} are read")
+                for entry in entries:
+                    name = entry.filename.lstrip("/")
+                    if name.startswith("simulink/") and name.endswith(".xml"):
+                        with archive.open(entry) as part:
+                            self._keep(name, part.read(LARGEST_PART + 1))
+        except _DAMAGE as problem:
+            if isinstance(problem, InvalidModel):
+                raise
+            raise InvalidModel(self.path, "", f"is a damaged zip: {problem}") from problem
+
+    def _read_text(self, content: bytes) -> None:
+        if _TEXT_PACKAGE not in content[:4096]:
+            self.text = content
+            return
+        content = content.replace(b"\r\n", b"\n")
+        pieces = _TEXT_PART.split(content)
+        for name, part in zip(pieces[1::2], pieces[2::2], strict=True):
+            clean = name.split()[0].decode("ascii", "replace").lstrip("/")
+            if clean.startswith("simulink/") and clean.endswith(".xml"):
+                self._keep(clean, part.partition(b"__MWOPC_PACKAGE_END__")[0].strip())
+
+    def _keep(self, name: str, content: bytes) -> None:
+        if len(content) > LARGEST_PART:
+            raise InvalidModel(self.path, name, f"is larger than {LARGEST_PART // 2**20} MB")
+        self.parts[name] = content
+        if sum(map(len, self.parts.values())) > LARGEST_MODEL:
+            raise InvalidModel(self.path, "", f"unpacks to more than {LARGEST_MODEL // 2**20} MB")
+
 
 SUFFIXES = (".slx", ".mdl", ".slxp", ".mdlp")
 
@@ -101,3 +188,69 @@ def _of_text(package: Package) -> Element:
 
 def _mask(package: Package) -> Mask | None:
     return read_mask(_element(package, _MASK)) if _MASK in package.parts else None
+
+
+BUILT_IN = {
+    "sm_lib", "nesl_utility", "simulink", "slpidlib", "fl_lib", "fl_ps_legacy_lib", "simulink_extras", "robotcorelib",
+    "robotmaniplib", "robotalgslib", "ee_lib", "sdl_lib", "batteryecm_lib", "SignalEditorBlockLib", "eml_lib", "sflib",
+    "dspsrcs4", "dspsigops", "simscape", "sl3dlib", "sim3dlib", "uavlib", "autolibshared", "aerolibsixdof",
+}  # fmt: skip
+"""Libraries of MATLAB: their blocks are known by name, or not at all."""
+
+_SUFFIXES = ".slx", ".mdl"
+_MOST_FOLDERS = 500
+
+
+class Libraries:
+    """Model files by name, each read once, from the folders that the user names.
+
+    Attributes:
+        missing: names of files that were asked for and lie in none of the folders.
+    """
+
+    def __init__(self, folders: Iterable[Path]) -> None:
+        """Take the folders; those right below them count, too."""
+        self._folders = list(folders)
+        self._models: dict[str, Model | None] = {}
+        self.missing: set[str] = set()
+
+    def model(self, name: str) -> Model | None:
+        """Return a file's model, or None where it lies in no folder.
+
+        Raises:
+            InvalidModel: the file cannot be read.
+        """
+        if name not in self._models:
+            file = self._find(name)
+            self._models[name] = None if file is None else read_model(file)
+        if self._models[name] is None:
+            self.missing.add(name)
+        return self._models[name]
+
+    def block(self, place: str) -> SimulinkBlock | None:
+        """Return the block of a library at ``file/system/block``, or None where there is none.
+
+        Raises:
+            InvalidModel: the library cannot be read.
+        """
+        name, *way = (part.replace("\0", "/") for part in place.replace("//", "\0").split("/"))
+        model = self.model(name)
+        system: System | None = model.system if model else None
+        found: SimulinkBlock | None = None
+        for step in way:
+            found = next((block for block in system.blocks.values() if block.name == step), None) if system else None
+            system = found.system if found else None
+        return found
+
+    def _find(self, name: str) -> Path | None:
+        if "/" in name or "\\" in name or name.startswith("."):
+            return None
+        for folder in self._folders:
+            below = (
+                sorted(child for child in folder.iterdir() if child.is_dir())[:_MOST_FOLDERS] if folder.is_dir() else []
+            )
+            for place in (folder, *below):
+                for suffix in _SUFFIXES:
+                    if (place / f"{name}{suffix}").is_file():
+                        return place / f"{name}{suffix}"
+        return None

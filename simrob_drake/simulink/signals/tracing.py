@@ -5,12 +5,11 @@ from collections.abc import Callable
 from functools import partial
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.simulink.mechanics.contacts import ContactPair
+from simrob_drake.simulink.mechanics.bodies import ContactPair
 from simrob_drake.simulink.mechanics.joints import Joint
 from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import ARITHMETIC
-from simrob_drake.simulink.signals.conditional import CONDITIONAL, conditional
 from simrob_drake.simulink.signals.dynamics import DYNAMICS, LAG
 from simrob_drake.simulink.signals.forms import (
     MOST_ELEMENTS,
@@ -27,9 +26,8 @@ from simrob_drake.simulink.signals.forms import (
 )
 from simrob_drake.simulink.signals.frame_sensing import SENSOR, sensed
 from simrob_drake.simulink.signals.matlab import MATLAB
-from simrob_drake.simulink.signals.physical import PHYSICAL, out_of_physics
-from simrob_drake.simulink.signals.routing import ROUTING
-from simrob_drake.simulink.signals.sources import SOURCES
+from simrob_drake.simulink.signals.routing import CONDITIONAL, ROUTING, conditional
+from simrob_drake.simulink.signals.sources import PHYSICAL, SOURCES, out_of_physics
 
 RULES: dict[str, Rule] = {
     **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **MATLAB, **CONDITIONAL, **PHYSICAL,

@@ -1,18 +1,23 @@
-"""What the joints of a station are asked to do: constants, inputs held at the start, or motions sampled in a table."""
+"""What the joints of a station are asked to do, and where it begins."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydrake.math import RigidTransform
 
 from simrob_drake.arguments import SHORTEST
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.parts.controllers.signal_flow import flow_over_time
+from simrob_drake.results.record.state import JointState, State
 from simrob_drake.simulink.mechanics.joints import Freedom
+from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.signals.forms import Form, Value, blocks_in, closure
 from simrob_drake.simulink.signals.laws import of_time
 from simrob_drake.simulink.writing.flow import FlowWriter
+from simrob_drake.simulink.writing.touching import StationFiles
 
 _CORNER = 2 * SHORTEST
 """How long a step takes [s]: rows of a table must be a SHORTEST apart."""
@@ -96,3 +101,36 @@ def over_time(values: list[Value], times: Vector) -> Vector:
 def _held(value: Value | None, start: float) -> float:
     """Return a constant position; an input is taken to hold the start."""
     return start if value is None or isinstance(value, Form) else float(value)
+
+
+def start_state(files: StationFiles, starts: Mapping[str, Mapping[str, float]], turn: RigidTransform) -> State | None:
+    """Return how a station begins; None where everything is at rest.
+
+    Args:
+        files: what is written of it.
+        starts: positions by robot and axis [rad or m].
+        turn: places the model's world in ours.
+    """
+    several = len(files.robots) > 1
+    trees = {name: robot.tree for name, robot in files.robots.items()}
+    speeds = {
+        name: np.array([freedom.start_speed or 0.0 for freedom in robot.axes]) for name, robot in files.robots.items()
+    }
+    joints = {
+        f"{name if several else 'robot'}::{name}/{files.robots[name].links[tree.root]}": _free(tree, turn)
+        for name, tree in trees.items()
+        if not tree.root.grounded
+    }
+    joints |= {f"{name}::{name}/{name}": _free(tree, turn) for tree, name in files.free.items()}
+    if not any(speed.any() for speed in (*speeds.values(), *(joint.velocity for joint in joints.values()))):
+        return None
+    called = {name: name if several else "robot" for name in trees}
+    positions = {called[name]: np.array(list(axes.values()), dtype=float) for name, axes in starts.items()}
+    return State(positions, {called[name]: speed for name, speed in speeds.items()}, positions, joints)
+
+
+def _free(tree: Tree, turn: RigidTransform) -> JointState:
+    """Return position and velocity of a free body as Drake has them: orientation and turning rate first."""
+    pose, (linear, rate) = turn @ tree.base, (turn.rotation() @ part for part in np.split(tree.speed, 2))
+    position: Vector = np.concatenate([pose.rotation().ToQuaternion().wxyz(), pose.translation()])
+    return JointState(position, np.concatenate([rate, linear]))

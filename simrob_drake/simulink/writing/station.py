@@ -21,15 +21,10 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import closure, terms_of
 from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
-from simrob_drake.simulink.writing.contact_sections import StationFiles, contact_sections
-from simrob_drake.simulink.writing.flow import flows_of
-from simrob_drake.simulink.writing.frame_sensors import FrameSensors, frame_sensors
-from simrob_drake.simulink.writing.names import UniqueNames, plain
-from simrob_drake.simulink.writing.pieces import pose_list, write_piece
-from simrob_drake.simulink.writing.references import motions, reference
-from simrob_drake.simulink.writing.starts import start_state
-from simrob_drake.simulink.writing.touching import feet_of, read_touching
-from simrob_drake.simulink.writing.urdf import RobotFile, UrdfWriter
+from simrob_drake.simulink.writing.flow import FrameSensors, flows_of, frame_sensors
+from simrob_drake.simulink.writing.references import motions, reference, start_state
+from simrob_drake.simulink.writing.touching import StationFiles, contact_sections, feet_of, read_touching
+from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
 from simrob_drake.stations.config import JointStops
 
 _INSIDE = 1e-8

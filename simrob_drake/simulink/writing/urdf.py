@@ -1,26 +1,59 @@
-"""A tree of bodies as a URDF."""
+"""Trees of bodies as URDFs, bodies without joints as pieces, under plain names."""
 
+import re
+import unicodedata
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import yaml
 from pydrake.math import RigidTransform
 
-from simrob_drake.frames import Vector
+from simrob_drake.files import PIECE_FILE
+from simrob_drake.frames import Vector, pose_from_transform
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.robots.urdf import DRAKE
 from simrob_drake.robots.urdf_elements import add_colour, add_joint, add_motor, place, set_inertia, text
 from simrob_drake.simulink.mechanics.bodies import PUSH, Link, RigidPart
-from simrob_drake.simulink.mechanics.closures import common_points
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import load_mesh, write_obj
-from simrob_drake.simulink.mechanics.shapes import Triangles
+from simrob_drake.simulink.mechanics.shapes import Triangles, Weight
 from simrob_drake.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
-from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Tree
-from simrob_drake.simulink.writing.names import UniqueNames
+from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Tree, common_points
+from simrob_drake.simulink.model.nodes import Node
+
+
+class UniqueNames:
+    """Gives names, and never the same twice."""
+
+    def __init__(self, taken: tuple[str, ...] = ()) -> None:
+        """Take names that are not to be given."""
+        self._taken = set(taken)
+
+    def give(self, path: str) -> str:
+        """Return a name for a path: its last part, with the parts before it where that is taken."""
+        parts = [plain(part) for part in path.split("/")]
+        for count in range(1, len(parts) + 1):
+            name = "_".join(parts[-count:])
+            if name not in self._taken:
+                break
+        number, base = 2, name
+        while name in self._taken:
+            name, number = f"{base}_{number}", number + 1
+        self._taken.add(name)
+        return name
+
+
+def plain(text: str) -> str:
+    """Return a text as a name."""
+    ascii_text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    name = re.sub(r"\W+", "_", ascii_text).strip("_")[:60]
+    return name if name and not name[0].isdigit() else f"_{name}" if name else "block"
+
 
 ROOT = "base"
 AMPLE = 1e6
@@ -215,3 +248,70 @@ def _add_constraint(robot: RobotFile, link: Link, points: tuple[Vector, Vector])
         ET.SubElement(constraint, f"{DRAKE}ball_constraint_body_{letter}", name=robot.links[body])
         name = "p_AP" if letter == "A" else "p_BQ"
         ET.SubElement(constraint, f"{DRAKE}ball_constraint_{name}", value=text(place_there))
+
+
+def write_piece(
+    folder: Path, name: str, solids: list[SolidBody], colliding: set[Node], writer: UrdfWriter, *, weighs: bool = True
+) -> bool:
+    """Write a piece's file.
+
+    Args:
+        folder: of the piece.
+        name: of the piece.
+        solids: with their poses in the piece's frame.
+        colliding: those of them that take part in contact.
+        writer: of its meshes.
+        weighs: whether its mass matters; what stands fixed has none.
+
+    Returns:
+        whether there is anything to it.
+    """
+    shapes = [entry for solid in solids if (entry := _shape(solid, solid.node in colliding, writer)) is not None]
+    weight = together([moved(solid.weight, solid.pose) for solid in solids])
+    if not shapes and weight.mass <= 0:
+        return False
+    content: dict[str, Any] = {"description": f"{name}, of a Simulink model"}
+    if weighs and weight.mass > 0:
+        content |= _weight_keys(weight, possible_moments(name, weight, solids[0].node.findings.report))
+    content["shapes"] = shapes
+    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)
+    (folder / PIECE_FILE).write_text(text, encoding="utf-8")
+    return True
+
+
+def _weight_keys(weight: Weight, inertia: Vector) -> dict[str, Any]:
+    products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+    moments = [*inertia.diagonal(), *(products if np.abs(products).max() > 1e-9 * inertia.max() else [])]
+    return {
+        "mass": float(weight.mass),
+        "com": [float(value) for value in weight.com],
+        "inertia": [float(value) for value in moments],
+    }
+
+
+def _shape(solid: SolidBody, collides: bool, writer: UrdfWriter) -> dict[str, Any] | None:
+    """Return a solid as a shape of a `piece.yaml`; None where nothing is seen of it and it does not touch."""
+    if not solid.visible and not collides:
+        return None
+    entry: dict[str, Any] = {}
+    shape = solid.shape
+    if shape is not None and shape.mesh is None and shape.kind != "plane":
+        size = [float(value) for value in shape.size]
+        entry[shape.kind] = size[0] if shape.kind == "sphere" else size
+    else:
+        mesh = writer.mesh(solid)
+        if mesh is None:
+            return None
+        entry["mesh"] = mesh
+    entry["pose"] = pose_list(solid.pose)
+    entry["colour"] = [round(value, 4) for value in solid.colour]
+    if not collides:
+        entry["collides"] = False
+    if not solid.visible:
+        entry["visible"] = False
+    return entry
+
+
+def pose_list(pose: RigidTransform) -> list[float]:
+    """Return a pose as files have it, [x y z Rz Ry Rx]."""
+    return [float(f"{value:.15g}") + 0.0 for value in pose_from_transform(pose)]
