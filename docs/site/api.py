@@ -8,7 +8,7 @@ from pkgutil import iter_modules
 
 import simrob_drake
 import simrob_drake.blocks
-from docs.site.texts import Page, cell, sentence, table
+from docs.site.texts import Page, sentence, table
 
 ROOT = Path(__file__).parents[2]
 FOLDER = "reference"
@@ -89,7 +89,7 @@ def block_pages() -> Iterator[Page]:
     for module in iter_modules(simrob_drake.blocks.__path__):
         name = module.name
         source = Path(simrob_drake.blocks.__path__[0], f"{name}.py").read_text(encoding="utf-8")
-        rows.append([f"[`{name}`]({name}.md)", cell(sentence(ast.get_docstring(ast.parse(source)) or ""))])
+        rows.append([f"[`{name}`]({name}.md)", sentence(ast.get_docstring(ast.parse(source)) or "")])
         shown = documented(f"simrob_drake.blocks.{name}")
         yield Page(f"{FOLDER}/blocks/{name}.md", f"---\ntitle: {name}\n---\n\n{shown}")
     intro = "Blocks are plain Drake systems, or functions that add some to a builder; they know nothing of stations."
@@ -102,7 +102,8 @@ def pages() -> Iterator[Page]:
     assert sorted(where) == sorted(name for names in GROUPS.values() for name in names), "GROUPS lacks a public name"
     parts = ["# Python", "What `import simrob_drake` shows; anything else may change from one version to the next."]
     for title, names in GROUPS.items():
-        parts += [f"## {title}", "\n".join(f"- [`{name}`]({name}.md)" for name in names)]
+        rows = [[f"[`{name}`]({name}.md)", sentence(getattr(simrob_drake, name).__doc__)] for name in names]
+        parts += [f"## {title}", table(["name", "what it is"], rows)]
         for name in names:
             yield name_page(name, where[name])
     yield Page(f"{FOLDER}/python/index.md", "\n\n".join(parts) + "\n")

@@ -6,7 +6,7 @@ from inspect import getdoc, getmembers, isclass
 from typing import Any
 
 from docs.site.keys import key_table
-from docs.site.texts import Page, cell, markdown, sentence, table
+from docs.site.texts import Page, markdown, sentence, table
 from simrob_drake.blocks.block import Block
 from simrob_drake.parts import controllers, forces, monitors, references, sensors
 from simrob_drake.parts.kinds import Kinds
@@ -53,7 +53,7 @@ def family_page(family: str, kinds: Kinds, schema: dict[str, Any]) -> Page:
     key = KEY.get(family, family)
     keys = f"../keys/station/{key}.md"
     rows = [[f"[`{kind}`](#{kind})", sentence(getdoc(model) or "")] for kind, model in kinds.models.items()]
-    summary = table(["kind", "what it does"], [[name, cell(text)] for name, text in rows])
+    summary = table(["kind", "what it does"], rows)
     head = f"# {family.capitalize()}\n\nKinds of the key [`{key}`]({keys}) of a station.\n\n{summary}"
     texts = [kind_text(kind, model, schema, keys) for kind, model in kinds.models.items()]
     return Page(f"{FOLDER}/{family}.md", "\n\n".join([head, *texts]) + "\n")

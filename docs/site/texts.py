@@ -21,7 +21,7 @@ class Page(NamedTuple):
 def formula(latex: str, display: str = "inline") -> str:
     """Return a formula in LaTeX as MathML in one line; an inline one stands in a span, else it would break its line."""
     maths = convert(" ".join(latex.split()), display=display)
-    return maths if display == "block" else f"<span>{maths}</span>"
+    return f'<div class="formula">{maths}</div>' if display == "block" else f"<span>{maths}</span>"
 
 
 def _role(match: re.Match[str]) -> str:
@@ -43,8 +43,8 @@ def cell(text: str) -> str:
 
 
 def sentence(docstring: str) -> str:
-    """Return the first paragraph of a docstring, in one line."""
-    return " ".join(markdown(docstring).partition("\n\n")[0].split())
+    """Return the first paragraph of a docstring as a cell of a table."""
+    return cell(cleandoc(docstring).partition("\n\n")[0])
 
 
 def table(columns: list[str], rows: list[list[str]]) -> str:
