@@ -319,11 +319,6 @@ def _unknown(name: str) -> Any:
 
 
 def _understood(node: Node, translate: Callable[[], list[Signal]]) -> list[Signal]:
-    """Return what code comes to.
-
-    Raises:
-        InvalidModel: what is not understood.
-    """
     try:
         return translate()
     except UndefinedVariable as problem:

@@ -8,7 +8,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.values.functions import FUNCTIONS, LARGEST, matrix
-from simrob_drake.simulink.values.syntax import NotUnderstood, Tree
+from simrob_drake.simulink.values.syntax import Expression, NotUnderstood
 
 Lookup = Callable[[str], Any]
 """Returns the value of a variable, or raises `UndefinedVariable`."""
@@ -36,12 +36,11 @@ class UndefinedVariable(LookupError):
     """
 
     def __init__(self, name: str, why: str = "") -> None:
-        """Say which."""
         super().__init__(name)
         self.name, self.why = name, why
 
 
-def evaluate(node: Tree, lookup: Lookup, algebra: Algebra | None = None) -> Any:
+def evaluate(node: Expression, lookup: Lookup, algebra: Algebra | None = None) -> Any:
     """Return the value of an expression's tree, of numbers unless another algebra is given.
 
     Raises:
@@ -57,13 +56,11 @@ def evaluate(node: Tree, lookup: Lookup, algebra: Algebra | None = None) -> Any:
 
 
 class _Evaluation:
-    """One walk over a tree."""
-
     def __init__(self, lookup: Lookup, algebra: Algebra) -> None:
         self._lookup, self._algebra = lookup, algebra
         self._ends: list[int] = []  # what `end` is in the indices around
 
-    def value(self, node: Tree) -> Any:
+    def value(self, node: Expression) -> Any:
         return getattr(self, f"_{node.kind}")(*node.parts)
 
     def _number(self, value: float) -> Vector:
@@ -81,7 +78,7 @@ class _Evaluation:
     def _colon(self) -> Vector:
         raise NotUnderstood("has an 'end' or a ':' outside an index")
 
-    def _named(self, name: str, arguments: tuple[Tree, ...]) -> Any:
+    def _named(self, name: str, arguments: tuple[Expression, ...]) -> Any:
         try:
             return self._lookup(name)
         except UndefinedVariable:
@@ -90,7 +87,7 @@ class _Evaluation:
         found = self._algebra.functions[name](*(self.value(argument) for argument in arguments))
         return found if isinstance(found, str | dict) else matrix(found)
 
-    def _call(self, target: Tree, arguments: tuple[Tree, ...]) -> Any:
+    def _call(self, target: Expression, arguments: tuple[Expression, ...]) -> Any:
         if target.kind == "name":
             try:
                 value = self._lookup(target.parts[0])
@@ -102,7 +99,7 @@ class _Evaluation:
             return value  # of a single structure, (1) is itself
         return self._indexed(matrix(value), arguments)
 
-    def _indexed(self, array: Vector, arguments: tuple[Tree, ...]) -> Vector:
+    def _indexed(self, array: Vector, arguments: tuple[Expression, ...]) -> Vector:
         if len(arguments) == 1:
             flat = array.reshape(-1, order="F")
             index = self._index(arguments[0], flat.size)
@@ -118,7 +115,7 @@ class _Evaluation:
             return np.asarray(array[np.ix_(rows, columns)])
         raise NotUnderstood(f"has an index of {len(arguments)} dimensions")
 
-    def _index(self, node: Tree, size: int) -> Any:
+    def _index(self, node: Expression, size: int) -> Any:
         if node.kind == "colon":
             return np.arange(size).reshape(1, -1)
         self._ends.append(size)
@@ -128,7 +125,7 @@ class _Evaluation:
             raise NotUnderstood(f"has the index {index.reshape(-1)[0]:g} of something that has {size} elements")
         return index.astype(int) - 1
 
-    def _field(self, target: Tree, name: str) -> Any:
+    def _field(self, target: Expression, name: str) -> Any:
         value = self._lookup(target.parts[0]) if target.kind == "name" else self.value(target)
         if not isinstance(value, dict):
             raise NotUnderstood(f"asks for the field '{name}' of something that is no structure")
@@ -136,7 +133,7 @@ class _Evaluation:
             raise UndefinedVariable(f"{_written(target)}.{name}")
         return value[name]
 
-    def _range(self, start: Tree, step: Tree | None, stop: Tree) -> Vector:
+    def _range(self, start: Expression, step: Expression | None, stop: Expression) -> Vector:
         first, last = (float(matrix(self.value(end))[0, 0]) for end in (start, stop))
         by = 1.0 if step is None else float(matrix(self.value(step))[0, 0])
         steps = np.floor((last - first) / by * (1 + 1e-12) + 1e-9) if by else -1
@@ -144,7 +141,7 @@ class _Evaluation:
             raise NotUnderstood(f"makes a range of more than {LARGEST} elements")
         return matrix(first + by * np.arange(max(int(steps) + 1, 0)))
 
-    def _matrix(self, rows: tuple[tuple[Tree, ...], ...]) -> Any:
+    def _matrix(self, rows: tuple[tuple[Expression, ...], ...]) -> Any:
         if not rows:
             return np.zeros((0, 0))
         values = [[self.value(node) for node in row] for row in rows]
@@ -154,7 +151,7 @@ class _Evaluation:
         lines = [np.concatenate(row, axis=1) for row in parts if row]
         return np.concatenate(lines, axis=0) if lines else np.zeros((0, 0))
 
-    def _unary(self, operator: str, operand: Tree) -> Vector:
+    def _unary(self, operator: str, operand: Expression) -> Vector:
         value = matrix(self.value(operand))
         if operator == "-":
             return -value
@@ -162,7 +159,7 @@ class _Evaluation:
             return matrix(self._algebra.operators["=="](value, np.zeros((1, 1))))
         return value.T if operator == "'" else value
 
-    def _binary(self, operator: str, one: Tree, other: Tree) -> Vector:
+    def _binary(self, operator: str, one: Expression, other: Expression) -> Vector:
         left, right = self.value(one), self.value(other)
         if operator in ("==", "~=") and (isinstance(left, str) or isinstance(right, str)):
             return matrix((left == right) == (operator == "=="))
@@ -186,7 +183,7 @@ class _Evaluation:
         return quotient.T if operator == "\\" else quotient
 
 
-def _written(node: Tree) -> str:
+def _written(node: Expression) -> str:
     """Return a name with its fields as it is written."""
     if node.kind == "field":
         return f"{_written(node.parts[0])}.{node.parts[1]}"

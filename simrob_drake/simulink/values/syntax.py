@@ -11,7 +11,7 @@ class NotUnderstood(ValueError):
     """An expression outside the subset, or none at all."""
 
 
-class Tree(NamedTuple):
+class Expression(NamedTuple):
     """An expression, or a part of one.
 
     Attributes:
@@ -90,7 +90,7 @@ def _quote_opens(tokens: list[Token], letter: str, spaced: bool) -> bool:
     return not (last.kind in ("number", "name", "text") or last.text in (")", "]", "}", "'", ".'"))
 
 
-def parse(text: str) -> Tree:
+def parse(text: str) -> Expression:
     """Return the tree of an expression.
 
     Raises:
@@ -107,12 +107,11 @@ class Parser:
     """Walks over tokens, tightest operators innermost."""
 
     def __init__(self, tokens: list[Token]) -> None:
-        """Begin at the first token."""
         self.tokens, self.place = tokens, 0
         self._depth = 0
         self._in_matrix = False
 
-    def expression(self, level: int = 0) -> Tree:
+    def expression(self, level: int = 0) -> Expression:
         """Return the expression that begins here."""
         if level == len(_LEVELS):
             return self._product()
@@ -121,11 +120,11 @@ class Parser:
         while (token := self._operator(operators)) is not None:
             right = self.expression(level + 1)
             if token != ":":
-                left = Tree("binary", (token, left, right))
+                left = Expression("binary", (token, left, right))
             elif left.kind == "range" and left.parts[1] is None:
-                left = Tree("range", (left.parts[0], left.parts[2], right))
+                left = Expression("range", (left.parts[0], left.parts[2], right))
             else:
-                left = Tree("range", (left, None, right))
+                left = Expression("range", (left, None, right))
         return left
 
     def _operator(self, operators: tuple[str, ...]) -> str | None:
@@ -146,60 +145,60 @@ class Parser:
         following = self.tokens[self.place + 1 : self.place + 2]
         return not following or following[0].text in (",", ")")
 
-    def _product(self) -> Tree:
+    def _product(self) -> Expression:
         left = self._unary()
         while (token := self._operator(_PRODUCTS)) is not None:
-            left = Tree("binary", (token, left, self._unary()))
+            left = Expression("binary", (token, left, self._unary()))
         return left
 
-    def _unary(self) -> Tree:
+    def _unary(self) -> Expression:
         for sign in ("-", "+", "~", "!"):
             if self._peek() == sign:
                 self.place += 1
                 self._deeper()
-                node = Tree("unary", ("~" if sign == "!" else sign, self._unary()))
+                node = Expression("unary", ("~" if sign == "!" else sign, self._unary()))
                 self._depth -= 1
                 return node
         return self._power()
 
-    def _power(self) -> Tree:
+    def _power(self) -> Expression:
         left = self._postfix()
         while self._peek() in ("^", ".^"):
             operator = self.tokens[self.place].text
             self.place += 1
             right = self._unary() if self._peek() in ("-", "+", "~") else self._postfix()
-            left = Tree("binary", (operator, left, right))
+            left = Expression("binary", (operator, left, right))
         return left
 
-    def _postfix(self) -> Tree:
+    def _postfix(self) -> Expression:
         node = self._atom()
         while self.place < len(self.tokens):
             token = self.tokens[self.place]
             if self._in_matrix and token.spaced:
                 break
             if token.text == "(" and token.kind == "operator":
-                node = Tree("call", (node, self._arguments()))
+                node = Expression("call", (node, self._arguments()))
             elif token.text in ("'", ".'") and token.kind == "operator":
                 self.place += 1
-                node = Tree("unary", ("'", node))
+                node = Expression("unary", ("'", node))
             elif token.text == "." and token.kind == "operator":
                 self.place += 1
-                node = Tree("field", (node, self._take("name")))
+                node = Expression("field", (node, self._take("name")))
             else:
                 break
         return node
 
-    def _atom(self) -> Tree:
+    def _atom(self) -> Expression:
         if self.place >= len(self.tokens):
             raise NotUnderstood("ends where a value should stand")
         token = self.tokens[self.place]
         self.place += 1
         if token.kind == "number":
-            return Tree("number", (float(token.text.lower().replace("d", "e")),))
+            return Expression("number", (float(token.text.lower().replace("d", "e")),))
         if token.kind == "text":
-            return Tree("text", (token.text,))
+            return Expression("text", (token.text,))
         if token.kind == "name":
-            return Tree("end") if token.text == "end" else Tree("name", (token.text,))
+            return Expression("end") if token.text == "end" else Expression("name", (token.text,))
         if token.text == "(":
             self._deeper()
             outside, self._in_matrix = self._in_matrix, False
@@ -211,15 +210,15 @@ class Parser:
             return self._matrix()
         raise NotUnderstood(f"has '{token.text}' where a value should stand")
 
-    def _arguments(self) -> tuple[Tree, ...]:
+    def _arguments(self) -> tuple[Expression, ...]:
         self._deeper()
         self.place += 1
         outside, self._in_matrix = self._in_matrix, False
-        found: list[Tree] = []
+        found: list[Expression] = []
         while self._peek() != ")":
             if self._peek() == ":" and self._next_closes():
                 self.place += 1
-                found.append(Tree("colon"))
+                found.append(Expression("colon"))
             else:
                 found.append(self.expression())
             if self._peek() == ",":
@@ -230,11 +229,11 @@ class Parser:
         self._close(")")
         return tuple(found)
 
-    def _matrix(self) -> Tree:
+    def _matrix(self) -> Expression:
         self._deeper()
         outside, self._in_matrix = self._in_matrix, True
-        rows: list[tuple[Tree, ...]] = []
-        row: list[Tree] = []
+        rows: list[tuple[Expression, ...]] = []
+        row: list[Expression] = []
         while self._peek() != "]":
             if self._peek() == ";":
                 self.place += 1
@@ -246,7 +245,7 @@ class Parser:
                 row.append(self.expression())
         self._in_matrix = outside
         self._close("]")
-        return Tree("matrix", (tuple(part for part in (*rows, tuple(row)) if part),))
+        return Expression("matrix", (tuple(part for part in (*rows, tuple(row)) if part),))
 
     def _peek(self) -> str | None:
         """Return the operator that stands here, if one does."""

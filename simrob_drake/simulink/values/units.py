@@ -5,7 +5,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.simulink.values.syntax import NotUnderstood, Tree, parse
+from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, parse
 
 
 class UnknownUnit(ValueError):
@@ -51,7 +51,7 @@ def parse_unit(text: str) -> Unit:
         raise UnknownUnit(f"'{text[:40]}' is no unit known here") from None
 
 
-def _unit(tree: Tree) -> Unit:
+def _unit(tree: Expression) -> Unit:
     match tree:
         case ("number", (1.0,)):
             return Unit(1.0)
