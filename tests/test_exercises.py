@@ -145,6 +145,13 @@ def test_a_point_that_fails_leaves_the_others(tmp_path):
     assert "k of the answer is missing; it must be a function" in points[3].problem
 
 
+def test_the_command_alone_shows_its_help(capsys):
+    assert run_command(["course"]) == ExitCode.BAD_INPUT
+    shown = capsys.readouterr()
+    assert "check" in shown.out
+    assert shown.err == ""
+
+
 def test_what_cannot_be_is_told(tmp_path, capsys):
     assert run_command(["course", "start", "77"]) == ExitCode.BAD_INPUT
     assert "there is no exercise" in capsys.readouterr().err

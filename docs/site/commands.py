@@ -42,17 +42,31 @@ def _row(parameter: Any, *, is_option: bool) -> list[str]:
     return [", ".join(f"`{name}`" for name in names), "" if flag else value, given, cell(parameter.help or "")]
 
 
-def command_page(name: str, title: str) -> Page:
-    """Return the page of a command."""
-    command = whole_command(name)
+def _description(command: Any, name: str) -> list[str]:
+    """Return what a command does, how it is called, and its arguments and options."""
     arguments = [each for each in command.params if each.param_type_name == "argument"]
     options = [each for each in command.params if each.param_type_name == "option" and each.name != "help"]
-    words = ["simrob", name, *map(_shown, arguments), *(["[OPTIONS]"] if options else [])]
-    parts = [f"# simrob {name}", markdown(command.help), f"```text\n{' '.join(words)}\n```", f"Group: {title}."]
+    words = [
+        "simrob",
+        name,
+        *(["COMMAND"] if hasattr(command, "commands") else []),
+        *map(_shown, arguments),
+        *(["[OPTIONS]"] if options else []),
+    ]
+    parts = [markdown(command.help), f"```text\n{' '.join(words)}\n```"]
     for kind, parameters in (("argument", arguments), ("option", options)):
         if parameters:
             rows = [_row(each, is_option=kind == "option") for each in parameters]
-            parts += [f"## {kind.capitalize()}s", table([kind, "value", "default", "what it is"], rows)]
+            parts += [f"**{kind.capitalize()}s**", table([kind, "value", "default", "what it is"], rows)]
+    return parts
+
+
+def command_page(name: str, title: str) -> Page:
+    """Return the page of a command, and of those below it."""
+    command = whole_command(name)
+    parts = [f"# simrob {name}", f"Group: {title}.", *_description(command, name)]
+    for below, one in getattr(command, "commands", {}).items():
+        parts += [f"## simrob {name} {below}", *_description(one, f"{name} {below}")]
     return Page(f"{FOLDER}/{name}.md", "\n\n".join(parts) + "\n")
 
 

@@ -154,7 +154,8 @@ def run_command(arguments: list[str]) -> int:
         tell(f"{shortened(str(problem.filename), 1000)}: {why}" if problem.filename else why)
         return ExitCode.BAD_INPUT
     except (SimrobError, TyperException) as problem:
-        tell(getattr(problem, "format_message", problem.__str__)())  # usage errors name the option there
+        if message := getattr(problem, "format_message", problem.__str__)():  # usage errors name the option there
+            tell(message)  # none where help was shown instead
         return ExitCode.BAD_INPUT
     except Interrupted as interrupt:
         tell(str(interrupt))
