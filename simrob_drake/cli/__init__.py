@@ -1,4 +1,4 @@
-"""The command line: ``simrob list | run | walk | act | check | linearize | diagram | import | view | station | teach | course``.
+"""The command line: ``simrob list | run | walk | act | check | linearize | diagram | import | view | station | teach``.
 
 Exit codes: 0 done, a monitor's stop included; 2 bad input, with one line on the error stream that says what, where and
 what would be right; 3 the simulation diverged, with the partial result saved; 4 an import lost mechanics,
