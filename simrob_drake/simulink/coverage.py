@@ -118,7 +118,6 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], un
 
 
 def _unknown(model: SimulinkModel, node: Node) -> BlockType:
-    """Return the row of a type that the table does not have."""
     if node.children:
         return BlockType("structure", "exact")
     if node.kind not in RULES and model.network.unread(node):

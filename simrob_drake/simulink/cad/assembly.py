@@ -154,8 +154,6 @@ def read_assembly(path: Path) -> Assembly:
 
 
 class _Reader:
-    """One file."""
-
     def __init__(self, path: Path, root: Element) -> None:
         self._path, self._root, self._count = path, root, 0
         units = root.find("DataUnits")

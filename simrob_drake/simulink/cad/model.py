@@ -30,8 +30,6 @@ def read_cad_model(path: Path) -> Model:
 
 
 class _Writer:
-    """Writes one assembly."""
-
     def __init__(self, path: Path, assembly: Assembly) -> None:
         self._path, self._assembly = path, assembly
         self._system, self.notes = System(), list[tuple[EntryKind, str, str]]()
@@ -204,7 +202,6 @@ class _Writer:
 
 
 def _solid(instance: Instance) -> dict[str, str]:
-    """Return a part as the parameters of a File Solid."""
     part = instance.part
     assert part is not None
     weight = {"InertiaType": "CalculateFromGeometry"}

@@ -11,19 +11,10 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.nodes import Node
 
-AXES = {
-    "+X": np.array([1.0, 0.0, 0.0]),
-    "+Y": np.array([0.0, 1.0, 0.0]),
-    "+Z": np.array([0.0, 0.0, 1.0]),
-    "-X": np.array([-1.0, 0.0, 0.0]),
-    "-Y": np.array([0.0, -1.0, 0.0]),
-    "-Z": np.array([0.0, 0.0, -1.0]),
-}
-_TURNS = {
-    "X": RotationMatrix.MakeXRotation,
-    "Y": RotationMatrix.MakeYRotation,
-    "Z": RotationMatrix.MakeZRotation,
-}
+AXES = {f"{sign}{name}": factor * row + 0.0 for sign, factor in (("+", 1.0), ("-", -1.0)) for name, row in
+        zip("XYZ", np.eye(3), strict=True)}  # fmt: skip
+"""Directions by name, each of shape (3,)."""
+_TURNS = {"X": RotationMatrix.MakeXRotation, "Y": RotationMatrix.MakeYRotation, "Z": RotationMatrix.MakeZRotation}
 
 
 def rigid_transform(node: Node) -> RigidTransform:
@@ -99,7 +90,6 @@ def _about(node: Node, direction: Vector, prefix: str) -> RotationMatrix:
 
 
 def _triad(node: Node, first: str, second: str) -> Vector:
-    """Return two axes and their cross product as columns, shape (3, 3)."""
     one, other = axis(node, first), axis(node, second)
     if abs(one @ other) > 0.5:
         raise node.refusal(f"{first} and {second} are along one line; two axes span a frame")

@@ -16,7 +16,6 @@ from simrob_drake.importer.meshes.parts import mend
 from simrob_drake.importer.meshes.reading import read_mesh
 from simrob_drake.simulink.mechanics.shapes import Triangles, Weight
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.values.units import UnknownUnit, factor
 
 STEP = (".step", ".stp")
 READ = (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf", *STEP)
@@ -48,10 +47,7 @@ class MeshFiles:
             return None, 1.0
         if file.suffix.lower() in STEP:  # it has units of its own
             return file, 1.0
-        try:
-            return file, factor(node.text("ExtGeomFileUnits", "m"), "m")
-        except UnknownUnit as problem:
-            raise node.refusal(f"ExtGeomFileUnits: {problem}") from problem
+        return file, node.in_si(node.text("ExtGeomFileUnits", "m"), "ExtGeomFileUnits", "m")
 
     def weight(self, node: Node, file: Path | None, scale: float) -> Weight:
         """Return the weight of a mesh filled with 1 kg/m³.

@@ -13,16 +13,7 @@ from simrob_drake.simulink.model.nodes import Node
 
 _A, _B = 0.445948490915965, 0.091576213509771
 _WEIGHT_A, _WEIGHT_B = 0.223381589678011, 0.109951743655322
-_POINTS = np.array(
-    [
-        [_A, _A, 1 - 2 * _A],
-        [_A, 1 - 2 * _A, _A],
-        [1 - 2 * _A, _A, _A],
-        [_B, _B, 1 - 2 * _B],
-        [_B, 1 - 2 * _B, _B],
-        [1 - 2 * _B, _B, _B],
-    ]
-)
+_POINTS = np.array([np.roll([one, one, 1 - 2 * one], turn) for one in (_A, _B) for turn in (0, 2, 1)])
 _WEIGHTS = np.array([_WEIGHT_A] * 3 + [_WEIGHT_B] * 3)
 """Quadrature over a triangle that is exact to degree four (Dunavant 1985)."""
 

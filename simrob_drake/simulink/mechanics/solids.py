@@ -120,7 +120,6 @@ def solid_kind(node: Node) -> str:
 
 
 def _weighs_by_shape(node: Node, kind: str) -> bool:
-    """Tell whether a solid's mass follows from its shape."""
     computed = node.text("InertiaType", "CalculateFromGeometry") == "CalculateFromGeometry" and kind != "Graphic"
     massless = node.text("BasedOnType", "Density") == "Density" and node.number("Density", "1000", unit="kg/m^3") == 0
     return computed and not massless

@@ -208,10 +208,7 @@ def _find_loops(bodies: Bodies, trees: list[Tree]) -> None:
 _APART = 0.05  # m: of the two points on an axis
 _CLOSED = 1e-6  # m
 _NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
-_POINTS = {
-    "Revolute Joint": ((0.0, 0.0, -_APART / 2), (0.0, 0.0, _APART / 2)),
-    "Spherical Joint": ((0.0, 0.0, 0.0),),
-}
+_POINTS = {"Revolute Joint": ((0.0, 0.0, -_APART / 2), (0.0, 0.0, _APART / 2)), "Spherical Joint": ((0.0, 0.0, 0.0),)}
 
 
 def common_points(link: Link) -> list[tuple[Vector, Vector]]:

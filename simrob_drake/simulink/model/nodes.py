@@ -139,8 +139,12 @@ class Node:
     def unit(self, name: str, like: str) -> float:
         """Return what a parameter's unit is in SI; SI where none is written."""
         written = self.text(f"{name}Units") or self.text(f"{name.removesuffix('s')}Units")
+        return self.in_si(written, name, like) if written else 1.0
+
+    def in_si(self, text: str, name: str, like: str = "") -> float:
+        """Return what a unit that is written under a name is in SI, of the dimension of another if one is given."""
         try:
-            return factor(written, like) if written else 1.0
+            return factor(text, like or text)
         except UnknownUnit as problem:
             raise self.refusal(f"{name}: {problem}") from problem
 
@@ -207,8 +211,6 @@ def expand(
 
 
 class _Expansion:
-    """One walk down a model."""
-
     def __init__(self, expanded: Expanded) -> None:
         self._expanded = expanded
         self._libraries = expanded.libraries
@@ -291,7 +293,6 @@ def _own(block: SimulinkBlock) -> dict[str, str]:
 
 
 def _masked(name: str, mask: Mask, values: dict[str, str], outer: Variables) -> Variables:
-    """Return the workspace inside a mask."""
     workspace = Variables(name=name, outer=outer, code=mask.code)
     for parameter in mask.parameters:
         text = values.get(parameter.name, parameter.value)

@@ -261,7 +261,6 @@ _METHODS = {"Forward Euler": 0.0, "Backward Euler": 1.0, "Trapezoidal": 0.5}
 
 
 def _pid(reader: SignalReader, node: Node, _: int) -> Signal | None:
-    """Return a PID controller of one or two degrees of freedom."""
     if node.text("ControllerParametersSource", "internal") != "internal":
         return None
     letters = node.text("Controller", "PID")

@@ -67,25 +67,20 @@ class Form:
     __slots__ = ("terms",)
 
     def __init__(self, terms: Mapping[Term, float]) -> None:
-        """Take the factors of the terms."""
         self.terms = dict(terms)
 
     def __add__(self, other: Value) -> Value:
-        """Return the sum."""
         return added((1.0, self), (1.0, other))
 
     __radd__ = __add__
 
     def __neg__(self) -> Value:
-        """Return the negative."""
         return added((-1.0, self))
 
     def __sub__(self, other: Value) -> Value:
-        """Return the difference."""
         return added((1.0, self), (-1.0, other))
 
     def __rsub__(self, other: Value) -> Value:
-        """Return the difference from it."""
         return added((1.0, other), (-1.0, self))
 
     def __mul__(self, other: Value) -> Value:
@@ -95,13 +90,11 @@ class Form:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Value) -> Value:
-        """Return the quotient."""
         if isinstance(other, Form) or not other:
             return computed("product", self, other, divides=[1])
         return added((1.0 / float(other), self))
 
     def __rtruediv__(self, other: Value) -> Value:
-        """Return the quotient by it."""
         return computed("product", other, self, divides=[1])
 
 

@@ -63,7 +63,7 @@ def read_laws(tracer: Tracer, joints: list[Joint], *, servos: bool = False) -> d
 
 
 def _first(tracer: Tracer, joint: Joint, number: int, how: str, effort: Signal | None) -> Value:
-    """Return the first element of what drives a joint; what nothing drives is message, and is 0."""
+    """Return the first element of what drives a joint; what nothing drives is told, and is 0."""
     if effort is not None and effort.size:
         first: Value = effort.ravel()[0]
         return first
@@ -91,7 +91,6 @@ def commanded(values: list[Value]) -> dict[Term, tuple[Freedom, float]]:
 
 
 def _servo(value: Value, freedom: Freedom) -> Law | None:
-    """Return the servo that a torque comes to, or None."""
     law, factor = Law(), 1.0
     while isinstance(value, Form) and len(value.terms) == 1:
         ((term, own),) = value.terms.items()
@@ -129,7 +128,7 @@ def _take(law: Law, terms: dict[Term, float], freedom: Freedom) -> bool:
 
 
 def _without_pid(law: Law, terms: dict[Term, float]) -> dict[Term, float]:
-    """Return terms with PID controllers as what they come to without their filter: message as an approximation."""
+    """Return terms with PID controllers as what they come to without their filter: told as an approximation."""
     total: dict[Term, float] = {}
     for term, own in terms.items():
         block = term.of
@@ -155,7 +154,7 @@ def _bounded(block: Primitive) -> bool:
 
 
 def _asks(term: Term) -> bool:
-    """Tell whether a term can be part of what is reference: a constant, an input, or of time alone."""
+    """Tell whether a term can be part of a reference: a constant, an input, or of time alone."""
     if term.kind in ("one", "input", "time"):
         return True
     return isinstance(term.of, Primitive) and of_time(Form({term: 1.0}))

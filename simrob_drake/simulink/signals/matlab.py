@@ -13,15 +13,7 @@ import numpy as np
 from simrob_drake.parts.controllers.flow_block import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.model_file import SCRIPT
-from simrob_drake.simulink.signals.arithmetic import (
-    MATH,
-    OPERATORS,
-    applied,
-    chosen,
-    compared,
-    joined,
-    table_of,
-)
+from simrob_drake.simulink.signals.arithmetic import MATH, OPERATORS, applied, chosen, compared, joined, table_of
 from simrob_drake.simulink.signals.forms import Form, Rule, Signal, SignalReader, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun, statements
 from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, evaluate
@@ -327,11 +319,6 @@ def _unknown(name: str) -> Any:
 
 
 def _understood(node: Node, translate: Callable[[], list[Signal]]) -> list[Signal]:
-    """Return what code comes to.
-
-    Raises:
-        InvalidModel: what is not understood.
-    """
     try:
         return translate()
     except UndefinedVariable as problem:
@@ -367,7 +354,4 @@ def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return _understood(node, lambda: [_as_signal(run._value(text))])[0] if text else None
 
 
-MATLAB: dict[str, Rule] = {
-    "S-Function": _matlab_function,
-    **dict.fromkeys(("Fcn", "MATLABFcn"), _expression),
-}
+MATLAB: dict[str, Rule] = {"S-Function": _matlab_function, **dict.fromkeys(("Fcn", "MATLABFcn"), _expression)}

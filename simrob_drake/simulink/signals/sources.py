@@ -28,7 +28,6 @@ from simrob_drake.simulink.signals.forms import (
     terms_of,
 )
 from simrob_drake.simulink.values.functions import matrix
-from simrob_drake.simulink.values.units import UnknownUnit, factor, parse_unit
 
 _HOLD = "Holding final value"
 
@@ -197,12 +196,8 @@ def _converter_unit(node: Node, values: Signal) -> float:
     if text in ("1", "inherit", ""):
         return 1.0
     terms = [term for value in flat(values) for term in terms_of(value)]
-    try:
-        if {term.kind for term in terms} == {"q"} and node.kind == "PS-Simulink Converter":
-            return factor(text, "rad" if getattr(terms[0].of, "turns", True) else "m")
-        return parse_unit(text).factor
-    except UnknownUnit as problem:
-        raise node.refusal(f"Unit: {problem}") from problem
+    sensed = {term.kind for term in terms} == {"q"} and node.kind == "PS-Simulink Converter"
+    return node.in_si(text, "Unit", ("rad" if getattr(terms[0].of, "turns", True) else "m") if sensed else "")
 
 
 def out_of_physics(reader: SignalReader, node: Node, _: int) -> Signal | None:
@@ -228,10 +223,7 @@ def _figure(node: Node, *names: str, default: str = "1") -> float:
 
 
 def _unit(node: Node, name: str) -> float:
-    try:
-        return parse_unit(node.text(f"{name}_unit", "1")).factor
-    except UnknownUnit as problem:
-        raise node.refusal(f"{name}: {problem}") from problem
+    return node.in_si(node.text(f"{name}_unit", "1"), name)
 
 
 def _elementwise(function: Callable[..., Value], inputs: int = 1) -> Rule:
@@ -249,7 +241,6 @@ def _ps_constant(_: SignalReader, node: Node, __: int) -> Signal:
 
 
 def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
-    """Return the first input where the second reaches the threshold, else the third."""
     yes, by, no = (reader.input(node, number) for number in (1, 2, 3))
     return switched(node, yes, by, no, ">=", _figure(node, "Threshold", "threshold", default="0.5"))
 

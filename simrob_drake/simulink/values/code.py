@@ -110,7 +110,6 @@ class CodeRun:
         return known if isinstance(known, dict) else {}
 
     def _changed(self, name: str, index: str, value: Any) -> Any:
-        """Return a vector or matrix with some elements replaced."""
         if not name:
             raise NotUnderstood("an element of a field")
         array = matrix(self._lookup(name)).copy() if name in self.variables else np.zeros((0, 0))
@@ -154,7 +153,6 @@ class CodeRun:
         self._choose(tests)
 
     def _choose(self, ways: list[tuple[str, list[str]]]) -> None:
-        """Run the first way whose condition holds."""
         if not ways:
             return
         (words, body), *rest = ways
@@ -168,7 +166,6 @@ class CodeRun:
         return bool(np.all(self._value(text)))
 
     def _split_by(self, condition: Any, yes: Callable[[], None], no: Callable[[], None]) -> None:
-        """Run one of two ways."""
         (yes if condition else no)()
 
     def _for(self, part: list[str]) -> None:
@@ -187,7 +184,6 @@ class CodeRun:
 
 
 def _both(array: Any, value: Any) -> Any:
-    """Return the type of elements that an array and a value have together."""
     return np.result_type(array, matrix(value))
 
 

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.values import syntax
 from simrob_drake.simulink.values.functions import FUNCTIONS, LARGEST, matrix
-from simrob_drake.simulink.values.syntax import NotUnderstood
+from simrob_drake.simulink.values.syntax import Expression, NotUnderstood
 
 Lookup = Callable[[str], Any]
 """Returns the value of a variable, or raises `UndefinedVariable`."""
@@ -28,9 +27,6 @@ class Algebra:
     functions: Mapping[str, Callable[..., Any]]
 
 
-_Composed = syntax.Call | syntax.FieldOf | syntax.Unary | syntax.Binary | syntax.RangeOf | syntax.Matrix
-
-
 class UndefinedVariable(LookupError):
     """A name that no workspace knows.
 
@@ -40,12 +36,11 @@ class UndefinedVariable(LookupError):
     """
 
     def __init__(self, name: str, why: str = "") -> None:
-        """Say which."""
         super().__init__(name)
         self.name, self.why = name, why
 
 
-def evaluate(node: syntax.Node, lookup: Lookup, algebra: Algebra | None = None) -> Any:
+def evaluate(node: Expression, lookup: Lookup, algebra: Algebra | None = None) -> Any:
     """Return the value of an expression's tree, of numbers unless another algebra is given.
 
     Raises:
@@ -61,44 +56,29 @@ def evaluate(node: syntax.Node, lookup: Lookup, algebra: Algebra | None = None) 
 
 
 class _Evaluation:
-    """One walk over a tree."""
-
     def __init__(self, lookup: Lookup, algebra: Algebra) -> None:
         self._lookup, self._algebra = lookup, algebra
         self._ends: list[int] = []  # what `end` is in the indices around
 
-    def value(self, node: syntax.Node) -> Any:
-        return self._of_parts(node) if isinstance(node, _Composed) else self._of_word(node)
+    def value(self, node: Expression) -> Any:
+        return getattr(self, f"_{node.kind}")(*node.parts)
 
-    def _of_word(self, node: syntax.Node) -> Any:
-        match node:
-            case syntax.Number(number):
-                return matrix(number)
-            case syntax.Text(text):
-                return text
-            case syntax.Name(name):
-                return self._named(name, ())
-            case syntax.EndIndex() if self._ends:
-                return matrix(self._ends[-1])
+    def _number(self, value: float) -> Vector:
+        return matrix(value)
+
+    def _text(self, value: str) -> str:
+        return value
+
+    def _name(self, name: str) -> Any:
+        return self._named(name, ())
+
+    def _end(self) -> Vector:
+        return matrix(self._ends[-1]) if self._ends else self._colon()
+
+    def _colon(self) -> Vector:
         raise NotUnderstood("has an 'end' or a ':' outside an index")
 
-    def _of_parts(self, node: syntax.Node) -> Any:
-        match node:
-            case syntax.Call(target, arguments):
-                found = self._called(target, arguments)
-            case syntax.FieldOf(target, name):
-                found = self._field(target, name)
-            case syntax.Unary(operator, operand):
-                found = self._unary(operator, matrix(self.value(operand)))
-            case syntax.Binary(operator, left, right):
-                found = self._binary(operator, self.value(left), self.value(right))
-            case syntax.RangeOf(start, step, stop):
-                found = self._range(start, step, stop)
-            case syntax.Matrix(rows):
-                found = self._matrix(rows)
-        return found
-
-    def _named(self, name: str, arguments: tuple[syntax.Node, ...]) -> Any:
+    def _named(self, name: str, arguments: tuple[Expression, ...]) -> Any:
         try:
             return self._lookup(name)
         except UndefinedVariable:
@@ -107,23 +87,23 @@ class _Evaluation:
         found = self._algebra.functions[name](*(self.value(argument) for argument in arguments))
         return found if isinstance(found, str | dict) else matrix(found)
 
-    def _called(self, target: syntax.Node, arguments: tuple[syntax.Node, ...]) -> Any:
-        if isinstance(target, syntax.Name):
+    def _call(self, target: Expression, arguments: tuple[Expression, ...]) -> Any:
+        if target.kind == "name":
             try:
-                value = self._lookup(target.name)
+                value = self._lookup(target.parts[0])
             except UndefinedVariable:
-                return self._named(target.name, arguments)
+                return self._named(target.parts[0], arguments)
         else:
             value = self.value(target)
         if isinstance(value, dict | str):
             return value  # of a single structure, (1) is itself
         return self._indexed(matrix(value), arguments)
 
-    def _indexed(self, array: Vector, arguments: tuple[syntax.Node, ...]) -> Vector:
+    def _indexed(self, array: Vector, arguments: tuple[Expression, ...]) -> Vector:
         if len(arguments) == 1:
             flat = array.reshape(-1, order="F")
             index = self._index(arguments[0], flat.size)
-            if isinstance(arguments[0], syntax.Colon):
+            if arguments[0].kind == "colon":
                 return flat.reshape(-1, 1)
             shape = index.shape if 1 not in array.shape or array.size == 1 else None
             if shape is None:
@@ -135,8 +115,8 @@ class _Evaluation:
             return np.asarray(array[np.ix_(rows, columns)])
         raise NotUnderstood(f"has an index of {len(arguments)} dimensions")
 
-    def _index(self, node: syntax.Node, size: int) -> Any:
-        if isinstance(node, syntax.Colon):
+    def _index(self, node: Expression, size: int) -> Any:
+        if node.kind == "colon":
             return np.arange(size).reshape(1, -1)
         self._ends.append(size)
         index = matrix(self.value(node))
@@ -145,15 +125,15 @@ class _Evaluation:
             raise NotUnderstood(f"has the index {index.reshape(-1)[0]:g} of something that has {size} elements")
         return index.astype(int) - 1
 
-    def _field(self, target: syntax.Node, name: str) -> Any:
-        value = self._lookup(target.name) if isinstance(target, syntax.Name) else self.value(target)
+    def _field(self, target: Expression, name: str) -> Any:
+        value = self._lookup(target.parts[0]) if target.kind == "name" else self.value(target)
         if not isinstance(value, dict):
             raise NotUnderstood(f"asks for the field '{name}' of something that is no structure")
         if name not in value:
             raise UndefinedVariable(f"{_written(target)}.{name}")
         return value[name]
 
-    def _range(self, start: syntax.Node, step: syntax.Node | None, stop: syntax.Node) -> Vector:
+    def _range(self, start: Expression, step: Expression | None, stop: Expression) -> Vector:
         first, last = (float(matrix(self.value(end))[0, 0]) for end in (start, stop))
         by = 1.0 if step is None else float(matrix(self.value(step))[0, 0])
         steps = np.floor((last - first) / by * (1 + 1e-12) + 1e-9) if by else -1
@@ -161,7 +141,7 @@ class _Evaluation:
             raise NotUnderstood(f"makes a range of more than {LARGEST} elements")
         return matrix(first + by * np.arange(max(int(steps) + 1, 0)))
 
-    def _matrix(self, rows: tuple[tuple[syntax.Node, ...], ...]) -> Any:
+    def _matrix(self, rows: tuple[tuple[Expression, ...], ...]) -> Any:
         if not rows:
             return np.zeros((0, 0))
         values = [[self.value(node) for node in row] for row in rows]
@@ -171,14 +151,16 @@ class _Evaluation:
         lines = [np.concatenate(row, axis=1) for row in parts if row]
         return np.concatenate(lines, axis=0) if lines else np.zeros((0, 0))
 
-    def _unary(self, operator: str, value: Vector) -> Vector:
+    def _unary(self, operator: str, operand: Expression) -> Vector:
+        value = matrix(self.value(operand))
         if operator == "-":
             return -value
         if operator == "~":
             return matrix(self._algebra.operators["=="](value, np.zeros((1, 1))))
         return value.T if operator == "'" else value
 
-    def _binary(self, operator: str, left: Any, right: Any) -> Vector:
+    def _binary(self, operator: str, one: Expression, other: Expression) -> Vector:
+        left, right = self.value(one), self.value(other)
         if operator in ("==", "~=") and (isinstance(left, str) or isinstance(right, str)):
             return matrix((left == right) == (operator == "=="))
         first, second, each = matrix(left), matrix(right), self._algebra.operators
@@ -201,11 +183,11 @@ class _Evaluation:
         return quotient.T if operator == "\\" else quotient
 
 
-def _written(node: syntax.Node) -> str:
+def _written(node: Expression) -> str:
     """Return a name with its fields as it is written."""
-    if isinstance(node, syntax.FieldOf):
-        return f"{_written(node.target)}.{node.name}"
-    return node.name if isinstance(node, syntax.Name) else "(…)"
+    if node.kind == "field":
+        return f"{_written(node.parts[0])}.{node.parts[1]}"
+    return str(node.parts[0]) if node.kind == "name" else "(…)"
 
 
 _EACH: dict[str, Callable[[Vector, Vector], Any]] = {

@@ -1,10 +1,7 @@
 """The syntax of the MATLAB expressions that are read: numbers, text, matrices, names, calls, fields, operators."""
 
-from __future__ import annotations
-
 import re
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 DEEPEST = 60  # brackets in brackets
 LONGEST = 200_000  # letters of one expression
@@ -14,87 +11,18 @@ class NotUnderstood(ValueError):
     """An expression outside the subset, or none at all."""
 
 
-@dataclass(frozen=True)
-class Number:
-    """A number."""
+class Expression(NamedTuple):
+    """An expression, or a part of one.
 
-    value: float
+    Attributes:
+        kind, parts: what it is, and what of: ``number`` and ``text`` (value), ``name`` (name), ``call`` (target,
+            arguments) for an index or a function, ``field`` (target, name), ``unary`` (operator, operand) with ``'``
+            behind it, ``binary`` (operator, left, right), ``range`` (start, step or None, stop), ``matrix`` (rows),
+            ``colon`` for a lone one, all of a dimension, and ``end`` in an index.
+    """
 
-
-@dataclass(frozen=True)
-class Text:
-    """A text in quotes."""
-
-    value: str
-
-
-@dataclass(frozen=True)
-class Name:
-    """A variable, or a function without arguments."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class Call:
-    """``target(arguments)``: an index, or a function."""
-
-    target: Node
-    arguments: tuple[Node, ...]
-
-
-@dataclass(frozen=True)
-class FieldOf:
-    """``target.name``."""
-
-    target: Node
-    name: str
-
-
-@dataclass(frozen=True)
-class Unary:
-    """An operator before (``-``, ``+``, ``~``) or behind (``'``) its operand."""
-
-    operator: str
-    operand: Node
-
-
-@dataclass(frozen=True)
-class Binary:
-    """An operator between two operands."""
-
-    operator: str
-    left: Node
-    right: Node
-
-
-@dataclass(frozen=True)
-class RangeOf:
-    """``start:stop`` or ``start:step:stop``."""
-
-    start: Node
-    step: Node | None
-    stop: Node
-
-
-@dataclass(frozen=True)
-class Matrix:
-    """Rows in brackets."""
-
-    rows: tuple[tuple[Node, ...], ...]
-
-
-@dataclass(frozen=True)
-class Colon:
-    """A lone ``:``, all of a dimension."""
-
-
-@dataclass(frozen=True)
-class EndIndex:
-    """``end`` in an index."""
-
-
-Node = Number | Text | Name | Call | FieldOf | Unary | Binary | RangeOf | Matrix | Colon | EndIndex
+    kind: str
+    parts: tuple[Any, ...] = ()
 
 
 class Token(NamedTuple):
@@ -162,7 +90,7 @@ def _quote_opens(tokens: list[Token], letter: str, spaced: bool) -> bool:
     return not (last.kind in ("number", "name", "text") or last.text in (")", "]", "}", "'", ".'"))
 
 
-def parse(text: str) -> Node:
+def parse(text: str) -> Expression:
     """Return the tree of an expression.
 
     Raises:
@@ -179,12 +107,11 @@ class Parser:
     """Walks over tokens, tightest operators innermost."""
 
     def __init__(self, tokens: list[Token]) -> None:
-        """Begin at the first token."""
         self.tokens, self.place = tokens, 0
         self._depth = 0
         self._in_matrix = False
 
-    def expression(self, level: int = 0) -> Node:
+    def expression(self, level: int = 0) -> Expression:
         """Return the expression that begins here."""
         if level == len(_LEVELS):
             return self._product()
@@ -193,11 +120,11 @@ class Parser:
         while (token := self._operator(operators)) is not None:
             right = self.expression(level + 1)
             if token != ":":
-                left = Binary(token, left, right)
-            elif isinstance(left, RangeOf) and left.step is None:
-                left = RangeOf(left.start, left.stop, right)
+                left = Expression("binary", (token, left, right))
+            elif left.kind == "range" and left.parts[1] is None:
+                left = Expression("range", (left.parts[0], left.parts[2], right))
             else:
-                left = RangeOf(left, None, right)
+                left = Expression("range", (left, None, right))
         return left
 
     def _operator(self, operators: tuple[str, ...]) -> str | None:
@@ -218,60 +145,60 @@ class Parser:
         following = self.tokens[self.place + 1 : self.place + 2]
         return not following or following[0].text in (",", ")")
 
-    def _product(self) -> Node:
+    def _product(self) -> Expression:
         left = self._unary()
         while (token := self._operator(_PRODUCTS)) is not None:
-            left = Binary(token, left, self._unary())
+            left = Expression("binary", (token, left, self._unary()))
         return left
 
-    def _unary(self) -> Node:
+    def _unary(self) -> Expression:
         for sign in ("-", "+", "~", "!"):
             if self._peek() == sign:
                 self.place += 1
                 self._deeper()
-                node = Unary("~" if sign == "!" else sign, self._unary())
+                node = Expression("unary", ("~" if sign == "!" else sign, self._unary()))
                 self._depth -= 1
                 return node
         return self._power()
 
-    def _power(self) -> Node:
+    def _power(self) -> Expression:
         left = self._postfix()
         while self._peek() in ("^", ".^"):
             operator = self.tokens[self.place].text
             self.place += 1
             right = self._unary() if self._peek() in ("-", "+", "~") else self._postfix()
-            left = Binary(operator, left, right)
+            left = Expression("binary", (operator, left, right))
         return left
 
-    def _postfix(self) -> Node:
+    def _postfix(self) -> Expression:
         node = self._atom()
         while self.place < len(self.tokens):
             token = self.tokens[self.place]
             if self._in_matrix and token.spaced:
                 break
             if token.text == "(" and token.kind == "operator":
-                node = Call(node, self._arguments())
+                node = Expression("call", (node, self._arguments()))
             elif token.text in ("'", ".'") and token.kind == "operator":
                 self.place += 1
-                node = Unary("'", node)
+                node = Expression("unary", ("'", node))
             elif token.text == "." and token.kind == "operator":
                 self.place += 1
-                node = FieldOf(node, self._take("name"))
+                node = Expression("field", (node, self._take("name")))
             else:
                 break
         return node
 
-    def _atom(self) -> Node:
+    def _atom(self) -> Expression:
         if self.place >= len(self.tokens):
             raise NotUnderstood("ends where a value should stand")
         token = self.tokens[self.place]
         self.place += 1
         if token.kind == "number":
-            return Number(float(token.text.lower().replace("d", "e")))
+            return Expression("number", (float(token.text.lower().replace("d", "e")),))
         if token.kind == "text":
-            return Text(token.text)
+            return Expression("text", (token.text,))
         if token.kind == "name":
-            return EndIndex() if token.text == "end" else Name(token.text)
+            return Expression("end") if token.text == "end" else Expression("name", (token.text,))
         if token.text == "(":
             self._deeper()
             outside, self._in_matrix = self._in_matrix, False
@@ -283,15 +210,15 @@ class Parser:
             return self._matrix()
         raise NotUnderstood(f"has '{token.text}' where a value should stand")
 
-    def _arguments(self) -> tuple[Node, ...]:
+    def _arguments(self) -> tuple[Expression, ...]:
         self._deeper()
         self.place += 1
         outside, self._in_matrix = self._in_matrix, False
-        found: list[Node] = []
+        found: list[Expression] = []
         while self._peek() != ")":
             if self._peek() == ":" and self._next_closes():
                 self.place += 1
-                found.append(Colon())
+                found.append(Expression("colon"))
             else:
                 found.append(self.expression())
             if self._peek() == ",":
@@ -302,11 +229,11 @@ class Parser:
         self._close(")")
         return tuple(found)
 
-    def _matrix(self) -> Node:
+    def _matrix(self) -> Expression:
         self._deeper()
         outside, self._in_matrix = self._in_matrix, True
-        rows: list[tuple[Node, ...]] = []
-        row: list[Node] = []
+        rows: list[tuple[Expression, ...]] = []
+        row: list[Expression] = []
         while self._peek() != "]":
             if self._peek() == ";":
                 self.place += 1
@@ -318,7 +245,7 @@ class Parser:
                 row.append(self.expression())
         self._in_matrix = outside
         self._close("]")
-        return Matrix(tuple(part for part in (*rows, tuple(row)) if part))
+        return Expression("matrix", (tuple(part for part in (*rows, tuple(row)) if part),))
 
     def _peek(self) -> str | None:
         """Return the operator that stands here, if one does."""

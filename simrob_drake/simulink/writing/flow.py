@@ -168,7 +168,6 @@ class FlowWriter:
 
 
 def _problem(name: str, block: dict[str, Any]) -> str | None:
-    """Return why a block cannot be as a station's file has it, or None."""
     try:
         _AS_WRITTEN.validate_python(block).check(name)
     except ValidationError as problem:

@@ -1,6 +1,7 @@
 """What the joints of a station are asked to do, and where it begins."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,70 +26,72 @@ RATE = 200.0
 """Rows a second of a table."""
 
 
-def reference(
-    axes: dict[Freedom, str], values: dict[Freedom, Value | None], start: dict[str, float], duration: float, table: Path
-) -> dict[str, Any]:
-    """Return the reference section of a robot.
+@dataclass
+class JointMotions:
+    """Where the joints of a robot are asked to be.
 
-    Args:
+    Attributes:
         axes: names by degree of freedom.
         values: positions [rad or m]; None of what nothing drives.
         start: where each axis is at the beginning, by name [rad or m].
         duration: of the run [s].
         table: the CSV file to write where positions change over time.
     """
-    if not _moving(axes, values):
-        targets = {
-            name: _held(values.get(freedom), start[name]) / (np.pi / 180 if freedom.turns else 1.0)
-            for freedom, name in axes.items()
-        }
-        resting = {name: start[name] / (np.pi / 180 if freedom.turns else 1.0) for freedom, name in axes.items()}
-        if targets == resting:
+
+    axes: dict[Freedom, str]
+    values: dict[Freedom, Value | None]
+    start: dict[str, float]
+    duration: float
+    table: Path
+
+    @property
+    def moving(self) -> dict[Freedom, Form]:
+        """The positions that change over time, and depend on nothing else."""
+        found = {freedom: self.values.get(freedom) for freedom in self.axes}
+        return {freedom: value for freedom, value in found.items() if isinstance(value, Form) and of_time(value)}
+
+    def reference(self) -> dict[str, Any]:
+        """Return the reference section of the robot."""
+        if self.moving:
+            self._sample(self.axes)
+            return {"kind": "table", "file": self.table.name, "interpolation": "linear"}
+        units = {name: np.pi / 180 if freedom.turns else 1.0 for freedom, name in self.axes.items()}
+        targets = {name: self._held(freedom) / units[name] for freedom, name in self.axes.items()}
+        if targets == {name: self.start[name] / unit for name, unit in units.items()}:
             return {"kind": "hold"}
         return {"kind": "hold", "target_deg": {name: float(f"{value:.12g}") for name, value in targets.items()}}
-    _sample(axes, values, start, duration, table)
-    return {"kind": "table", "file": table.name, "interpolation": "linear"}
 
+    def prescribed(self) -> dict[str, dict[str, Any]]:
+        """Return a reference for each joint, by its axis."""
+        moving = self.moving
+        if moving:
+            self._sample({freedom: self.axes[freedom] for freedom in moving})
+        follow = {"kind": "table", "file": self.table.name}  # by a cubic spline, for the sake of its acceleration
+        return {
+            axis: follow if freedom in moving else replace(self, axes={freedom: axis}).reference()
+            for freedom, axis in self.axes.items()
+        }
 
-def motions(
-    axes: dict[Freedom, str], values: dict[Freedom, Value | None], start: dict[str, float], duration: float, table: Path
-) -> dict[str, dict[str, Any]]:
-    """Return a reference for each joint whose motion is an input, by its axis; arguments as of :func:`reference`."""
-    moving = _moving(axes, values)
-    if moving:
-        _sample({freedom: axes[freedom] for freedom in moving}, values, start, duration, table)
-    follow = {"kind": "table", "file": table.name}  # by a cubic spline, for the sake of its acceleration
-    return {
-        axis: follow if freedom in moving else reference({freedom: axis}, values, start, duration, table)
-        for freedom, axis in axes.items()
-    }
+    def _sample(self, axes: dict[Freedom, str]) -> None:
+        moving = self.moving
+        steps = {
+            block.parameters["time"] for terms in closure(moving.values()) for block in blocks_in([Form(terms)])
+            if block.kind == "step"
+        }  # fmt: skip
+        corners = [corner for corner in steps if 0 < corner < self.duration]
+        even = np.linspace(0.0, self.duration, round(self.duration * RATE) + 1)
+        times = np.unique(np.concatenate([even, corners, np.array(corners) - _CORNER]))
+        moved = dict(zip(moving, over_time(list(moving.values()), times), strict=True))
+        columns: dict[str, Vector] = {"time": times}
+        for freedom, name in axes.items():
+            columns[name] = moved.get(freedom, np.full_like(times, self._held(freedom)))
+        rows = np.column_stack(list(columns.values()))
+        np.savetxt(self.table, rows, fmt="%.12g", delimiter=",", header=",".join(columns), comments="")
 
-
-def _moving(axes: dict[Freedom, str], values: dict[Freedom, Value | None]) -> dict[Freedom, Form]:
-    """Return the positions that change over time, and depend on nothing else."""
-    found = {freedom: values.get(freedom) for freedom in axes}
-    return {freedom: value for freedom, value in found.items() if isinstance(value, Form) and of_time(value)}
-
-
-def _sample(
-    axes: dict[Freedom, str], values: dict[Freedom, Value | None], start: dict[str, float], duration: float, table: Path
-) -> None:
-    """Write where joints are over time."""
-    moving = _moving(axes, values)
-    steps = {
-        block.parameters["time"] for terms in closure(moving.values()) for block in blocks_in([Form(terms)])
-        if block.kind == "step"
-    }  # fmt: skip
-    corners = [corner for corner in steps if 0 < corner < duration]
-    even = np.linspace(0.0, duration, round(duration * RATE) + 1)
-    times = np.unique(np.concatenate([even, corners, np.array(corners) - _CORNER]))
-    moved = dict(zip(moving, over_time(list(moving.values()), times), strict=True))
-    columns: dict[str, Vector] = {"time": times}
-    for freedom, name in axes.items():
-        held = np.full_like(times, _held(values.get(freedom), start[name]))
-        columns[name] = moved.get(freedom, held)
-    rows = np.column_stack(list(columns.values()))
-    np.savetxt(table, rows, fmt="%.12g", delimiter=",", header=",".join(columns), comments="")
+    def _held(self, freedom: Freedom) -> float:
+        """Return a constant position; an input is taken to hold the start."""
+        value = self.values.get(freedom)
+        return self.start[self.axes[freedom]] if value is None or isinstance(value, Form) else float(value)
 
 
 def over_time(values: list[Value], times: Vector) -> Vector:
@@ -96,11 +99,6 @@ def over_time(values: list[Value], times: Vector) -> Vector:
     writer = FlowWriter("law", {}, {}, ImportReport(Path()))
     sums = [writer.sum(value) for value in values]
     return flow_over_time(writer.blocks, sums, times)
-
-
-def _held(value: Value | None, start: float) -> float:
-    """Return a constant position; an input is taken to hold the start."""
-    return start if value is None or isinstance(value, Form) else float(value)
 
 
 def start_state(files: StationFiles, starts: Mapping[str, Mapping[str, float]], turn: RigidTransform) -> State | None:

@@ -22,8 +22,8 @@ from simrob_drake.simulink.signals.forms import closure, terms_of
 from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.flow import FrameSensors, flows_of, frame_sensors
-from simrob_drake.simulink.writing.references import motions, reference, start_state
-from simrob_drake.simulink.writing.touching import StationFiles, contact_sections, feet_of, read_touching
+from simrob_drake.simulink.writing.references import JointMotions, start_state
+from simrob_drake.simulink.writing.touching import ContactSections, StationFiles, feet_of, read_touching
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
 from simrob_drake.stations.config import JointStops
 
@@ -41,7 +41,6 @@ class StationWriter:
     """Writes one model into one folder."""
 
     def __init__(self, model: SimulinkModel, folder: Path) -> None:
-        """Take the model and where to write."""
         self._model, self._folder = model, folder
         self._report: ImportReport = model.report
         self._names = UniqueNames(("world", "floor", "robot"))
@@ -158,7 +157,8 @@ class StationWriter:
         if self._touching.floor:
             content["floor"] = {"size": 10}
         if self._touching.ends and not kinematic:
-            content |= contact_sections(self._touching, self._files, self._model, self._gravity, self._names)
+            sections = ContactSections(self._touching, self._files, self._model, self._gravity, self._names)
+            content |= {"contact": sections.contact(), **sections.sensors()}
         seen = frame_sensors(model, self._files, self._turn, self._names)
         if seen.sections:
             content["sensors"] = {**content.get("sensors", {}), **seen.sections}
@@ -245,7 +245,8 @@ class StationWriter:
             if stops:
                 entry["joint_stops"] = stops
         forms = {freedom: law.reference for freedom, law in laws.items()}
-        entry["reference"] = reference(robot.axes, forms, start, duration, self._folder / f"{name}_reference.csv")
+        table = self._folder / f"{name}_reference.csv"
+        entry["reference"] = JointMotions(robot.axes, forms, start, duration, table).reference()
         if kinematic and any(freedom.start_speed for freedom in robot.axes):
             self._report.add("dropped", name, "speeds at the start: what moves it is its reference")
         return entry
@@ -257,7 +258,7 @@ class StationWriter:
             axes = {freedom: axis for freedom, axis in robot.axes.items() if freedom.driven == "motion"}
             forms = {freedom: self._model.laws.get(freedom, Law()).reference for freedom in axes}
             table = self._folder / f"{name}_prescribed.csv"
-            found = motions(axes, forms, self._starts(robot), self._model.duration, table)
+            found = JointMotions(axes, forms, self._starts(robot), self._model.duration, table).prescribed()
             prefix = f"{name}." if len(self._files.robots) > 1 else ""
             sections |= {f"{prefix}{axis}": section for axis, section in found.items()}
         return sections
@@ -266,7 +267,6 @@ class StationWriter:
         return {axis: self._start(freedom) for freedom, axis in robot.axes.items()}
 
     def _start(self, freedom: Freedom) -> float:
-        """Return where a joint begins, within its limits."""
         desired = freedom.start or 0.0
         taken = float(np.clip(desired, freedom.lower + _INSIDE, freedom.upper - _INSIDE))
         if abs(taken - desired) > 2 * _INSIDE:
@@ -283,7 +283,6 @@ class StationWriter:
         return law
 
     def _tell(self, robot: str, axis: str, freedom: Freedom, law: Law, *, kinematic: bool) -> None:
-        """Report what a joint became."""
         gains = {"kp": law.kp, "ki": law.ki, "kd": law.kd, "limit": law.limit if isfinite(law.limit) else 0.0}
         shown = ", ".join(f"{key} {value:.6g}" for key, value in gains.items() if value)
         if terms_of(law.net):

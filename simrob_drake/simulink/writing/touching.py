@@ -186,30 +186,21 @@ class StationFiles:
         return next(((name, tree.frame.inverse()) for tree, name in self.free.items() if tree.root is body), None)
 
 
-def contact_sections(
-    touching: Touching, files: StationFiles, model: SimulinkModel, gravity: float, names: UniqueNames
-) -> dict[str, Any]:
-    """Return the sections `contact`, `sensors` and `monitors`.
+@dataclass
+class ContactSections:
+    """The sections `contact`, `sensors` and `monitors` of a station.
 
-    Args:
-        touching: the contacts.
-        files: the robots and pieces that are written.
-        model: what was read.
+    Attributes:
+        touching, files, model: the contacts, the robots and pieces that are written, and what was read.
         gravity: [m/s²].
         names: those that are given.
     """
-    writer = _Sections(touching, files, model, gravity, names)
-    return {"contact": writer.contact(), **writer.sensors()}
 
-
-class _Sections:
-    """One station's."""
-
-    def __init__(
-        self, touching: Touching, files: StationFiles, model: SimulinkModel, gravity: float, names: UniqueNames
-    ) -> None:
-        self.touching, self.files, self.model = touching, files, model
-        self.gravity, self.names, self.report = gravity, names, model.report
+    touching: Touching
+    files: StationFiles
+    model: SimulinkModel
+    gravity: float
+    names: UniqueNames
 
     def contact(self) -> dict[str, Any]:
         """Return the contact section: the figures of the first contact that no robot's feet tell."""
@@ -228,12 +219,12 @@ class _Sections:
             shared = sum(any(body is moving for body, _ in other) for _, other in own)
             section |= {
                 "stiffness": surface.stiffness,
-                "dissipation": bounded_dissipation(surface, weight / shared, self.report, contact.node.path),
+                "dissipation": bounded_dissipation(surface, weight / shared, self.model.report, contact.node.path),
                 "friction": {"static": surface.static, "dynamic": surface.dynamic},
                 "stiction_speed": surface.speed,
             }
             if len({other.surface for other, _ in own}) > 1:
-                self.report.add("repaired", "contact", "contacts differ: all pieces get the figures of the first")
+                self.model.report.add("repaired", "contact", "contacts differ: all pieces get the figures of the first")
         elif self.touching.ends:
             section["stiction_speed"] = self.touching.ends[0][0].surface.speed
         return section
