@@ -59,13 +59,16 @@ def test_a_point_is_a_function_and_templates_are_alike(name):
 
 
 @each_solution
-def test_a_solution_holds_all_points_and_a_template_none(name):
+def test_a_solution_holds_all_points_and_a_template_none(name, tmp_path):
     entry = ENTRIES[name]
     solved = list(checked_points(entry, SOLUTIONS / f"{name}.py", allow_code=True))
     assert [point for point in solved if not point.ok] == []
     for language in ("en", "es"):
         template = entry.folder / f"template_{language}.py"
         assert not any(point.ok for point in checked_points(entry, template, allow_code=True))
+    zeros = tmp_path / "answer.py"
+    zeros.write_text(template.read_text().replace("raise NotImplementedError", "return 0"))
+    assert sum(point.ok for point in checked_points(entry, zeros, allow_code=True)) <= len(entry.exercise.points) / 2
 
 
 @each_solution
@@ -86,7 +89,7 @@ def test_an_answer_is_begun_checked_and_passes(tmp_path, monkeypatch, capsys):
     assert "Kinematics of an arm" in capsys.readouterr().out
     assert run_command(["course", "start", "1", "--out", "mine", "--language", "es"]) == 0
     assert "Ejercicio 1" in Path("mine/answer.py").read_text()
-    assert "course check 1 mine/answer.py --allow-code" in capsys.readouterr().out
+    assert "course check 1 mine/answer.py --allow-code --language es" in capsys.readouterr().out
     assert run_command(["course", "start", "1", "--out", "mine"]) == ExitCode.BAD_INPUT
     assert run_command(["course", "check", "1", "mine/answer.py", "--allow-code"]) == ExitCode.BEYOND
     shown = capsys.readouterr().out.splitlines()

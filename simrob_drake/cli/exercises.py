@@ -62,7 +62,8 @@ def start(
     """
     answer = exercise_of(exercise).start(out, language, force=force)
     console.print(f"answer  {answer}", soft_wrap=True, highlight=False)
-    next_step = f"simrob course check {exercise} {answer} --allow-code"
+    spoken = "" if language == "en" else f" --language {language}"
+    next_step = f"simrob course check {exercise} {answer} --allow-code{spoken}"
     console.print(f"next    {next_step}", soft_wrap=True, highlight=False)
 
 

@@ -154,7 +154,7 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Refer
         torque, limit, kp = torques[:, axis], robot.gains.torque_limit[axis], robot.gains.kp[axis]
         unit = robot.model.units[axis]
         subject, effort = f"torque of {robot.prefix}{name}", unit.effort
-        text = f"holding takes {torque[0]:.2f} {effort} at the start and {torque[-1]:.2f} {effort} at the end"
+        text = f"holding takes {torque[0]:z.2f} {effort} at the start and {torque[-1]:z.2f} {effort} at the end"
         text += " of the reference"
         if ports.config.mode == "kinematic":
             findings.append(Finding("note", subject, text))
@@ -211,7 +211,7 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
         findings.append(Finding("warning", f"{robot.prefix}feet", f"{text}hydroelastic_with_fallback"))
     held = zip(found.torque, robot.gains.torque_limit, robot.gains.kp, strict=True)
     for name, unit, (torque, limit, kp) in zip(robot.axes, robot.model.units, held, strict=True):
-        text = f"standing takes {torque:.2f} {unit.effort} and the limit is {limit:g} {unit.effort}"
+        text = f"standing takes {torque:z.2f} {unit.effort} and the limit is {limit:g} {unit.effort}"
         sag = f"; it sags by {abs(torque) / kp / unit.size:.2f} {unit.name}" if kp > 0 else ""
         weak = abs(torque) > limit
         end = ": the joint will not hold" if weak else sag

@@ -107,6 +107,6 @@ def test_bad_input_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
-    monkeypatch.setattr("simrob_drake.cli.engines.find_spec", lambda name: None)
+    monkeypatch.setattr("simrob_drake.extras.find_spec", lambda name: None)
     assert run_command(["export", "bouncing_ball", "--mjcf", str(tmp_path / "ball.xml")]) == 2
-    assert "installed with the extra mujoco" in capsys.readouterr().err
+    assert "simrob export needs the extra mujoco: pip install" in capsys.readouterr().err

@@ -216,6 +216,7 @@ def scheduler(dask):
 
 
 class TestCluster:
+    @pytest.mark.long
     def test_its_rows_are_those_of_this_machine(self, scheduler, tmp_path):
         here = SweepFolder(tmp_path / "here", PENDULUM).run(workers=1, progress=False)
         assert SweepFolder(tmp_path / "there", PENDULUM).run(scheduler=scheduler, progress=False) == here
