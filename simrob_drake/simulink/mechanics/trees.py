@@ -24,8 +24,6 @@ class BodyOnJoint:
         parent: what it hangs on; None for the world or the root body.
         link: by which joint.
         reversed: whether the joint's base is the outer body.
-        in_parent: pose of the joint's frame on the parent, in the parent's first frame.
-        in_body: pose of the joint's frame on the body, in the body's first frame.
     """
 
     body: RigidPart

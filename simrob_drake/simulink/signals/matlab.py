@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -118,8 +118,7 @@ class Translation(CodeRun):
             raise NotUnderstood(text[:60])
         else:
             arguments = [self._value(argument) for argument in _split(call[2])]
-            names = [name for name in re.split(r"[\s,]+", several[1].strip()) if name]
-            for name, value in zip(names, self.called(self._functions[call[1]], arguments), strict=False):
+            for name, value in zip(_names(several[1]), self.called(self._functions[call[1]], arguments), strict=False):
                 if name != "~":
                     self.variables[name] = value
 
@@ -172,15 +171,13 @@ class Translation(CodeRun):
         self._guards.pop()
 
 
-class ScriptFunction:
+class ScriptFunction(NamedTuple):
     """A function of a script: its name, its inputs and outputs by name, and its statements."""
 
-    def __init__(self, signature: re.Match[str], body: list[str]) -> None:
-        """Take what a function's first line says, and what follows."""
-        several, one, self.name, inputs = signature.groups()
-        self.inputs = _split(inputs or "")
-        self.outputs = [name for name in re.split(r"[\s,]+", several or one or "") if name]
-        self.body = body
+    name: str
+    inputs: list[str]
+    outputs: list[str]
+    body: list[str]
 
 
 def functions_of(code: str) -> dict[str, ScriptFunction]:
@@ -195,8 +192,13 @@ def functions_of(code: str) -> dict[str, ScriptFunction]:
         opened = sum(bool(re.match(r"(if|for|while|switch|try)\b", line)) for line in body)
         if sum(bool(re.match(r"end\b", line)) for line in body) > opened:
             del body[max(place for place, line in enumerate(body) if re.match(r"end\b", line)) :]
-        found[signature[3]] = ScriptFunction(signature, body)
+        several, one, name, inputs = signature.groups()
+        found[name] = ScriptFunction(name, _split(inputs or ""), _names(several or one or ""), body)
     return found
+
+
+def _names(text: str) -> list[str]:
+    return [name for name in re.split(r"[\s,]+", text) if name]
 
 
 def _both(operator: str, first: Value, second: Value) -> Value:
