@@ -150,7 +150,7 @@ OWN_FILES = {
     "cli/app.py": "its own code",
     "results/animation/recording.py": "its own script",
     "results/animation/window.py": "its own script",
-    "simulink/coverage.py": "its own table",
+    "simulink/importing.py": "its own table",
     "teach/pages/shell.py": "its own script and style",
     "teach/pages/view.py": "a picture that was just drawn",
 }

@@ -113,8 +113,7 @@ def import_model(
     file: Path, out: Path | None, options: dict[str, Any], *, force: bool, allow_losses: bool = False
 ) -> ExitCode:
     """Write the robots, pieces and station of a model, and tell what became of its blocks."""
-    from simrob_drake.simulink.coverage import lost_mechanics
-    from simrob_drake.simulink.importing import import_simulink
+    from simrob_drake.simulink.importing import import_simulink, lost_mechanics
 
     folder = out or Path(f"{file.stem}_imported")
     with errors.status(Text(f"importing {file}")):

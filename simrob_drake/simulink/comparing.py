@@ -17,7 +17,7 @@ from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.results.colours import RED
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.evaluate import matrix
 from simrob_drake.simulink.values.workspace import variables_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve

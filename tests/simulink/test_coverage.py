@@ -11,8 +11,7 @@ from test_slx_signals import Plant
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.simulink.coverage import FATES, block_types
-from simrob_drake.simulink.importing import import_simulink
+from simrob_drake.simulink.importing import FATES, block_types, import_simulink
 
 GEAR = "sm_lib/Gears and Couplings/Gears/Worm and Gear Constraint"
 

@@ -8,12 +8,11 @@ import pytest
 from scipy.io import savemat
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.simulink.values import mat_files as mat_bounds
+from simrob_drake.simulink.values import workspace
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
-from simrob_drake.simulink.values.mat_files import variables_of_mat
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor
-from simrob_drake.simulink.values.workspace import Variables, variables_of
+from simrob_drake.simulink.values.workspace import Variables, variables_of, variables_of_mat
 
 VARIABLES = {
     "L": 3.0,
@@ -186,7 +185,7 @@ def packed(size: int) -> bytes:
 )
 def test_mat_files_that_grow_beyond_bounds_are_refused(tmp_path, monkeypatch, content, words):
     """The first one ended the process, the second took 4 GB and half a minute."""
-    monkeypatch.setattr(mat_bounds, "_MOST_ELEMENTS", 6000)
+    monkeypatch.setattr(workspace, "_MOST_ELEMENTS", 6000)
     file = tmp_path / "bomb.mat"
     bomb = packed(300_000_000) if content is None else content
     file.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + bomb)

@@ -13,8 +13,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Mask, MaskParameter, Model, SimulinkBlock, System
 from simrob_drake.simulink.reading.model_file import BUILT_IN, Libraries
-from simrob_drake.simulink.values.evaluate import UndefinedVariable
-from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor
 from simrob_drake.simulink.values.workspace import Octave, Variables

@@ -16,8 +16,7 @@ from simrob_drake.simulink.reading.model_file import SCRIPT
 from simrob_drake.simulink.signals.arithmetic import MATH, OPERATORS, applied, chosen, compared, joined, table_of
 from simrob_drake.simulink.signals.forms import Form, Rule, Signal, SignalReader, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun, statements
-from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, evaluate
-from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, evaluate, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
 _SIGNATURE = re.compile(r"function\s+(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")

@@ -24,8 +24,7 @@ from simrob_drake.simulink.signals.forms import (
     widened,
 )
 from simrob_drake.simulink.signals.matlab import condition_on
-from simrob_drake.simulink.values.evaluate import UndefinedVariable
-from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood
 
 _MOST_INPUTS = 1000

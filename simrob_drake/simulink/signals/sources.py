@@ -27,7 +27,7 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     terms_of,
 )
-from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.evaluate import matrix
 
 _HOLD = "Holding final value"
 

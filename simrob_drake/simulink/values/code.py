@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate
-from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
 MOST_STEPS = 20_000

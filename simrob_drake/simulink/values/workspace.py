@@ -1,22 +1,147 @@
-"""Where variables are found: masks from the inside out, the model's workspace, what the user gives."""
+"""Where variables are found: masks from the inside out, the model's workspace, what the user gives, `.mat` files."""
 
 from __future__ import annotations
 
+import io
+import math
 import re
 import shutil
+import struct
 import subprocess
-from collections.abc import Callable, Mapping
+import zlib
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import content_of
 from simrob_drake.simulink.values.code import CodeRun
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate
-from simrob_drake.simulink.values.mat_files import variables_of_mat
+from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
+
+LARGEST = 200_000_000
+"""Of a file, and of all that is packed in it [bytes]."""
+_DEEPEST = 50  # matrices in cells and structures
+_MOST_ELEMENTS = 500_000
+_HEADER, _VERSION_5 = 128, (b"IM", b"MI")  # the mark of little-endian files, and of big-endian ones
+_INT32, _MATRIX, _COMPRESSED = 5, 14, 15  # types of elements
+_SPARSE = 5  # the class of a matrix that does not hold all its entries
+
+
+class UnboundedMat(Exception):
+    """A file that asks for far more than it holds; the text says what."""
+
+
+def check_bounds(content: bytes) -> None:
+    """Check that a file asks for nothing beyond what it holds.
+
+    Raises:
+        UnboundedMat: it does.
+    """
+    mark = content[_HEADER - 2 : _HEADER]
+    if mark in _VERSION_5:
+        _Scan("<" if mark == _VERSION_5[0] else ">").check(memoryview(content)[_HEADER:])
+
+
+class _Scan:
+    """One look through one file, whose numbers are in an order of bytes."""
+
+    def __init__(self, order: str) -> None:
+        self._order, self._room, self._elements = order, LARGEST, _MOST_ELEMENTS
+
+    def check(self, data: memoryview) -> None:
+        """Check all variables of a file, packed or not."""
+        for kind, content in self._elements_of(data):
+            packed = self._elements_of(memoryview(self._inflated(content))) if kind == _COMPRESSED else ()
+            for inner, variable in packed or ((kind, content),):
+                if inner == _MATRIX:
+                    self._check_matrix(variable, 1)
+
+    def _check_matrix(self, data: memoryview, depth: int) -> None:
+        if depth > _DEEPEST:
+            raise UnboundedMat(f"it nests cells or structures more than {_DEEPEST} deep")
+        sparse = False
+        for place, (kind, content) in enumerate(self._elements_of(data)):
+            if kind == _MATRIX:
+                self._check_matrix(content, depth + 1)
+            elif place == 0:
+                sparse = bool(len(content)) and self._numbers(content[:4])[0] & 0xFF == _SPARSE
+            elif place == 1 and kind == _INT32 and not sparse:
+                sizes = self._numbers(content)
+                if min(sizes, default=0) < 0 or math.prod(sizes) > len(data):
+                    raise UnboundedMat(f"it counts {' x '.join(map(str, sizes))} entries, and has no bytes for them")
+
+    def _elements_of(self, data: memoryview) -> Iterator[tuple[int, memoryview]]:
+        """Yield type and content of each element; one that is cut off is for the library to tell."""
+        start = 0
+        while start + 8 <= len(data):
+            self._elements -= 1
+            if self._elements < 0:
+                raise UnboundedMat(f"it holds more than {_MOST_ELEMENTS} elements")
+            kind, size = struct.unpack(f"{self._order}II", data[start : start + 8])
+            if kind >> 16:  # a small one: its content stands in the second half of its own tag
+                yield kind & 0xFFFF, data[start + 4 : start + 4 + (kind >> 16)]
+                start += 8
+                continue
+            yield kind, data[start + 8 : start + 8 + size]
+            start += 8 + (size if kind == _COMPRESSED else math.ceil(size / 8) * 8)
+
+    def _numbers(self, content: memoryview) -> tuple[int, ...]:
+        return struct.unpack(f"{self._order}{len(content) // 4}i", content[: len(content) // 4 * 4])
+
+    def _inflated(self, content: memoryview) -> bytes:
+        inflater = zlib.decompressobj()
+        try:
+            found = inflater.decompress(content, self._room)
+        except zlib.error:  # for the library to tell
+            return b""
+        self._room -= len(found)
+        if self._room <= 0:
+            raise UnboundedMat(f"it unpacks to more than {LARGEST // 1_000_000} MB")
+        return found
+
+
+def variables_of_mat(file: Path, option: str = "--variables") -> dict[str, Any]:
+    """Return the variables of a file, by name.
+
+    Raises:
+        InvalidParameter: it cannot be read; the message names the option that asked for it.
+    """
+    from scipy.io import loadmat
+
+    try:
+        data = content_of(file, LARGEST)
+        check_bounds(data)
+        source: Any = io.BytesIO(data)  # which older stubs of scipy do not know of
+        content = loadmat(source, squeeze_me=False, struct_as_record=True)
+    except Exception as problem:  # readers of damaged files raise whatever they like
+        reason = (
+            "saved with -v7: version 7.3 is not read"
+            if isinstance(problem, NotImplementedError)
+            else f"readable: {problem}"
+        )
+        raise InvalidParameter(option, str(file), reason) from problem
+    return {
+        name: value for name, raw in content.items() if not name.startswith("__") and (value := _plain(raw)) is not None
+    }
+
+
+def _plain(raw: Any) -> Any:
+    """Return a variable of a .mat file as a matrix, text or structure; None for objects."""
+    if isinstance(raw, np.ndarray) and raw.dtype.names:
+        first = raw.reshape(-1)[0] if raw.size else None
+        return {} if first is None else {name: _plain(first[name]) for name in raw.dtype.names}
+    if isinstance(raw, np.ndarray) and raw.dtype.kind in "US":
+        return "".join(str(part) for part in raw.reshape(-1))
+    try:
+        return matrix(raw)
+    except (NotUnderstood, TypeError, ValueError):
+        return None
+
 
 _PATIENCE = 60.0  # s
 _NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
