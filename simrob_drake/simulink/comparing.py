@@ -74,7 +74,11 @@ def read_log(file: Path | str, names: Mapping[str, str]) -> tuple[Vector, dict[s
         UnknownName: a name that the log does not have.
     """
     file = as_path(file, "file")
-    columns = _of_mat(file) if file.suffix.lower() == ".mat" else _of_csv(file)
+    if file.suffix.lower() == ".mat":
+        columns = _of_mat(file)
+    else:
+        header = column_names(file)
+        columns = dict(zip(header, read_columns(file, header)[0].T, strict=True))
     clock = next((name for name in TIMES if name in columns), None)
     if clock is None:
         expected = f"a log with a column {', '.join(TIMES)}"
@@ -88,12 +92,6 @@ def read_log(file: Path | str, names: Mapping[str, str]) -> tuple[Vector, dict[s
         if theirs not in columns:
             raise UnknownName("signal of the log", theirs, columns)
     return times, {names.get(name, name): values for name, values in columns.items() if len(values) == len(times)}
-
-
-def _of_csv(file: Path) -> dict[str, Vector]:
-    names = column_names(file)
-    values, _ = read_columns(file, names)
-    return dict(zip(names, values.T, strict=True))
 
 
 def _of_mat(file: Path) -> dict[str, Vector]:

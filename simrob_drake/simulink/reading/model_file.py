@@ -4,14 +4,13 @@ import io
 import re
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.files import NotRead, content_of
 from simrob_drake.simulink.reading.graph import (
-    Mask,
     Model,
     SimulinkBlock,
     System,
@@ -115,7 +114,7 @@ def read_model(path: Path) -> Model:
         InvalidModel: it is missing, damaged, protected, or holds no block diagram.
     """
     package = Package(path)
-    diagram = _of_text(package) if package.text else _element(package, _DIAGRAM)
+    diagram = _parsed(path, "", parse_mdl, package.text) if package.text else _element(package, _DIAGRAM)
     top = next((child for child in diagram if child.tag in _KINDS), None)
     inner = None if top is None else top.find("System")
     if top is None or inner is None:
@@ -136,7 +135,7 @@ def read_model(path: Path) -> Model:
         path=path,
         kind=top.tag,
         system=system,
-        mask=_mask(package),
+        mask=read_mask(_element(package, _MASK)) if _MASK in package.parts else None,
         code=""
         if workspace is None
         else "".join(
@@ -173,21 +172,14 @@ def _stop_time(package: Package, texts: dict[str, str]) -> str:
 def _element(package: Package, name: str) -> Element:
     if name not in package.parts:
         raise InvalidModel(package.path, name, "is missing; the file is damaged, or no Simulink model")
+    return _parsed(package.path, name, parse_part, package.parts[name])
+
+
+def _parsed(path: Path, name: str, parse: Callable[[bytes], Element], content: bytes) -> Element:
     try:
-        return parse_part(package.parts[name])
+        return parse(content)
     except Unreadable as problem:
-        raise InvalidModel(package.path, name, str(problem)) from problem
-
-
-def _of_text(package: Package) -> Element:
-    try:
-        return parse_mdl(package.text)
-    except Unreadable as problem:
-        raise InvalidModel(package.path, "", str(problem)) from problem
-
-
-def _mask(package: Package) -> Mask | None:
-    return read_mask(_element(package, _MASK)) if _MASK in package.parts else None
+        raise InvalidModel(path, name, str(problem)) from problem
 
 
 BUILT_IN = {

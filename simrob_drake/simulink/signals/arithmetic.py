@@ -94,6 +94,16 @@ def inputs_of(reader: SignalReader, node: Node, default: str = "2") -> list[Sign
     return [reader.input(node, place + 1) for place in range(min(number, _MOST_INPUTS))]
 
 
+def elementwise(function: Callable[..., Value], inputs: int = 1) -> Rule:
+    """Return the rule of a block that computes each element of its inputs."""
+    return lambda reader, node, _: mapped(function, *fitted(node, *(reader.input(node, k + 1) for k in range(inputs))))
+
+
+def of_parameters(make: Callable[[Node], Callable[[Value], Value]]) -> Rule:
+    """Return the rule of a block of one input, whose function is made of its parameters."""
+    return lambda reader, node, number: elementwise(make(node))(reader, node, number)
+
+
 def _signs(node: Node, default: str, letters: str) -> str:
     text = node.text("Inputs", default).replace("|", "").replace(" ", "")
     if text.isdecimal():
@@ -264,11 +274,6 @@ def _limits(kind: str, lower: tuple[str, str], upper: tuple[str, str]) -> Rule:
     return rule
 
 
-def _limited_by_inputs(reader: SignalReader, node: Node, _: int) -> Signal:
-    upper, values, lower = fitted(node, *(reader.input(node, place) for place in (1, 2, 3)))
-    return mapped(lambda u, x, low: applied("max", low, applied("min", x, u)), upper, values, lower)
-
-
 def table_of(points: Any, values: Any, *, clip: bool) -> dict[str, Any]:
     """Return the parameters of a lookup table."""
     listed = {name: [float(one) for one in np.asarray(column).reshape(-1)] for name, column in
@@ -302,10 +307,10 @@ def _compare(reader: SignalReader, node: Node, _: int) -> Signal:
     return mapped(lambda one, other: compared(operator, one, other), *fitted(node, first, second))
 
 
-def _within(reader: SignalReader, node: Node, _: int) -> Signal:
+def _within(node: Node) -> Callable[[Value], Value]:
     low, high = node.number("lowlimit", "-0.5"), node.number("uplimit", "0.5")
     below, above = (("<=" if node.text(f"IntervalClosed{side}", "on") == "on" else "<") for side in ("Left", "Right"))
-    return mapped(lambda u: joined("and", compared(below, low - u, 0.0), compared(above, u, high)), reader.input(node))
+    return lambda u: joined("and", compared(below, low - u, 0.0), compared(above, u, high))
 
 
 def _logic(reader: SignalReader, node: Node, _: int) -> Signal | None:
@@ -328,7 +333,7 @@ def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
     return switched(node, yes, by, no, operator, threshold)
 
 
-def _polynomial(reader: SignalReader, node: Node, _: int) -> Signal:
+def _polynomial(node: Node) -> Callable[[Value], Value]:
     coefficients = node.numbers("coefs", "[0]")
 
     def value_at(u: Value) -> Value:
@@ -337,12 +342,12 @@ def _polynomial(reader: SignalReader, node: Node, _: int) -> Signal:
             total = total * u + float(coefficient)
         return total
 
-    return mapped(value_at, reader.input(node))
+    return value_at
 
 
-def _quantized(reader: SignalReader, node: Node, _: int) -> Signal:
+def _quantized(node: Node) -> Callable[[Value], Value]:
     step = node.number("QuantizationInterval", "0.5")
-    return mapped(lambda u: step * applied("floor", u * (1 / step) + 0.5), reader.input(node))
+    return lambda u: step * applied("floor", u * (1 / step) + 0.5)
 
 
 def times(factor: float) -> Rule:
@@ -362,12 +367,12 @@ ARITHMETIC: dict[str, Rule] = {
     **dict.fromkeys(_DEFAULTS, _function),
     "Saturate": _limits("saturation", ("LowerLimit", "-0.5"), ("UpperLimit", "0.5")),
     "DeadZone": _limits("dead_zone", ("LowerValue", "-0.5"), ("UpperValue", "0.5")),
-    "Saturation Dynamic": _limited_by_inputs,
+    "Saturation Dynamic": elementwise(lambda up, x, low: applied("max", low, applied("min", x, up)), 3),
     **dict.fromkeys(("Lookup_n-D", "Lookup"), _lookup),
     **dict.fromkeys(("RelationalOperator", "Compare To Constant", "Compare To Zero"), _compare),
-    "Interval Test": _within,
+    "Interval Test": of_parameters(_within),
     "Logic": _logic,
     "Switch": _switch,
-    "Polyval": _polynomial,
-    "Quantizer": _quantized,
+    "Polyval": of_parameters(_polynomial),
+    "Quantizer": of_parameters(_quantized),
 }

@@ -118,7 +118,7 @@ def _take(law: Law, terms: dict[Term, float], freedom: Freedom) -> bool:
         (value,) = term.of.inputs()
         inner = terms_of(value)
         law.ki += -terms.pop(term) * inner.get(q, 0.0)
-        if any(not _asks(one) for one in inner.keys() - {q}) or term.of.parameters.get("period") or _bounded(term.of):
+        if {"lower", "upper", "period"} & term.of.parameters.keys() or not all(map(_asks, inner.keys() - {q})):
             return False
     if min(law.kp, law.ki, law.kd) < 0 or not all(map(_asks, terms)) or (terms and not law.kp):
         return False
@@ -147,10 +147,6 @@ def _without_pid(law: Law, terms: dict[Term, float]) -> dict[Term, float]:
             message = "its derivative acts on measured speed alone, unfiltered"
             node.findings.report.add("approximated", node.path, message)
     return total
-
-
-def _bounded(block: Primitive) -> bool:
-    return bool({"lower", "upper"} & block.parameters.keys())
 
 
 def _asks(term: Term) -> bool:

@@ -11,7 +11,17 @@ import numpy as np
 
 from simrob_drake.parts.controllers.flow_block import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, joined, limited, switched, table_of
+from simrob_drake.simulink.signals.arithmetic import (
+    applied,
+    chosen,
+    compared,
+    elementwise,
+    joined,
+    limited,
+    of_parameters,
+    switched,
+    table_of,
+)
 from simrob_drake.simulink.signals.dynamics import filtered, with_states
 from simrob_drake.simulink.signals.forms import (
     TIME,
@@ -20,7 +30,6 @@ from simrob_drake.simulink.signals.forms import (
     SignalReader,
     Value,
     computed,
-    fitted,
     flat,
     mapped,
     scaled,
@@ -226,16 +235,6 @@ def _unit(node: Node, name: str) -> float:
     return node.in_si(node.text(f"{name}_unit", "1"), name)
 
 
-def _elementwise(function: Callable[..., Value], inputs: int = 1) -> Rule:
-    """Return the rule of a block that computes each element of its inputs."""
-    return lambda reader, node, _: mapped(function, *fitted(node, *(reader.input(node, k + 1) for k in range(inputs))))
-
-
-def _with(make: Callable[[Node], Callable[[Value], Value]]) -> Rule:
-    """Return the rule of a block of one input, whose function is made of its parameters."""
-    return lambda reader, node, number: _elementwise(make(node))(reader, node, number)
-
-
 def _ps_constant(_: SignalReader, node: Node, __: int) -> Signal:
     return signal(float(value) * _unit(node, "constant") for value in node.numbers("constant", "1"))
 
@@ -258,7 +257,7 @@ def _lookup(node: Node) -> Callable[[Value], Value]:
 
 def _math(node: Node) -> Callable[..., Value]:
     name = node.text("function", "sin").rpartition(".")[2]
-    return lambda u: applied(name if name in FUNCTIONS else "sin", u)
+    return partial(applied, name if name in FUNCTIONS else "sin")
 
 
 def _integrator(reader: SignalReader, node: Node, _: int) -> Signal:
@@ -286,18 +285,16 @@ PHYSICAL: dict[str, Rule] = {
     "Simulink-PS Converter": _into_physics,
     "PS Constant": _ps_constant,
     "PS Gain": lambda reader, node, _: scaled(reader.input(node), _figure(node, "gain")),
-    "PS Add": _elementwise(lambda u, v: u + v, 2),
-    "PS Subtract": _elementwise(lambda u, v: u - v, 2),
-    "PS Product": _elementwise(lambda u, v: u * v, 2),
-    "PS Divide": _elementwise(lambda u, v: u / v, 2),
-    "PS Min": _elementwise(lambda u, v: applied("min", u, v), 2),
-    "PS Max": _elementwise(lambda u, v: applied("max", u, v), 2),
-    "PS Abs": _elementwise(lambda u: applied("abs", u)),
-    "PS Signum": _elementwise(lambda u: applied("sign", u)),
-    "PS Math Function": _with(_math),
-    "PS Saturation": _with(partial(_limited, kind="saturation")),
-    "PS Dead Zone": _with(partial(_limited, kind="dead_zone")),
-    "PS Lookup Table (1D)": _with(_lookup),
+    "PS Add": elementwise(lambda u, v: u + v, 2),
+    "PS Subtract": elementwise(lambda u, v: u - v, 2),
+    "PS Product": elementwise(lambda u, v: u * v, 2),
+    "PS Divide": elementwise(lambda u, v: u / v, 2),
+    **{f"PS {name}": elementwise(partial(applied, name.lower()), 2) for name in ("Min", "Max")},
+    **{f"PS {name}": elementwise(partial(applied, own)) for name, own in (("Abs", "abs"), ("Signum", "sign"))},
+    "PS Math Function": of_parameters(_math),
+    "PS Saturation": of_parameters(partial(_limited, kind="saturation")),
+    "PS Dead Zone": of_parameters(partial(_limited, kind="dead_zone")),
+    "PS Lookup Table (1D)": of_parameters(_lookup),
     "PS Switch": _switch,
     "PS Ramp": _ps_ramp,
     "PS Step": _ps_step,

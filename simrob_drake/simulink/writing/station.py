@@ -210,7 +210,8 @@ class StationWriter:
 
     def _robot(self, name: str, robot: RobotFile, duration: float, kinematic: bool) -> dict[str, Any]:
         folder = self._folder / name
-        ElementTree(_indented(robot)).write(folder / f"{name}.urdf", encoding="unicode", xml_declaration=True)
+        indent(robot.element)
+        ElementTree(robot.element).write(folder / f"{name}.urdf", encoding="unicode", xml_declaration=True)
         floating = not robot.tree.root.grounded
         described: dict[str, Any] = {
             "description": f"{name}, from the Simulink model {self._model.path.stem}",
@@ -233,9 +234,9 @@ class StationWriter:
         base = self._turn @ robot.tree.base
         if not base.IsNearlyIdentity(1e-12):
             entry["base"] = pose_list(base)
-        degrees = {axis: _user(freedom, start[axis]) for freedom, axis in robot.axes.items() if start[axis]}
-        if degrees:
-            entry["initial_deg"] = degrees
+        degrees = {axis: np.rad2deg(start[axis]) if one.turns else start[axis] for one, axis in robot.axes.items()}
+        if any(degrees.values()):
+            entry["initial_deg"] = {axis: float(f"{value:.12g}") for axis, value in degrees.items() if value}
         laws = {freedom: self._law(freedom) for freedom in robot.axes}
         for freedom, law in laws.items():
             self._tell(name, robot.axes[freedom], freedom, law, kinematic=kinematic)
@@ -361,15 +362,6 @@ def _stops(robot: RobotFile) -> dict[str, Any]:
 def _at_once(values: dict[str, float]) -> dict[str, float] | float:
     """Return one number where all axes have the same."""
     return next(iter(values.values())) if len(set(values.values())) == 1 else values
-
-
-def _user(freedom: Freedom, value: float) -> float:
-    return float(f"{np.rad2deg(value) if freedom.turns else value:.12g}")
-
-
-def _indented(robot: RobotFile) -> Any:
-    indent(robot.element)
-    return robot.element
 
 
 def _upright(model: SimulinkModel) -> tuple[RigidTransform, float]:
