@@ -95,6 +95,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._goals = np.tile(np.array(self.section.goal), (num_envs, 1))
         self._rollout = Rollout(nthread=threads)
         self._data = [mujoco.MjData(self._built.model) for _ in range(max(threads, 1))]
+        self._draws = [np.random.default_rng() for _ in range(num_envs)]
         self._make_room()
         sizes = {"position": len(self._reach), "velocity": len(self._reach), "attitude": 3, "angular_velocity": 3}
         sizes |= {"action": len(self._moved), "clock": 2 * len(self._clock), "goal": self._goals.shape[1]}
@@ -194,6 +195,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._onsets = {name: np.full(k, NOT_YET) for name in self._ports.monitors}
         self._upright = self.robot.base.rotation().ToQuaternion().wxyz()
         self._first = self._value("base_pose", np.hstack(self._home)[np.newaxis])[0]
+        self._motion = self._motion_of(self._state)
         facing = float(headings(self._ports.plant, self.robot, self._first[np.newaxis])[0])
         self._ahead = np.array([[np.cos(facing), np.sin(facing), 0], [-np.sin(facing), np.cos(facing), 0], [0, 0, 1]])
 
