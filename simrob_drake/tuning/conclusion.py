@@ -70,7 +70,8 @@ def _compared(name: str, own: Sequence[Row], start: Sequence[Row]) -> tuple[bool
     costs = np.array([[ours[name], theirs[name]] for ours, theirs in pairs], dtype=float)
     gains = costs[:, 1] - costs[:, 0]
     after, before, gain = (float(np.median(values)) for values in (*costs.T, gains))
-    least = float(quantile_test(gains, p=0.5, alternative="greater").confidence_interval(_SURE).low)  # nan for a few
+    interval = quantile_test(gains, p=0.5, alternative="greater").confidence_interval(_SURE)
+    least = float(np.ravel(interval)[0])  # nan for a few
     error = _numerical_error(name, pairs)
     less = int(np.sum(gains > 0))
     part = f", {after / before:.2f} of it" if before > 0 and after > 0 else ""
