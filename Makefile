@@ -53,7 +53,7 @@ pictures: $(TOOLS)  ## renew the block pictures beside the stations, the schemas
 	$(BIN)/python -m simrob_drake.stations.schema
 	$(BIN)/python -m simrob_drake.programs.schemas
 	$(BIN)/python docs/gallery.py
-	$(BIN)/simrob run irb120_dynamic --duration 1.2 --out runs/readme --force
+	$(BIN)/simrob run irb120_dynamic --duration 1.2 --frames 4 --out runs/readme --force
 	cp runs/readme/film_strip.png docs/irb120_dynamic.png
 	$(BIN)/simrob compare irb120_force_stop --out runs/engines --force
 	cp runs/engines/engines.png docs/engines.png
