@@ -2,6 +2,9 @@
 
 A Cartesian part is solved at a few points, joined by a spline, and looked at half-way between them; where the tool
 would leave its line or arc, points are put in between until it does not.
+
+The part of the way at a part of the time is that of :func:`~simrob_drake.blocks.references.smooth`, or of a law that
+cruises; what depends on it smoothly is interpolated.
 """
 
 from __future__ import annotations

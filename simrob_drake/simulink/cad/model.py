@@ -1,4 +1,9 @@
-"""An exported CAD assembly as a model of Simscape Multibody blocks: what MATLAB's ``smimport`` makes of it."""
+r"""An exported CAD assembly as a model of Simscape Multibody blocks: what MATLAB's ``smimport`` makes of it.
+
+Each constraint between two bodies forbids velocities: rows :math:`a` with :math:`a^\top (\omega, v) = 0` for the
+turning rate and the velocity of the origin of one body seen from the other. What all of them leave over is a joint, by
+the directions in which the body can turn and slide.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path

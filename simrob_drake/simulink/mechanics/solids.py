@@ -1,4 +1,8 @@
-"""Solid, Inertia and Graphic blocks: what a body weighs, what is seen of it, and what its ports are."""
+"""Solid, Inertia and Graphic blocks: what a body weighs, what is seen of it, and what its ports are.
+
+Ports of a solid alternate between left and right from the top: first its own frames, then its shape. The reference
+frame, where it is shown, takes the first place on the right.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

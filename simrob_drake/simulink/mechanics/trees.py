@@ -1,4 +1,7 @@
-"""Trees of bodies and joints, one for each mechanism, and where their loops are cut."""
+"""Trees of bodies and joints, one for each mechanism, and where their loops are cut.
+
+A URDF is a tree, so one joint of each loop becomes constraints: two points on its axis stay together, or one of a ball.
+"""
 
 from collections import deque
 from collections.abc import Callable, Sequence

@@ -1,4 +1,7 @@
-"""Model files, and the libraries that they take blocks from: a zip of XML, or a text."""
+"""Model files, and the libraries that they take blocks from: a zip of XML, or a text.
+
+Parts are read into memory within limits, by name; nothing is unpacked to disk, so no name can lead outside.
+"""
 
 import io
 import re

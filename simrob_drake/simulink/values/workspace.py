@@ -1,4 +1,9 @@
-"""Where variables are found: masks from the inside out, the model's workspace, what the user gives, `.mat` files."""
+"""Where variables are found: masks from the inside out, the model's workspace, what the user gives, `.mat` files.
+
+A `.mat` file of version 5 is a list of elements: matrices, of which cells and structures hold others, compressed or not
+("MAT-File Format", The MathWorks). In a few bytes it can ask for more memory, or for a deeper nesting, than there is:
+that is bounded before a library reads it.
+"""
 
 from __future__ import annotations
 
