@@ -77,11 +77,11 @@ def _compared(name: str, own: Sequence[Row], start: Sequence[Row]) -> tuple[bool
     part = f", {after / before:.2f} of it" if before > 0 and after > 0 else ""
     sentence = f"The {name} is {after:.4g} in the median, {before:.4g} at the start{part}"
     sentence += f"; less in {less} of {len(pairs)} pairs"
-    if np.isfinite(least):
-        sentence += f", by {least:.4g} or more in the median (95 % sure)"
+    known = np.isfinite(least)
+    sentence += f", by {least:.4g} or more in the median (95 % sure)" if known else ", too few to be sure"
     if error is not None:
         sentence += f"; the gain of {gain:.4g} is another by {error:.4g} with other solvers and engines"
-    sure = less >= _MOST * len(pairs) and gain > (error or 0.0) and not least <= 0
+    sure = less >= _MOST * len(pairs) and gain > (error or 0.0) and least > 0
     return sure, f"{sentence}."
 
 

@@ -46,8 +46,9 @@ def test_pushes_are_a_part_of_the_weight_and_masses_near_those_thought():
 
 def rows(costs, ended="completed", **more):
     return [
-        {"of": of, "doubt": doubt, "draw": 0, "ended": ended if of == WON else "completed", "cost": cost, **more}
-        for doubt in ("as thought", "noise")
+        {"of": of, "doubt": doubt, "draw": draw, "ended": ended if of == WON else "completed", "cost": cost, **more}
+        for doubt, draws in (("as thought", 1), ("noise", 4))
+        for draw in range(draws)
         for of, cost in zip((START, WON), costs, strict=True)
     ]
 
@@ -55,10 +56,15 @@ def rows(costs, ended="completed", **more):
 @pytest.mark.parametrize(
     ("given", "proven", "told"),
     [
-        (rows((2.0, 1.0)), True, "1 in the median, 2 at the start, 0.50 of it; less in 2 of 2 pairs"),
+        (
+            rows((2.0, 1.0)),
+            True,
+            "1 in the median, 2 at the start, 0.50 of it; less in 5 of 5 pairs, by 1 or more in the median",
+        ),
         (rows((1.0, 2.0)), False, "it does not cost less throughout"),
-        (rows((2.0, 1.0), ended="fall"), False, "noise: 1 of 1 do not (start 0): fall"),
-        (rows((2.0, 1.0), over_limits=0.5), True, "noise: 1 of 1 do not (start 1): beyond a limit"),
+        (rows((2.0, 1.0))[:4], False, "less in 2 of 2 pairs, too few to be sure"),
+        (rows((2.0, 1.0), ended="fall"), False, "noise: 4 of 4 do not (start 0): fall"),
+        (rows((2.0, 1.0), over_limits=0.5), True, "noise: 4 of 4 do not (start 4): beyond a limit"),
         (
             [{"of": WON, "doubt": "noise", "draw": 0, "ended": "completed"}],
             True,
@@ -68,7 +74,7 @@ def rows(costs, ended="completed", **more):
         (
             rows((2.0, 1.0), beyond="foot_slip"),
             True,
-            "2 of 2 runs of the winner pass a bound of their verdict: foot_slip (2)",
+            "5 of 5 runs of the winner pass a bound of their verdict: foot_slip (5)",
         ),
     ],
 )
@@ -93,6 +99,12 @@ def pairs(doubt, gains, start=100.0):
     [
         ([8, 8, 8], [8, 7, 9], [6, 5, 7, 6, 8, 7], True),
         ([1, 1, 1], [3, -2, 0.5], [1, 1, 1, 1, 1, 1], False),  # other solvers find another gain by 2
+        (
+            [8, 8, 8],
+            [8, 7, 9],
+            [6] * 15 + [-1] * 4,
+            False,
+        ),  # in 21 of 25 pairs: surely in the median, but not throughout
         ([8, 8, 8], [8, 7, 9], [-22, -83, -40, 6, 8, 7], False),  # the winner of one move costs more in others
     ],
 )
