@@ -80,14 +80,14 @@ def _add_variable(listed: Element, variable: Variable, reference: int, version: 
     """Add a variable: in FMI 2.0 its type is an element of its own, and in 3.0 the variable's."""
     said = {"name": variable.name, "valueReference": str(reference), "causality": variable.causality}
     said["variability"] = variable.variability
-    figures = {"unit": unit_name(variable.unit)} if variable.unit else {}
+    values = {"unit": unit_name(variable.unit)} if variable.unit else {}
     if variable.start is not None:
-        figures["start"] = repr(variable.start)
+        values["start"] = repr(variable.start)
     kind = _TYPES[variable.kind][version - 2]
     if version == 3:
-        SubElement(listed, kind, {**said, **figures})
+        SubElement(listed, kind, {**said, **values})
     else:
-        SubElement(SubElement(listed, "ScalarVariable", said), kind, figures)
+        SubElement(SubElement(listed, "ScalarVariable", said), kind, values)
 
 
 def _add_structure(structure: Element, variables: list[Variable], version: int) -> None:

@@ -1,4 +1,4 @@
-"""What of a station can be set before it begins: gains, masses, pushes and other figures of its file."""
+"""What of a station can be set before it begins: gains, masses, pushes and other numbers of its file."""
 
 import math
 import re
@@ -18,7 +18,7 @@ from simrob_drake.stations.resolve import resolve
 _GAINS = {"kp": "{effort}/{si}", "ki": "{effort}/({si}·s)", "kd": "{effort}·s/{si}", "torque_limit": "{effort}"}
 _OF_COMPUTED_TORQUE = {"kp": "1/s²", "kd": "1/s", "torque_limit": "{effort}"}
 """Gains and their units."""
-_FIGURES = ("forces", "controllers", "contact", "floor")
+_SECTIONS = ("forces", "controllers", "contact", "floor")
 """Sections whose numbers are parameters."""
 _LONGEST = 9
 """Entries that a list of such numbers has."""
@@ -51,10 +51,10 @@ def parameters_of(config: StationConfig) -> dict[str, Parameter]:
     found = [one for robot in station.robots.values() for one in _of_robot(config, robot)]
     for name, piece in station.pieces.items():
         if config.pieces[name].density is None and piece.model.mass > 0:
-            found += _figures(float(piece.model.mass), ("pieces", name, "mass"), "kg")
-    found += _figures(float(config.gravity), ("gravity",), "m/s²")
-    for section in _FIGURES:
-        found += _figures(getattr(config, section), (section,), "1")
+            found += _numbers(float(piece.model.mass), ("pieces", name, "mass"), "kg")
+    found += _numbers(float(config.gravity), ("gravity",), "m/s²")
+    for section in _SECTIONS:
+        found += _numbers(getattr(config, section), (section,), "1")
     return {parameter.name: parameter for parameter in found}
 
 
@@ -101,26 +101,26 @@ def _of_robot(config: StationConfig, robot: ResolvedRobot) -> Iterator[Parameter
     for gain, unit in _units(config, robot.name).items():
         for axis, known, value in zip(robot.axes, robot.model.units, getattr(robot.gains, gain), strict=True):
             way = ("robots", robot.name, "servo", gain, axis)
-            yield from _figures(float(value), way, unit.format(effort=known.effort, si=known.si), robot.prefix)
+            yield from _numbers(float(value), way, unit.format(effort=known.effort, si=known.si), robot.prefix)
     stated = config.robots[robot.name].mass_factors
     for link in (name_of(link) for link in robot.model.element.iterfind("link") if mass_of(link) > 0):
         to_link = ("robots", robot.name, "mass_factors", link)
-        yield from _figures(float(stated.get(link, 1.0)), to_link, "1", robot.prefix)
+        yield from _numbers(float(stated.get(link, 1.0)), to_link, "1", robot.prefix)
 
 
-def _figures(value: Any, way: tuple[str, ...], unit: str, prefix: str = "") -> Iterator[Parameter]:
+def _numbers(value: Any, way: tuple[str, ...], unit: str, prefix: str = "") -> Iterator[Parameter]:
     """Yield the numbers in a section, a list, or a number, with units as the texts below the keys have them."""
     if isinstance(value, Strict):
         texts = field_texts(type(value))
         for field, info in type(value).model_fields.items():
-            yield from _figures(getattr(value, field), (*way, info.alias or field), _unit(field, texts.get(field, "")))
+            yield from _numbers(getattr(value, field), (*way, info.alias or field), _unit(field, texts.get(field, "")))
     elif isinstance(value, Mapping):
         for key, inner in value.items():
             if "." not in str(key):
-                yield from _figures(inner, (*way, str(key)), unit)
+                yield from _numbers(inner, (*way, str(key)), unit)
     elif isinstance(value, Sequence) and not isinstance(value, str) and len(value) <= _LONGEST:
         for index, inner in enumerate(value):
-            yield from _figures(inner, (*way, str(index)), unit)
+            yield from _numbers(inner, (*way, str(index)), unit)
     elif isinstance(value, float) and math.isfinite(value):
         own = way[2:] if way[0] == "robots" else way
         yield Parameter(legal(prefix + ".".join(own)), way, value, unit)

@@ -44,7 +44,7 @@ class Request(Strict):
     """How far to go [s]."""
 
 
-class Session:
+class ServedStation:
     """The station of one client."""
 
     def __init__(self, config: StationConfig) -> None:
@@ -75,7 +75,7 @@ class Session:
 
     def _reset(self, request: Request) -> dict[str, Any]:
         self._station.reset(dict(request.parameters))
-        return self._told()
+        return self._outputs()
 
     def _step(self, request: Request) -> dict[str, Any]:
         if request.dt is None:
@@ -87,12 +87,12 @@ class Session:
             for name, value in zip(self._station.inputs, values, strict=True):
                 self._station.set(name, value)
         self._station.advance(self._station.time + request.dt)
-        return self._told()
+        return self._outputs()
 
-    def _told(self) -> dict[str, Any]:
+    def _outputs(self) -> dict[str, Any]:
         outputs = [self._station.get(name) for name in self._station.outputs]
-        told = [value if math.isfinite(value) else None for value in outputs]
-        return {"time": self._station.time, "outputs": told, "stopped": self._station.stopped}
+        values = [value if math.isfinite(value) else None for value in outputs]
+        return {"time": self._station.time, "outputs": values, "stopped": self._station.stopped}
 
 
 class _Handler(socketserver.StreamRequestHandler):
@@ -112,12 +112,12 @@ class _Handler(socketserver.StreamRequestHandler):
                 try:
                     self.connection.settimeout(None)
                     with server.building:
-                        session = Session(server.config)
+                        session = ServedStation(server.config)
                     self._talk(session)
                 finally:
                     server.free.release()
 
-    def _talk(self, session: Session) -> None:
+    def _talk(self, session: ServedStation) -> None:
         self._tell(session.answer(b'{"do": "describe"}'))
         while line := self.rfile.readline(_LONGEST):
             if not line.endswith(b"\n"):

@@ -58,7 +58,7 @@ class SteppedStation:
                 raise UnknownName("parameter", name, self.parameters)
         config = self._with(parameters or {})
         self._changed = dict(parameters or {})
-        self._given: dict[str, float] = {}
+        self._held: dict[str, float] = {}
         self._build(config)
 
     def _with(self, parameters: Mapping[str, float]) -> StationConfig:
@@ -92,7 +92,7 @@ class SteppedStation:
         self._values: dict[str, Vector] = {}
         self._stale = self._begun = False
         self.stopped = ""
-        for name, value in self._given.items():
+        for name, value in self._held.items():
             self._hold(name, value)
 
     def _ready(self) -> None:
@@ -138,7 +138,7 @@ class SteppedStation:
             unit = self.inputs[name].unit if name in self.inputs else self.parameters[name].unit
             raise InvalidParameter(name, value, f"a finite number [{unit}]")
         if name in self.inputs:
-            self._given[name] = value
+            self._held[name] = value
             if not self._stale:
                 self._hold(name, value)
         elif self._begun:
