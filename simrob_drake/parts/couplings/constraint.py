@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from simrob_drake.frames import transform_from_pose
-from simrob_drake.parts.couplings.coupling import BetweenPoints, CouplingSection, end_of, need_discrete
+from simrob_drake.parts.couplings.coupling import BetweenPoints, CouplingSection, End, end_of, need_discrete
 from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
 from simrob_drake.parts.targets import check_frame
 from simrob_drake.sections import ORIGIN, Pose, Positive
@@ -86,18 +86,19 @@ class Weld(CouplingSection):
 
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized."""
-        one = end_of(plant, self.body, transform_from_pose(self.pose))
-        other = end_of(plant, self.other, transform_from_pose(self.other_pose))
+        one, other = self._ends(plant)
         plant.plant.AddWeldConstraint(one.body, one.pose, other.body, other.pose)
 
     def gap(self, plant: StationPlant, context: Context) -> float:
         """Return how far the frames are apart, the larger of distance [m] and angle [rad]."""
-        ends = ((self.body, self.pose), (self.other, self.other_pose))
-        places = (end_of(plant, name, transform_from_pose(pose)) for name, pose in ends)
-        one, other = (plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose for end in places)
+        one, other = (plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose for end in self._ends(plant))
         apart = one.inverse() @ other
-        angle = apart.rotation().ToAngleAxis().angle()
-        return max(float(np.linalg.norm(apart.translation())), angle)
+        return max(float(np.linalg.norm(apart.translation())), float(apart.rotation().ToAngleAxis().angle()))
+
+    def _ends(self, plant: StationPlant) -> tuple[End, End]:
+        ends = (self.body, self.pose), (self.other, self.other_pose)
+        one, other = (end_of(plant, name, transform_from_pose(pose)) for name, pose in ends)
+        return one, other
 
     def caption(self) -> str:
         """Return it in words."""
