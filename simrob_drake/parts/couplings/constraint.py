@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from simrob_drake.frames import transform_from_pose
-from simrob_drake.parts.couplings.coupling import BetweenPoints, CouplingSection, End, end_of, need_discrete
+from simrob_drake.parts.couplings.coupling import BetweenPoints, CouplingSection, Attachment, end_of, need_discrete
 from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
 from simrob_drake.parts.targets import check_frame
 from simrob_drake.sections import ORIGIN, Pose, Positive
@@ -95,7 +95,7 @@ class Weld(CouplingSection):
         apart = one.inverse() @ other
         return max(float(np.linalg.norm(apart.translation())), float(apart.rotation().ToAngleAxis().angle()))
 
-    def _ends(self, plant: StationPlant) -> tuple[End, End]:
+    def _ends(self, plant: StationPlant) -> tuple[Attachment, Attachment]:
         ends = (self.body, self.pose), (self.other, self.other_pose)
         one, other = (end_of(plant, name, transform_from_pose(pose)) for name, pose in ends)
         return one, other

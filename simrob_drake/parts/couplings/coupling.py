@@ -57,7 +57,7 @@ def need_discrete(key: str, station: Surroundings) -> None:
         raise InvalidParameter("solver", station.scheme, expected)
 
 
-class End(NamedTuple):
+class Attachment(NamedTuple):
     """A point of a body: the body, and the pose there of the frame whose origin it is."""
 
     body: RigidBody
@@ -84,7 +84,7 @@ class BetweenPoints(CouplingSection):
         if self.body == self.other:
             raise InvalidParameter(f"{key}.other", self.other, "another one than body")
 
-    def ends(self, plant: StationPlant) -> tuple[End, End]:
+    def ends(self, plant: StationPlant) -> tuple[Attachment, Attachment]:
         """Return both points."""
         return end_of(plant, self.body, self.point), end_of(plant, self.other, self.other_point)
 
@@ -94,8 +94,8 @@ class BetweenPoints(CouplingSection):
         return float(np.linalg.norm(one.translation() - other.translation()))
 
 
-def end_of(plant: StationPlant, name: str, offset: Triple | RigidTransform) -> End:
+def end_of(plant: StationPlant, name: str, offset: Triple | RigidTransform) -> Attachment:
     """Return a point, or a pose, of what :func:`~simrob_drake.parts.targets.frame_of` finds."""
     frame = frame_of(plant, name)
     pose = offset if isinstance(offset, RigidTransform) else RigidTransform(np.array(offset))
-    return End(frame.body(), frame.GetFixedPoseInBodyFrame() @ pose)
+    return Attachment(frame.body(), frame.GetFixedPoseInBodyFrame() @ pose)
