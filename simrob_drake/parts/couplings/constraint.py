@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from simrob_drake.frames import transform_from_pose
-from simrob_drake.parts.couplings.coupling import BetweenPoints, CouplingSection, Attachment, end_of, need_discrete
+from simrob_drake.parts.couplings.coupling import Attachment, BetweenPoints, CouplingSection, end_of, need_discrete
 from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
 from simrob_drake.parts.targets import check_frame
 from simrob_drake.sections import ORIGIN, Pose, Positive
