@@ -14,8 +14,9 @@ from simrob_drake.importer.options import ImportReport
 from simrob_drake.simulink.cad.model import read_cad_model
 from simrob_drake.simulink.mechanics.bodies import Bodies, ContactPair, RigidPart, read_bodies, read_contacts
 from simrob_drake.simulink.mechanics.joints import Freedom
+from simrob_drake.simulink.mechanics.loops import close, cuttable
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
-from simrob_drake.simulink.mechanics.trees import Tree, can_close, close, cuttable, grow
+from simrob_drake.simulink.mechanics.trees import Tree, grow
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Expanded, Findings, Node, expand
 from simrob_drake.simulink.reading.model_file import Libraries, read_model
@@ -106,7 +107,8 @@ def read_simulink(
     network = Connections(expanded)
     bodies = read_bodies(network, MeshFiles([path.parent, *meshes]))
     world, trees = grow(bodies, cuttable)
-    _close_loops(trees)
+    for tree in trees:
+        close(tree)
     contacts = read_contacts(network)
     joints = [link.joint for link in bodies.links]
     tracer = Tracer(network, joints, contacts)
@@ -117,16 +119,6 @@ def read_simulink(
         path, expanded, network, bodies, world, trees, contacts, laws, pushes, tracer, stopping, stops, tracer.opened,
         _gravity(expanded), _duration(expanded), report,
     )  # fmt: skip
-
-
-def _close_loops(trees: list[Tree]) -> None:
-    """Cut the loops that can be cut, and refuse the others by name."""
-    for tree in trees:
-        refused = [(link.joint.node, why) for link in tree.closures if (why := can_close(link))]
-        for node, why in refused:
-            node.findings.report.add("refused", node.path, why)
-        if tree.closures and not refused:
-            close(tree, tree.closures)
 
 
 def undefined_variables(model: SimulinkModel) -> InvalidModel | None:

@@ -96,6 +96,21 @@ def test_rods_and_welds_hold(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "held",
+    [
+        {"kind": "ball", "body": "arm", "point": [0.3, 0, 0], "other_point": [0.3, 0, 0]},
+        {"kind": "ball", "body": "world", "point": [0.3, 0, 0], "other": "arm", "other_point": [0.3, 0, 0]},
+        {"kind": "rod", "body": "arm", "point": [0.3, 0, 0], "other_point": [0.3, 0, 0.5], "length": 0.5},
+        {"kind": "weld", "body": "arm"},
+    ],
+)
+def test_what_is_held_by_the_world_stays(tmp_path, held):
+    """An arm that would fall hangs on the world."""
+    result = simulate(station(tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings={"tie": held}), progress=False)
+    np.testing.assert_allclose(result["q.arm_joint"], 0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize(
     ("coupling", "more", "told"),
     [
         ({"kind": "gear", "ratios": {"arm_joint": 1, "wheel_jiont": 1}}, {}, "wheel_joint"),

@@ -6,7 +6,14 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from simrob_drake.frames import transform_from_pose
-from simrob_drake.parts.couplings.coupling import Attachment, BetweenPoints, CouplingSection, end_of, need_discrete
+from simrob_drake.parts.couplings.coupling import (
+    Attachment,
+    BetweenPoints,
+    CouplingSection,
+    anchored,
+    end_of,
+    need_discrete,
+)
 from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
 from simrob_drake.parts.targets import check_frame
 from simrob_drake.sections import ORIGIN, Pose, Positive
@@ -24,7 +31,7 @@ class Ball(BetweenPoints):
 
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized."""
-        one, other = self.ends(plant)
+        one, other = (anchored(plant.plant, end) for end in self.ends(plant))
         points = one.pose.translation(), other.pose.translation()
         plant.plant.AddBallConstraint(one.body, points[0], other.body, points[1])
 
@@ -51,7 +58,7 @@ class Rod(BetweenPoints):
 
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized."""
-        one, other = self.ends(plant)
+        one, other = (anchored(plant.plant, end) for end in self.ends(plant))
         points = one.pose.translation(), other.pose.translation()
         plant.plant.AddDistanceConstraint(one.body, points[0], other.body, points[1], self.length)
 
@@ -86,7 +93,7 @@ class Weld(CouplingSection):
 
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized."""
-        one, other = self._ends(plant)
+        one, other = (anchored(plant.plant, end) for end in self._ends(plant))
         plant.plant.AddWeldConstraint(one.body, one.pose, other.body, other.pose)
 
     def gap(self, plant: StationPlant, context: Context) -> float:

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import RigidBody
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody, SpatialInertia
 from pydrake.systems.framework import Context
 
 from simrob_drake.errors import InvalidParameter
@@ -12,6 +13,7 @@ from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.sections import Strict, Triple
 
+_ANCHOR = "couplings_anchor"
 _CLOSED = 1e-3
 """How far apart at the start what is held together may be [m or rad]."""
 
@@ -92,6 +94,20 @@ class BetweenPoints(CouplingSection):
         """Return how far the points are apart in a context [m]."""
         one, other = (plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose for end in self.ends(plant))
         return float(np.linalg.norm(one.translation() - other.translation()))
+
+
+def anchored(plant: MultibodyPlant, end: Attachment) -> Attachment:
+    """Return an end that constraints can hold: on a body that is welded to the world in place of the world itself.
+
+    A constraint on the world's own body ends the process (Drake 1.51 to 1.58).
+    """
+    if end.body.index() != plant.world_body().index():
+        return end
+    if not plant.HasBodyNamed(_ANCHOR):
+        inertia = SpatialInertia.SolidSphereWithMass(1.0, 1.0)  # of no account: it stands
+        body = plant.AddRigidBody(_ANCHOR, plant.AddModelInstance(_ANCHOR), inertia)
+        plant.WeldFrames(plant.world_frame(), body.body_frame())
+    return Attachment(plant.GetBodyByName(_ANCHOR), end.pose)
 
 
 def end_of(plant: StationPlant, name: str, offset: Triple | RigidTransform) -> Attachment:

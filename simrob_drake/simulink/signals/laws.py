@@ -7,10 +7,22 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.importer.options import EntryKind
-from simrob_drake.simulink.mechanics.bodies import PUSH, Bodies, RigidPart
+from simrob_drake.simulink.mechanics.bodies import BETWEEN, PUSH, Bodies, Coupling, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom, Joint
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Form, Primitive, Signal, Term, Value, added, closure, terms_of, widened
+from simrob_drake.simulink.signals.arithmetic import applied
+from simrob_drake.simulink.signals.forms import (
+    Form,
+    Primitive,
+    Signal,
+    Term,
+    Value,
+    added,
+    closure,
+    signal,
+    terms_of,
+    widened,
+)
 from simrob_drake.simulink.signals.frame_sensing import orientation
 from simrob_drake.simulink.signals.tracing import Tracer
 
@@ -192,7 +204,27 @@ def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
             else:
                 message = "it is the port external_force or external_torque of the station, at this frame"
                 node.findings.report.add("read", node.path, message)
+    for coupling in bodies.couplings:
+        if coupling.node.kind == BETWEEN:
+            pushes += _apart(tracer, coupling)
     return pushes
+
+
+def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
+    """Return what pushes two bodies apart along the line between them, on the follower and on the base."""
+    node = coupling.node
+    values = tracer.physical(node, "lconn", 2)
+    if values is None:
+        values = tracer.physical(node, "rconn", 2)
+    if values is None:
+        node.findings.report.add("lost", node.path, "its force input is not connected: nothing drives it")
+        return []
+    line = [Form({Term("sensed", node, index): 1.0}) for index in range(3)]
+    length = applied("sqrt", sum((part * part for part in line), start=0.0))
+    pull: Signal = signal([values.ravel()[0] * (part / length) for part in line])
+    ends = (coupling.base, coupling.in_base, -1.0 * pull), (
+        coupling.follower, coupling.in_follower, orientation(node).T.dot(pull))  # fmt: skip
+    return [ExternalForce(node, body, pose, list(force), [0.0] * 3, True) for body, pose, force in ends]
 
 
 def _push(tracer: Tracer, node: Node, body: RigidPart, pose: RigidTransform) -> ExternalForce:

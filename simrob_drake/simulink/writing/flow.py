@@ -14,6 +14,7 @@ from simrob_drake.importer.options import ImportReport
 from simrob_drake.parts.controllers.flow_block import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.parts.site import WORLD
+from simrob_drake.simulink.mechanics.bodies import PUSH
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.dynamics import LAG
@@ -293,6 +294,7 @@ def frame_sensors(model: SimulinkModel, files: StationFiles, turn: RigidTransfor
     """Return a model's Transform Sensors; ``turn`` places its world in ours."""
     found = FrameSensors({}, {})
     sensing = {push.node for push in model.pushes if push.senses}
+    sensing |= {link.joint.node for link in model.bodies.links if link.joint.senses}
     for node in model.expanded.nodes:
         if (node.kind == SENSOR or node in sensing) and node.block.commented == "off":
             _take(node, found, model, files, turn, names)
@@ -303,7 +305,7 @@ def _take(
     node: Node, found: FrameSensors, model: SimulinkModel, files: StationFiles, turn: RigidTransform, names: UniqueNames
 ) -> None:
     poses = []
-    for side in ("rconn", "lconn") if node.kind == SENSOR else ("rconn",):
+    for side in ("rconn", "lconn") if node.kind != PUSH else ("rconn",):
         place = model.network.net(node, side)
         body = model.bodies.by_place[place]
         named = files.named(body, turn)
@@ -313,7 +315,10 @@ def _take(
             return
         poses.append((named[0], pose_list(named[1] @ body.frames[place])))
     (frame, offset), (base, base_offset) = *poses, *([] if len(poses) > 1 else [(WORLD, pose_list(turn))])
-    name, observer = names.give(node.path), node.text("MeasurementFrame", "World")
+    name, observer = (
+        names.give(node.path),
+        node.text("MeasurementFrame", "World" if node.kind in (SENSOR, PUSH) else "Base"),
+    )
     axes = _AXES.get(observer.removeprefix("NonRotating"), "world")
     ends = {"frame": frame, "offset": offset, "base": base, "base_offset": base_offset}
     section: dict[str, Any] = {"kind": "frame", **ends}
