@@ -28,12 +28,12 @@ def coupling_sections(
     for coupling in model.bodies.couplings:
         node, ends = coupling.node, ((coupling.base, coupling.in_base), (coupling.follower, coupling.in_follower))
         if node.kind == SPRING:
-            figures = {
+            values = {
                 "length": node.number("NaturalLength", unit="m"),
                 "stiffness": node.number("SpringStiffness", unit="N/m"),
                 "damping": node.number("DampingCoefficient", unit="N*s/m"),
             }
-            writer.between(node, "spring", *ends, figures)
+            writer.between(node, "spring", *ends, values)
         elif node.kind in (*GEARS, ROD) and not any(coupling in tree.couplings for tree in model.trees):
             writer.lose(node, "couples mechanisms of which one is held by nothing")
     return {"couplings": writer.sections} if writer.sections else {}
@@ -59,7 +59,7 @@ class _Writer:
 
     def between(
         self, node: Node, kind: str, one: tuple[RigidPart, RigidTransform], other: tuple[RigidPart, RigidTransform],
-        figures: dict[str, float],
+        values: dict[str, float],
     ) -> None:  # fmt: skip
         """Add a coupling of frames on two bodies, or of their origins."""
         base, follower = (self._files.named(body, self._turn) for body, _ in (one, other))
@@ -69,4 +69,4 @@ class _Writer:
         poses = [pose_list(place[1] @ frame) for place, (_, frame) in ((base, one), (follower, other))]
         what, size = ("pose", 6) if kind == "weld" else ("point", 3)
         ends = {"body": base[0], what: poses[0][:size], "other": follower[0], f"other_{what}": poses[1][:size]}
-        self.add(node, {"kind": kind, **ends, **figures})
+        self.add(node, {"kind": kind, **ends, **values})
