@@ -190,7 +190,8 @@ class StationWriter:
         content["solver"] = self._solver(robots)
         moved = any(freedom.driven == "motion" for robot in self._files.robots.values() for freedom in robot.axes)
         if (flows or moved) and "accuracy" in content["solver"]:
-            content["solver"] = content["solver"] | {"accuracy": 1e-4, "max_step": 0.02}
+            longest = 0.02 if self._touching.ends else 0.005  # limits of a law are found within a step
+            content["solver"] = content["solver"] | {"accuracy": 1e-4, "max_step": longest}
         starts = {name: self._starts(robot) for name, robot in self._files.robots.items()}
         state = start_state(self._files, starts, self._turn)
         if state is not None:
