@@ -21,7 +21,7 @@ from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Expanded, Findings, Node, expand
 from simrob_drake.simulink.reading.model_file import Libraries, read_model
 from simrob_drake.simulink.signals.forms import Value, flat, terms_of
-from simrob_drake.simulink.signals.laws import ExternalForce, Law, read_laws, read_pushes
+from simrob_drake.simulink.signals.laws import ExternalForce, Law, begin_on_motions, read_laws, read_pushes
 from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.values.workspace import find_octave
 
@@ -107,12 +107,13 @@ def read_simulink(
     network = Connections(expanded)
     bodies = read_bodies(network, MeshFiles([path.parent, *meshes]))
     world, trees = grow(bodies, cuttable)
-    for tree in trees:
-        close(tree)
     contacts = read_contacts(network)
     joints = [link.joint for link in bodies.links]
     tracer = Tracer(network, joints, contacts)
     laws, pushes = read_laws(tracer, joints, servos=servos), read_pushes(tracer, bodies)
+    begin_on_motions(laws)
+    for tree in trees:
+        close(tree)
     stopping, stops = _stopping(tracer, expanded)
     _tell_of_others(expanded, tracer)
     return SimulinkModel(

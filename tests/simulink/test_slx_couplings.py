@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from slx_files import INERTIA, MECHANISM, REVOLUTE, TRANSFORM, WORLD, Level, write_model
+from slx_files import INERTIA, MECHANISM, REVOLUTE, TO_PHYSICS, TRANSFORM, WORLD, Level, write_model
 
 from simrob_drake import simulate
 from simrob_drake.simulink.importing import import_simulink
@@ -223,3 +223,23 @@ def test_six_degrees_of_freedom_on_springs(tmp_path):
     assert not imported.report.of("dropped")
     height, _ = expected(result.times, lambda s: [s[1], -100 * s[0] - s[1] - 9.81], [0, 0])
     np.testing.assert_allclose(result["q.Body_Pz"], height, atol=2e-3)
+
+
+def test_a_crank_that_is_driven_starts_on_its_motion(tmp_path):
+    """A crank whose angle is 1 + 2 t moves the slider of its loop, which starts where and as fast as that asks for."""
+    shop, _ = crank("sm_lib/Joints/Prismatic Joint")
+    driven = '<P Name="MotionActuationMode">InputMotion</P><P Name="TorqueActuationMode">ComputedTorque</P>'
+    place = next(place for place, text in enumerate(shop.blocks) if 'Name="Crank"' in text)
+    shop.blocks[place] = shop.blocks[place].replace("<InstanceData>", f"<InstanceData>{driven}")
+    motion = shop.block("Ramp", "Motion", slope="2", start="0", InitialOutput="1")
+    into = shop.block(TO_PHYSICS, "In", Unit="rad")
+    shop.wire(f"{motion}#out:1", f"{into}#in:1")
+    shop.connect(f"{into}#rconn:1", f"{place + 1}#lconn:2")
+    imported, result = ran(tmp_path, shop)
+    assert imported.fidelity == "mechanics complete; 1 joint prescribed"
+    angle = 1 + 2 * result.times
+    np.testing.assert_allclose(result["q.Crank"], angle, atol=2e-3)
+    assert result["v.Crank"][0] == pytest.approx(2, rel=1e-3)
+    reach = np.sqrt(1 - (0.3 * np.sin(angle)) ** 2)
+    np.testing.assert_allclose(result["q.Slider"], 0.3 * np.cos(angle) + reach, atol=2e-3)
+    assert result["v.Slider"][0] == pytest.approx(-0.6 * np.sin(1) * (1 + 0.3 * np.cos(1) / reach[0]), rel=1e-2)

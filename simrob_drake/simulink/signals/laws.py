@@ -4,9 +4,12 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
+from pydantic import TypeAdapter
 from pydrake.math import RigidTransform
 
 from simrob_drake.importer.options import EntryKind
+from simrob_drake.parts.controllers.flow_block import FlowBlock
+from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.simulink.mechanics.bodies import BETWEEN, PUSH, Bodies, Coupling, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom, Joint
 from simrob_drake.simulink.model.nodes import Node
@@ -27,6 +30,9 @@ from simrob_drake.simulink.signals.frame_sensing import orientation
 from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9
+_INSTANT, _HARD = 1e-6, 1.0
+AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
+"""What checks a block as it stands in a station's file."""
 
 
 @dataclass
@@ -72,6 +78,27 @@ def read_laws(tracer: Tracer, joints: list[Joint], *, servos: bool = False) -> d
         if freedom in laws:
             laws[freedom].reference = Form({term: factor})
     return laws
+
+
+def begin_on_motions(laws: dict[Freedom, Law]) -> None:
+    """Let joints whose motion is given start on it, at its speed, before all that other joints ask for."""
+    for freedom, law in laws.items():
+        if freedom.driven == "motion" and law.reference is not None and of_time(law.reference):
+            before, after = (_at(law.reference, time) for time in (0.0, _INSTANT))
+            freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
+            freedom.start_counts = freedom.speed_counts = _HARD
+
+
+def _at(value: Value, time: float) -> float:
+    """Return a value of time alone, at a time [s] so early that its states are as at the start."""
+    total = 0.0
+    for term, factor in terms_of(value).items():
+        own = time if term.kind == "time" else 1.0
+        if isinstance(term.of, Primitive):
+            block = AS_WRITTEN.validate_python({"kind": term.of.kind, **term.of.parameters})
+            own = block.output(time, block.start, [_at(one, time) for one in term.of.inputs()])[term.index]
+        total += factor * float(own)
+    return total
 
 
 def _first(tracer: Tracer, joint: Joint, number: int, how: str, effort: Signal | None) -> Value:

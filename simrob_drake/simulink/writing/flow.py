@@ -5,14 +5,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
-from simrob_drake.parts.controllers.flow_block import FlowBlock
-from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.parts.site import WORLD
 from simrob_drake.simulink.mechanics.bodies import PUSH
 from simrob_drake.simulink.mechanics.joints import Freedom
@@ -20,13 +18,12 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.dynamics import LAG
 from simrob_drake.simulink.signals.forms import Form, Primitive, Term, Value, flat, signal, terms_of
 from simrob_drake.simulink.signals.frame_sensing import PARTS, SENSOR
-from simrob_drake.simulink.signals.laws import ExternalForce, Law
+from simrob_drake.simulink.signals.laws import AS_WRITTEN, ExternalForce, Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.touching import StationFiles
 from simrob_drake.simulink.writing.urdf import UniqueNames, plain, pose_list
 
 Sum = dict[str, float]
-_AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
 _MOST_SIGNALS = 60
 """Blocks of a law that are signals of its station."""
 
@@ -170,7 +167,7 @@ class FlowWriter:
 
 def _problem(name: str, block: dict[str, Any]) -> str | None:
     try:
-        _AS_WRITTEN.validate_python(block).check(name)
+        AS_WRITTEN.validate_python(block).check(name)
     except ValidationError as problem:
         found = problem.errors()[0]
         return f"{'.'.join(map(str, found['loc'][1:]))} {found['msg']}".strip()
