@@ -87,8 +87,8 @@ class Distribution(Strict, ABC):
     def applies(self, values: Values) -> bool:
         """Whether the keys before it have the values under which this one is changed."""
         return all(
-            key in values and values[key] in (wanted if isinstance(wanted, list) else [wanted])
-            for key, wanted in self.when.items()
+            key in values and values[key] in (needed if isinstance(needed, list) else [needed])
+            for key, needed in self.when.items()
         )
 
 

@@ -15,6 +15,8 @@ from simrob_drake.sections import Integer, Strict
 
 Sampling = Literal["sobol", "latin", "random", "grid"]
 """Sobol's sequence, scrambled; a Latin hypercube; independent draws; or all combinations of even spacings."""
+COUNT = 16
+"""How many cases, unless told."""
 _Case = TypeVar("_Case")
 _MOST, _MOST_CASES = 10_000, 100_000
 
@@ -59,7 +61,7 @@ class Draws(Strict):
 
     vary: Space = Field(default_factory=dict)
     """Of each key, by its dotted path."""
-    count: Annotated[Integer, Field(ge=1, le=_MOST)] = 16
+    count: Annotated[Integer, Field(ge=1, le=_MOST)] = COUNT
     """How many cases; of a grid, how many values of each key that is no choice."""
     sampling: Sampling = "sobol"
     """How they are spread over all keys at once."""

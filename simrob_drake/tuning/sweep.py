@@ -10,7 +10,7 @@ from pydantic import Field
 
 from simrob_drake.distributions import Choice, Values
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.sampling import Draws, Sampling, Space, applying, distinct
+from simrob_drake.sampling import COUNT, Draws, Sampling, Space, applying, distinct
 from simrob_drake.sections import Integer, Strict
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.tuning.rollout import Case
@@ -50,8 +50,7 @@ class Sweep(Strict):
         """What draws all keys at once, if anything does."""
         if self.sampling is None:
             return None
-        given = {} if self.count is None else {"count": self.count}
-        return Draws(vary=self.vary, sampling=self.sampling, **given)
+        return Draws(vary=self.vary, sampling=self.sampling, count=self.count or COUNT)
 
     @property
     def _listed(self) -> list[Sequence[Any]]:

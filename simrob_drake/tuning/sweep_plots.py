@@ -94,9 +94,11 @@ def _curve(key: str, choice: Choice, axes: Axes, rows: Sequence[Row], name: str)
 def _map(across: _Axis, up: _Axis, axes: Axes, rows: Sequence[Row], name: str) -> None:
     (first, wide), (second, high) = across, up
     cells = np.full((len(high.values), len(wide.values)), np.nan)
-    for line, below in enumerate(high.values):
-        for column, beside in enumerate(wide.values):
-            values = _numbers([row for row in rows if row.get(first) == beside and row.get(second) == below], name)
+    for line, up_value in enumerate(high.values):
+        for column, across_value in enumerate(wide.values):
+            values = _numbers(
+                [row for row in rows if row.get(first) == across_value and row.get(second) == up_value], name
+            )
             cells[line, column] = np.median(values) if values.size else np.nan
     image = axes.imshow(cells, origin="lower", aspect="auto", cmap="viridis")
     axes.grid(visible=False)

@@ -47,9 +47,22 @@ def test_every_combination_is_run_with_every_seed():
     assert seeds == [(0, 1000, 7), (1, 1001, 7), (2, 1002, 7)]
 
 
+def test_all_keys_may_be_drawn_at_once():
+    asked = {"servo.kp": "loguniform:20:200", "servo.kd": {"low": 1, "high": 2}, "solver.scheme": "cenic,radau3"}
+    cases = Sweep(station="double_pendulum", vary=asked, sampling="latin", count=8).cases()
+    assert len(cases) == 8
+    assert sorted(round(8 * (case.shown["servo.kd"] - 1) - 0.5) for case in cases) == list(range(8))
+    assert [case.shown["solver.scheme"] for case in cases].count("cenic") == 4
+    assert cases[3].scene().config.servo.kp == cases[3].shown["servo.kp"]
+    grid = Sweep(station="double_pendulum", vary=asked, sampling="grid", count=3).cases()
+    assert len(grid) == 3 * 3 * 2
+
+
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
+        ({"count": 3}, "--count is 3; it must be left out where --sampling is"),
+        ({"sampling": "grid", "vary": {"servo.kp": "uniform:1:2"}, "count": 9999, "seeds": 11}, "at most 100000"),
         ({"vary": {"servo.kpp": "1,2"}}, "--vary servo.kpp: unknown key; did you mean 'kp'"),
         ({"vary": {"servo.kp": "-1,2"}}, "--vary servo.kp"),
         ({"vary": {"duration": "1,2"}}, "--vary duration is given beside --set"),
