@@ -227,17 +227,18 @@ def _tell(model: SimulinkModel) -> None:
 def compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
     """Hold logged signals of the original against a station's, in numbers and pictures."""
     from simrob_drake.simulink import comparing
+    from simrob_drake.simulink.logs import read_log
 
     names = {}
     for entry in map_:
         theirs, _, ours = (part.strip() for part in entry.partition("="))
         if not (theirs and ours):
-            raise InvalidParameter("--map", entry, "of the form THEIRS=OURS, as yout.1=q.joint_1")
+            raise InvalidParameter("--map", entry, "of the form THEIRS=OURS[:UNIT], as yout.1=q.joint_1:deg")
         names[theirs] = ours
     if out is not None:
         check_folder(out, marker=comparing.NUMBERS, force=force)
-    times, logged = comparing.read_log(log, names)
-    _, differences = comparing.compare(config, times, logged, progress=True)
+    logged = read_log(log, names)
+    _, differences = comparing.compare(config, logged, progress=True)
     table = Table("signal", "largest difference", "at [s]", "root mean square", box=None, pad_edge=False)
     for found in differences:
         largest, rms = (in_units(value, found.unit) for value in (found.largest, found.rms))
