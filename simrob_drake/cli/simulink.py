@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -200,14 +201,12 @@ def serve(
     listening = server.StationServer(
         _stepped(station, set_, step), host=host, port=port, token=os.environ.get(server.TOKEN_VARIABLE)
     )
-    bound = listening.server_address[1]
-
-    def ready() -> None:
+    with listening, suppress(KeyboardInterrupt):
+        bound = listening.server_address[1]
         console.print(f"station {listening.config.name} at {host}, port {bound}", soft_wrap=True, highlight=False)
         console.print(f"token   {listening.token}", soft_wrap=True, highlight=False)
         console.print(f"client  {server.CLIENT}; end with Ctrl+C", soft_wrap=True, highlight=False)
-
-    server.serve(listening, ready)
+        listening.serve_forever()
 
 
 def _stepped(station: str, settings: list[str] | None, step: float | None) -> StationConfig:
