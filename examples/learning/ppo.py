@@ -1,6 +1,6 @@
 """Learn by PPO on many robots at once in MuJoCo, and write the policy as ONNX, what it observes normalised within.
 
-PPO is that of Stable-Baselines3; returns go to curve.csv and to TensorBoard.
+PPO is that of Stable-Baselines3; returns go to curve.csv, and to TensorBoard where that is installed.
 
 python examples/learning/ppo.py examples/learning/trot.yaml --out runs/trot
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import csv
 import time
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -133,7 +134,8 @@ def main() -> None:
     robots: Any = VecMonitor(Robots(StationVectorEnvironment(given.robots, given.task, step=given.step)))
     robots.seed(given.seed)
     robots = VecNormalize(robots, gamma=SETTINGS["gamma"])
-    model = PPO("MlpPolicy", robots, seed=given.seed, device="cpu", tensorboard_log=str(given.out), **SETTINGS)
+    board = str(given.out) if find_spec("tensorboard") else None
+    model = PPO("MlpPolicy", robots, seed=given.seed, device="cpu", tensorboard_log=board, **SETTINGS)
     model.learn(given.steps, Curve(given.out, given.minutes))
     print(f"learnt: {save(model, given.out)}")
 
