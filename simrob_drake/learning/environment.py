@@ -17,6 +17,7 @@ from simrob_drake.learning.rewards import rewards
 from simrob_drake.learning.spaces import spaces
 from simrob_drake.learning.task import load_task
 from simrob_drake.results.animation.pictures import Still
+from simrob_drake.stations.config import StationConfig
 
 _SEEDS = 2**31
 RENDER_MODES = ["rgb_array"]
@@ -53,14 +54,15 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         """
         self.render_mode = render_mode
         self.task, path = load_task(task)
-        self._config = lambda drawn: self.task.config(station, {**(overrides or {}), **drawn}, path)
-        self.config = self._config({})
+        self._given = station, overrides or {}, path
+        self.config = self._drawn({})
         self.episode = Episode(self.config)
         policy = self.episode.policy
         self.observation_space, self.action_space = spaces(self.episode.section, self.episode.robot, policy.sizes)
         self.metadata = {**self.metadata, "render_fps": self.episode.section.rate}
         self._goal = np.array(self.episode.section.goal)
-        self._curriculum, self._return, self._still = Curriculum(grown=grown), 0.0, None
+        self._curriculum, self._return = Curriculum(grown=grown), 0.0
+        self._still: Still | None = None
 
     @property
     def policy_axes(self) -> list[str]:
@@ -75,7 +77,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         super().reset(seed=seed)
         draw = self.np_random
         if self.task.random:
-            self.episode = Episode(self._config(self.task.drawn(draw.random(len(self.task.random)))))
+            self.episode = Episode(self._drawn(self.task.drawn(draw.random(len(self.task.random)))))
         episode = self.episode
         seeds = draw.integers(_SEEDS, size=len(episode.seeds)).tolist()
         task = self._curriculum.of(self.task)
@@ -100,12 +102,17 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         self._curriculum.told(1, [self._return] if episode.ended or truncated else [])
         return self._observed(seen), reward, bool(episode.ended), truncated, info
 
-    def render(self) -> npt.NDArray[np.uint8] | None:  # type: ignore[override]  # frames are arrays here
+    def render(self) -> npt.NDArray[np.uint8] | None:
         """Return a picture of the robot now, shape (360, 480, 3), drawn without a display; None without a mode."""
         if self.render_mode is None:
             return None
         self._still = self._still or Still(self.config)
         return self._still.image(self.episode.positions)
+
+    def _drawn(self, values: Mapping[str, Any]) -> StationConfig:
+        """Return the station with some keys drawn."""
+        station, overrides, path = self._given
+        return self.task.config(station, {**overrides, **values}, path)
 
     def _observed(self, seen: Vector) -> Vector:
         space = self.observation_space

@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context
 from simrob_drake.arguments import drake_asserts
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
-from simrob_drake.learning.rewards import RewardSample, turned_from
+from simrob_drake.learning.rewards import Origin, RewardSample
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.controllers.policy import LearntPolicy, Policy
@@ -112,10 +112,9 @@ class Episode:
         self._simulator.Initialize()
         self._step, self.ended = 0, ""
         self._onsets = dict.fromkeys(self._ports.monitors, NOT_YET)
-        self._start = self._value("base_pose")
+        base = self._value("base_pose")
+        self._origin = Origin(base, float(headings(self._ports.plant, self.robot, base[np.newaxis])[0]))
         self._last = self._action = np.zeros(self.policy.acts)
-        facing = float(headings(self._ports.plant, self.robot, self._start[np.newaxis])[0])
-        self._ahead = np.array([[np.cos(facing), np.sin(facing), 0], [-np.sin(facing), np.cos(facing), 0], [0, 0, 1]])
         self._seen = self.policy.observe(self._own())
         return self._seen
 
@@ -148,10 +147,7 @@ class Episode:
         limits = self.robot.gains.torque_limit  # perhaps none
         tool, tool_speed, push = self._tool(base, moving)
         return RewardSample(
-            place=self._ahead @ (base[:3] - self._start[:3]),
-            speed=self._ahead @ moving[:3],
-            turned=turned_from(self._start[3:], base[3:]),
-            spin=moving[3:],
+            **self._origin.told(base, moving),
             effort=self._value("torque") / limits,
             action=self._action,
             last_action=self._last,

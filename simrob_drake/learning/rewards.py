@@ -54,6 +54,30 @@ class RewardSample:
     ended: bool | npt.NDArray[np.bool_] = False
 
 
+@dataclass(frozen=True)
+class Origin:
+    """Where a root link was at the start, and which way the robot faced: what its way is told from.
+
+    Attributes:
+        pose: x y z qw qx qy qz, shape (7,).
+        facing: counterclockwise from x [rad].
+    """
+
+    pose: Vector
+    facing: float
+
+    def told(self, pose: Vector, velocity: Vector) -> dict[str, Vector]:
+        """Return place, speed, attitude and spin of a reward's sample by pose (..., 7) and velocity (..., 6) now."""
+        cos, sin = np.cos(self.facing), np.sin(self.facing)
+        ahead = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+        return {
+            "place": (pose[..., :3] - self.pose[:3]) @ ahead.T,
+            "speed": velocity[..., :3] @ ahead.T,
+            "turned": turned_from(self.pose[3:], pose[..., 3:]),
+            "spin": velocity[..., 3:],
+        }
+
+
 def _square(values: Vector) -> Vector:
     return np.asarray((values * values).sum(axis=-1))
 

@@ -25,7 +25,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.learning.beginning import Curriculum, beginning
 from simrob_drake.learning.episode import policies_of
-from simrob_drake.learning.rewards import RewardSample, rewards, turned_from
+from simrob_drake.learning.rewards import Origin, RewardSample, rewards, turned_from
 from simrob_drake.learning.sensing import Places, PolicySensors
 from simrob_drake.learning.spaces import spaces
 from simrob_drake.learning.task import load_task
@@ -53,6 +53,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """
 
     _ticks: Places
+    _still: Still | None = None
     _action: Vector
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012  # as Gymnasium declares it
 
@@ -254,16 +255,15 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         k = self.num_envs
         self._state = np.tile(self._built.state(*self._home), (k, 1))
         self._ticks, self._returns = np.zeros(k, np.intp), np.zeros(k)
-        self._own, self._still = [self._built.model] * k, None
+        self._own = [self._built.model] * k
         self._ends = np.asarray(self._built.step * np.arange(1, len(self._rows) + 1), dtype=float)
         self._action = np.zeros((k, len(self._moved)))
         self._forces = np.tile(self._rows[:, self._servos :], (k, 1, 1))
         self._onsets = {name: np.full(k, NOT_YET) for name in self._ports.monitors}
         self._upright = self.robot.base.rotation().ToQuaternion().wxyz()
-        self._first = self._value("base_pose", np.hstack(self._home)[np.newaxis])[0]
+        first = self._value("base_pose", np.hstack(self._home)[np.newaxis])
         self._motion = self._motion_of(self._state)
-        facing = float(headings(self._ports.plant, self.robot, self._first[np.newaxis])[0])
-        self._ahead = np.array([[np.cos(facing), np.sin(facing), 0], [-np.sin(facing), np.cos(facing), 0], [0, 0, 1]])
+        self._origin = Origin(first[0], float(headings(self._ports.plant, self.robot, first)[0]))
 
     def _begin(self, places: Places) -> None:
         """Begin the episodes of some robots anew."""
@@ -314,7 +314,8 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return np.tile(fixed, (len(motion), 1))
 
     def _observation(self) -> Vector:
-        return np.hstack([self._part(name) for name in self.section.observes]).astype(np.float32)
+        space, seen = self.single_observation_space, np.hstack([self._part(name) for name in self.section.observes])
+        return np.clip(seen, space.low, space.high).astype(np.float32)
 
     def _part(self, name: str) -> Vector:
         sensors, reads, part = self._sensors, self.section.reads, self._action
@@ -356,10 +357,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         base, moving = (self._value(name, self._motion) for name in ("base_pose", "base_velocity"))
         arm = self.robot.tcp and not self.robot.floats
         return RewardSample(
-            place=(base[:, :3] - self._first[:3]) @ self._ahead.T,
-            speed=moving[:, :3] @ self._ahead.T,
-            turned=turned_from(self._first[3:], base[:, 3:]),
-            spin=moving[:, 3:],
+            **self._origin.told(base, moving),
             effort=self._built.output(f"{self.robot.prefix}torque", sensed) / self.robot.gains.torque_limit,
             action=self._action,
             last_action=last,
