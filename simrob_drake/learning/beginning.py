@@ -58,7 +58,7 @@ class Curriculum:
         self._steps = np.inf if grown else 0.0
         self._returns = deque([np.inf if grown else -np.inf], maxlen=_LAST)
 
-    def told(self, steps: int, returns: list[float]) -> None:
+    def count(self, steps: int, returns: list[float]) -> None:
         """Count steps of robots, and the returns of episodes that ended."""
         self._steps += steps
         if np.isneginf(self._returns[0]) and returns:

@@ -54,7 +54,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         """
         self.render_mode = render_mode
         self.task, path = load_task(task)
-        self._given = station, overrides or {}, path
+        self._source = station, overrides or {}, path
         self.config = self._drawn({})
         self.episode = Episode(self.config)
         policy = self.episode.policy
@@ -99,7 +99,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
             info["ended"] = episode.ended
         truncated = not episode.ended and episode.time > self.config.duration - episode.period / 2
         self._return += reward
-        self._curriculum.told(1, [self._return] if episode.ended or truncated else [])
+        self._curriculum.count(1, [self._return] if episode.ended or truncated else [])
         return self._observed(seen), reward, bool(episode.ended), truncated, info
 
     def render(self) -> npt.NDArray[np.uint8] | None:
@@ -111,7 +111,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
 
     def _drawn(self, values: Mapping[str, Any]) -> StationConfig:
         """Return the station with some keys drawn."""
-        station, overrides, path = self._given
+        station, overrides, path = self._source
         return self.task.config(station, {**overrides, **values}, path)
 
     def _observed(self, seen: Vector) -> Vector:

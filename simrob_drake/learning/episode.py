@@ -146,8 +146,9 @@ class Episode:
         moving = self._value("base_velocity") if self.robot.floats else np.zeros(6)
         limits = self.robot.gains.torque_limit  # perhaps none
         tool, tool_speed, push = self._tool(base, moving)
-        return RewardSample(
-            **self._origin.told(base, moving),
+        return self._origin.sample(
+            base,
+            moving,
             effort=self._value("torque") / limits,
             action=self._action,
             last_action=self._last,

@@ -7,6 +7,7 @@ its torso turns (thesis p. 122).
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -66,16 +67,17 @@ class Origin:
     pose: Vector
     facing: float
 
-    def told(self, pose: Vector, velocity: Vector) -> dict[str, Vector]:
-        """Return place, speed, attitude and spin of a reward's sample by pose (..., 7) and velocity (..., 6) now."""
+    def sample(self, pose: Vector, velocity: Vector, **others: Any) -> RewardSample:
+        """Return what is true by pose (..., 7) and velocity (..., 6) of the root link now, and the other fields."""
         cos, sin = np.cos(self.facing), np.sin(self.facing)
         ahead = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
-        return {
-            "place": (pose[..., :3] - self.pose[:3]) @ ahead.T,
-            "speed": velocity[..., :3] @ ahead.T,
-            "turned": turned_from(self.pose[3:], pose[..., 3:]),
-            "spin": velocity[..., 3:],
-        }
+        return RewardSample(
+            place=(pose[..., :3] - self.pose[:3]) @ ahead.T,
+            speed=velocity[..., :3] @ ahead.T,
+            turned=turned_from(self.pose[3:], pose[..., 3:]),
+            spin=velocity[..., 3:],
+            **others,
+        )
 
 
 def _square(values: Vector) -> Vector:

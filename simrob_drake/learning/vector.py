@@ -121,7 +121,8 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._make_room()
         sizes = {"position": len(self._reach), "velocity": len(self._reach), "attitude": 3, "angular_velocity": 3}
         sizes |= {"action": len(self._moved), "clock": 2 * len(self._clock), "goal": self._goals.shape[1]}
-        self.single_observation_space, self.single_action_space = spaces(self.section, self.robot, sizes)
+        self._bounds, self.single_action_space = spaces(self.section, self.robot, sizes)
+        self.single_observation_space = self._bounds
         self.metadata = {**self.metadata, "render_fps": self.section.rate}
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -159,7 +160,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         seen = self._observation()
         info = {"place": now.place, "time": self._time, "ended": ended, "rewards": parts}
         over = np.flatnonzero(terminated | truncated)
-        self._curriculum.told(self.num_envs, self._returns[over].tolist())
+        self._curriculum.count(self.num_envs, self._returns[over].tolist())
         if len(over):
             info["final_obs"] = seen
             self._begin(over)
@@ -314,8 +315,8 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return np.tile(fixed, (len(motion), 1))
 
     def _observation(self) -> Vector:
-        space, seen = self.single_observation_space, np.hstack([self._part(name) for name in self.section.observes])
-        return np.clip(seen, space.low, space.high).astype(np.float32)
+        seen = np.hstack([self._part(name) for name in self.section.observes])
+        return np.clip(seen, self._bounds.low, self._bounds.high).astype(np.float32)
 
     def _part(self, name: str) -> Vector:
         sensors, reads, part = self._sensors, self.section.reads, self._action
@@ -356,8 +357,9 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Return what is true of all robots."""
         base, moving = (self._value(name, self._motion) for name in ("base_pose", "base_velocity"))
         arm = self.robot.tcp and not self.robot.floats
-        return RewardSample(
-            **self._origin.told(base, moving),
+        return self._origin.sample(
+            base,
+            moving,
             effort=self._built.output(f"{self.robot.prefix}torque", sensed) / self.robot.gains.torque_limit,
             action=self._action,
             last_action=last,
