@@ -1,7 +1,5 @@
 """What planning a move of an arm starts from, and what all planned moves share: points, zones, checks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

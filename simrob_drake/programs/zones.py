@@ -6,8 +6,6 @@ Of the distance x before (negative) or behind the corner, in zones, :math:`g(x) 
 curvature go on without a jump: :math:`g'` rises from 0 to 1, and :math:`g(x) - g(-x) = x`.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A step that catches a robot which its feet, where they stand, can no longer stop."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
