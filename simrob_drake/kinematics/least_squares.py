@@ -11,10 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from simrob_drake.frames import Vector
-from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.poses import pose_errors
-from simrob_drake.kinematics.screws import IDENTITY, Indices, skew
+from simrob_drake.frames import Vector, pose_errors, within
+from simrob_drake.kinematics.chain import IDENTITY, Chain, Indices, skew
 
 _FIRST_DAMPING = 0.01  # times the cost, so that it fades near the target, where the plain Newton step is best
 _EASED, _RAISED = 0.5, 8.0  # damping after a step that helped, and after one that did not
@@ -121,14 +119,6 @@ def fit_postures(
         answered[rows[near] // rivals] = True
         done = still | answered[rows // rivals]
     return result
-
-
-def within(errors: Vector, weights: Vector, tolerance: Vector) -> Flags:
-    """Tell which errors (k, 6), where they have weight, are within a tolerance (2,) [m, rad], shape (k,)."""
-    squares = errors * errors * (weights > 0)
-    near: Flags = squares[:, :3].sum(axis=1) <= tolerance[0] ** 2
-    near &= squares[:, 3:].sum(axis=1) <= tolerance[1] ** 2
-    return near
 
 
 def _steps(

@@ -4,10 +4,9 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import POSE_SIZE, Vector
-from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.least_squares import COARSE, FINE, Fit, Flags, fit_postures, within
-from simrob_drake.kinematics.screws import Indices
+from simrob_drake.frames import POSE_SIZE, Vector, within
+from simrob_drake.kinematics.chain import Chain, Indices
+from simrob_drake.kinematics.least_squares import COARSE, FINE, Fit, Flags, fit_postures
 from simrob_drake.kinematics.solver import (
     POSITION_TOLERANCE,
     ROTATION_TOLERANCE,

@@ -11,7 +11,7 @@ from simrob_drake.arguments import instance
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.every_branch import branches
-from simrob_drake.programs.checks import shown
+from simrob_drake.programs.plan import shown
 
 
 @dataclass(frozen=True, eq=False)

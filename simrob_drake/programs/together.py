@@ -11,10 +11,9 @@ from simrob_drake.blocks.distance_sensor import Distances
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.numeric import random_postures
-from simrob_drake.programs.checks import check_collisions
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.plan import Plan, look_times
+from simrob_drake.programs.plan import Plan, check_collisions, look_times
 
 _LOOKS = 6  # postures of chance that tell which distances change at all
 _SAME = 1e-6  # m

@@ -113,7 +113,11 @@ class RobotModel(Strict):
     @model_validator(mode="before")
     @classmethod
     def _of_table(cls, content: Any) -> Any:
-        return described_by_table(content)
+        return (
+            described_by_table(content)
+            if isinstance(content, dict) and isinstance(content.get("dh"), dict)
+            else content
+        )
 
     @model_validator(mode="after")
     def _one_origin(self) -> RobotModel:

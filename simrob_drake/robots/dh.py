@@ -125,9 +125,9 @@ class DhTable(Strict):
         return [start @ end for start, end in zip(starts, [*befores, transform_from_pose(self.tool)], strict=True)]
 
 
-def described_by_table(content: Any) -> Any:
+def described_by_table(content: dict[str, Any]) -> Any:
     """Fill in what a robot's description need not say where it has a table: root, axes and tools."""
-    rows = content["dh"].get("rows") if isinstance(content, dict) and isinstance(content.get("dh"), dict) else None
+    rows = content["dh"].get("rows")
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         return content
     joints = [row.get("joint") or _JOINT.format(number) for number, row in enumerate(rows, 1)]

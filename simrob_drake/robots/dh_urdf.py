@@ -12,8 +12,8 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.frames import Vector
 from simrob_drake.robots.dh import BASE_LINK, TOOL_LINK, DhRow, DhTable
-from simrob_drake.robots.solids import Solid, solid_inertia
-from simrob_drake.robots.urdf_elements import add_colour, add_joint, add_motor, add_solid, set_inertia, written
+from simrob_drake.robots.solids import solid_inertia
+from simrob_drake.robots.urdf import Solid, add_colour, add_joint, add_motor, add_solid, set_inertia, written
 from simrob_drake.sections import Colour
 
 _THICKNESS = 0.055  # radius at the base over the arm's length
