@@ -8,8 +8,7 @@ from pydrake.math import RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station
-from simrob_drake.parts.controllers.balance import Answer, StandingBalance
-from simrob_drake.parts.controllers.capture_step import StepChooser, Stepping
+from simrob_drake.parts.controllers.balance import Answer, StandingBalance, StepChooser, Stepping
 from simrob_drake.parts.controllers.support import Balanced, Support
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.station import compose

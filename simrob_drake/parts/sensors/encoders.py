@@ -15,8 +15,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.frames import Vector
-from simrob_drake.parts.sensors.sampled import SampledSensor, normal, rounded
-from simrob_drake.parts.sensors.sensor import axis_names
+from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names, normal, rounded
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.sections import Integer, NotNegative
 from simrob_drake.signals import Panel, Signal

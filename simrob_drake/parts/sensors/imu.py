@@ -20,8 +20,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.frames import transform_from_xyz_quaternion, xyz_quaternion_from_transform
-from simrob_drake.parts.sensors.sampled import SampledSensor, normal
-from simrob_drake.parts.sensors.sensor import axis_names
+from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names, normal
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.sections import Integer, NotNegative
