@@ -21,8 +21,7 @@ from simrob_drake.kinematics.closed_form import (
 )
 from simrob_drake.kinematics.constrained import ConstrainedSolver
 from simrob_drake.kinematics.incremental import IncrementalSolver
-from simrob_drake.kinematics.least_squares import fit_postures
-from simrob_drake.kinematics.numeric import NumericSolver
+from simrob_drake.kinematics.numeric import NumericSolver, fit_postures
 from simrob_drake.kinematics.solver import (
     POSITION_TOLERANCE,
     ROTATION_TOLERANCE,

@@ -18,7 +18,7 @@ import numpy as np
 from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain, skew
-from simrob_drake.kinematics.least_squares import Flags
+from simrob_drake.kinematics.numeric import Flags
 
 _LENGTH = 1e-4  # m that axes may miss each other by: published figures are rounded, and the solver polishes
 _ANGLE = 1e-4  # rad that parallel axes may differ by, likewise: rpy="0 1.5708 0" is off by 4e-6

@@ -15,8 +15,7 @@ from simrob_drake.frames import Targets, Vector, finite, pose_matrices, within
 from simrob_drake.kinematics.analytic import AnalyticSolver
 from simrob_drake.kinematics.chain import Chain, Indices
 from simrob_drake.kinematics.closed_form import NoClosedForm
-from simrob_drake.kinematics.least_squares import COARSE, Flags, fit_postures
-from simrob_drake.kinematics.numeric import random_postures
+from simrob_drake.kinematics.numeric import COARSE, Flags, fit_postures, random_postures
 from simrob_drake.kinematics.solver import TURN, nearest_turns
 
 _SIX = 6  # axes reach a pose in a finite number of ways

@@ -1,4 +1,4 @@
-"""What the kinds of sensor share; those that sample do it while stepping where something reads them, else afterwards."""
+"""What the kinds of sensor share; samples are taken while stepping where something reads them, else afterwards."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
