@@ -1,4 +1,7 @@
-"""The criteria by which runs are judged, of axes and of all else: a further one is an entry here, and its bound in ``VerdictConfig``."""
+"""The criteria by which runs are judged, of axes and of all else: a further one is an entry here.
+
+Its bound stands in ``VerdictConfig``.
+"""
 
 from __future__ import annotations
 
