@@ -14,7 +14,7 @@ from simrob_drake.files import station_files
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import MESH_PATH_VARIABLE, granting
 from simrob_drake.results.files import Saved
-from simrob_drake.results.plots.own import PlotFormat
+from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.sections import field_texts, validated
 
 

@@ -14,7 +14,7 @@ from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.parts.references.table import TIME_COLUMN, Interpolation, Table, speed_columns
 from simrob_drake.results.background import in_background
-from simrob_drake.results.plots.own import PlotFormat, plot_format
+from simrob_drake.results.plots.formats import PlotFormat, plot_format
 from simrob_drake.results.record.events import all_events
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of

@@ -13,7 +13,7 @@ import numpy as np
 from simrob_drake.arguments import as_path, truth
 from simrob_drake.errors import InvalidParameter, VerdictError, shortened
 from simrob_drake.results.files import default_folder, save_result
-from simrob_drake.results.plots.own import PlotFormat
+from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.results.verdict.judge import verdict_of

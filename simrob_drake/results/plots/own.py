@@ -1,9 +1,9 @@
-"""Figures of users' own in the looks of a run's plots, and the kinds of file that plots are written as."""
+"""Figures of users' own in the looks of a run's plots."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 from warnings import catch_warnings, filterwarnings
 
 import numpy as np
@@ -13,26 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 
-from simrob_drake.errors import one_of
 from simrob_drake.folders import writing
 from simrob_drake.results.colours import looks
+from simrob_drake.results.plots.formats import UNDATED, plot_format
 from simrob_drake.results.plots.grid import style
-
-PlotFormat = Literal["png", "svg", "pdf"]
-"""Pixels, or lines that stay sharp at any size: for browsers and for papers."""
-
-UNDATED: dict[str, dict[str, Any]] = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
-"""What a file says of itself: not when it was made, so that the same run gives the same files."""
-
-
-def plot_format(name: Any) -> str:
-    """Return the name of a kind of file.
-
-    Raises:
-        UnknownName: plots are not written as that.
-    """
-    return one_of("format of plots", name, get_args(PlotFormat))
-
 
 DPI = 110
 """Pixels an inch of pictures that are made of pixels."""
