@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -67,30 +67,24 @@ class CaptureStep(Strict):
 
 @dataclass(frozen=True)
 class Stepping:
-    """A step in figures: as :class:`CaptureStep`, with moves in radians, shape (n,), and the number of the foot."""
+    """A step with the place of its foot among the feet, and its moves in radians, shape (n,)."""
 
-    measures: Direction
+    section: CaptureStep
     foot: int
-    beyond: float
-    full: float
-    least: float
-    lead: float | None
-    duration: float
-    settle: float
-    stance: float
     lift: Vector
     reach: Vector
 
     def part(self, balanced: Balanced) -> float:
         """Return what part of its reach is called for."""
-        return min(max(balanced.error(self.measures, self.lead) / self.full, self.least), 1.0)
+        section = self.section
+        return min(max(balanced.error(section.measures, section.lead) / section.full, section.least), 1.0)
 
     def swung(self, time: float, part: float) -> Vector:
         """Return how far the axes are moved at a time of the step, of which it takes one."""
         ahead = min(time / _REACHED, 1.0)
         return (
             math.sin(math.pi * time) * self.lift
-            + part * ahead * ahead * (3 - 2 * ahead) * np.where(self.lift, 1.0, self.stance) * self.reach
+            + part * ahead * ahead * (3 - 2 * ahead) * np.where(self.lift, 1.0, self.section.stance) * self.reach
         )
 
 
@@ -111,18 +105,19 @@ class StepChooser:
         """
         which, time, part = int(state[0]), float(state[1]), float(state[2])
         if not which:
-            errors = (balanced.error(step.measures, step.lead) > step.beyond for step in self._steps)
+            sections = [step.section for step in self._steps]
+            errors = (balanced.error(own.measures, own.lead) > own.beyond for own in sections)
             which = next((number for number, far in enumerate(errors, 1) if far), 0)
             if not which:
                 return state, moved
         step = self._steps[which - 1]
         if time < 1:
-            time, part = min(time + self._period / step.duration, 1.0), max(part, step.part(balanced))
+            time, part = min(time + self._period / step.section.duration, 1.0), max(part, step.part(balanced))
             moved = step.swung(time, part)
             if time > 0.5 and balanced.lifted[step.foot] < _TOUCHES:
                 time = 1.0  # what is lifted still is let down slowly, or the leg would kick
         else:
-            moved = moved + min(self._period / step.settle, 1.0) * (part * step.reach - moved)
+            moved = moved + min(self._period / step.section.settle, 1.0) * (part * step.reach - moved)
         return np.array([which, time, part]), moved
 
 
@@ -207,17 +202,18 @@ class Balance(LoopSection):
         assert robot.feet is not None  # check() has asked
         feet = list(robot.feet.links)
 
-        def values_of(section: str, strategy: Strict) -> dict[str, Any]:
-            """Return the figures of a strategy or a step, with moves in radians for all axes."""
-            values = strategy.model_dump()
-            for name in [name for name in values if name.endswith("_deg")]:
-                moves = robot.model.axis_vector(values.pop(name), f"{key}.{section}.{name}")
-                values[name.removesuffix("_deg")] = robot.model.user_units * moves
-            return values
+        def moves(name: str, degrees: dict[str, float]) -> Vector:
+            """Return the moves of a strategy or a step, in radians for all axes."""
+            return robot.model.user_units * robot.model.axis_vector(dict(degrees), f"{key}.{name}")
 
-        answers = [Answer(**values_of(f"strategies.{name}", each)) for name, each in self.strategies.items()]
-        stepping = [values_of(f"steps.{name}", each) for name, each in self.steps.items()]
-        steps = [Stepping(**{**each, "foot": feet.index(each["foot"])}) for each in stepping]
+        answers = [
+            Answer(each, moves(f"strategies.{name}.moves_deg", each.moves_deg))
+            for name, each in self.strategies.items()
+        ]
+        steps = []
+        for name, each in self.steps.items():
+            lift, reach = (moves(f"steps.{name}.{part}", getattr(each, part)) for part in ("lift_deg", "reach_deg"))
+            steps.append(Stepping(each, feet.index(each.foot), lift, reach))
         return StandingBalance(
             period=1 / self.rate,
             support=Support(robot, math.radians(self.facing_deg)),
@@ -230,24 +226,21 @@ class Balance(LoopSection):
 
 @dataclass(frozen=True)
 class Answer:
-    """A strategy in figures: as :class:`Strategy`, with how far the axes move in radians, shape (n,)."""
+    """A strategy, with how far the axes move in radians, shape (n,)."""
 
-    measures: Direction
+    section: Strategy
     moves: Vector
-    beyond: float
-    full: float
-    lead: float | None
-    rise: float
-    release: float
 
     def part(self, balanced: Balanced) -> float:
         """Return what part of the full answer is called for, -1 to 1."""
-        along = balanced.error(self.measures, self.lead)
-        return math.copysign(min(max(abs(along) - self.beyond, 0.0) / (self.full - self.beyond), 1.0), along)
+        section = self.section
+        along = balanced.error(section.measures, section.lead)
+        beyond = max(abs(along) - section.beyond, 0.0)
+        return math.copysign(min(beyond / (section.full - section.beyond), 1.0), along)
 
     def next(self, before: float, desired: float, period: float) -> float:
         """Return the part a period [s] after another, as near to what is wanted as it can be by then."""
-        duration = self.rise if abs(desired) > abs(before) else self.release
+        duration = self.section.rise if abs(desired) > abs(before) else self.section.release
         step = period / duration if duration > 0 else math.inf
         return min(max(desired, before - step), before + step)
 
