@@ -121,14 +121,7 @@ class Force(ShapeSensor):
         """Return what the sensor tells of a wrench (6)."""
         if self.rate is None or not self._errs:
             return sampled(builder, name, wrench, self.rate)
-        block = MeasuredWrench(
-            period=1 / self.rate,
-            delay=round(self.delay * self.rate),
-            resolution=np.repeat([self.resolution, self.moment_resolution], 3),
-            noise=np.repeat([self.noise, self.moment_noise], 3),
-            seed=self.seed,
-        )
-        return fed(builder, name, block, wrench)
+        return fed(builder, name, MeasuredWrench(self, self.rate), wrench)
 
     def _tangential(self, site: Site, shape: GeometryId) -> Tangential:
         if site.station.scheme != "cenic":
@@ -147,21 +140,15 @@ class MeasuredWrench(SampledBlock):
         out ``wrench`` (6), likewise.
     """
 
-    def __init__(self, *, period: float, delay: int, resolution: Vector, noise: Vector, seed: int) -> None:
-        """Make the block.
-
-        Args:
-            period: between samples [s].
-            delay: by how many samples it tells them late.
-            resolution: of each figure, shape (6,) [N and N·m]; 0 for none.
-            noise: standard deviation of each, shape (6,), likewise.
-            seed: of the noise.
-        """
+    def __init__(self, section: Force, rate: float) -> None:
+        """Make the block of a section that takes so many samples a second [Hz]."""
         memory = {"wrench": np.zeros(6), "count": np.zeros(1)}
+        delay = round(section.delay * rate)
         super().__init__(
-            period=period, reads={"wrench": 6}, memory=memory, gives=("wrench",), delay=delay, at_once=True
+            period=1 / rate, reads={"wrench": 6}, memory=memory, gives=("wrench",), delay=delay, at_once=True
         )
-        self._resolution, self._noise, self.seed = resolution, noise, seed
+        self._resolution = np.repeat([section.resolution, section.moment_resolution], 3)
+        self._noise, self.seed = np.repeat([section.noise, section.moment_noise], 3), section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return what the sensor tells now."""
