@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import TypeAdapter
 from pydrake.math import RigidTransform
 
+from simrob_drake.errors import SimrobError
 from simrob_drake.importer.options import EntryKind
 from simrob_drake.parts.controllers.flow_block import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
@@ -84,7 +85,10 @@ def begin_on_motions(laws: dict[Freedom, Law]) -> None:
     """Let joints whose motion is given start on it, at its speed, before all that other joints ask for."""
     for freedom, law in laws.items():
         if freedom.driven == "motion" and law.reference is not None and of_time(law.reference):
-            before, after = (_at(law.reference, time) for time in (0.0, _INSTANT))
+            try:
+                before, after = (_at(law.reference, time) for time in (0.0, _INSTANT))
+            except (SimrobError, ValueError, ArithmeticError):  # what writes the law tells it
+                continue
             freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
             freedom.start_counts = freedom.speed_counts = _HARD
 
@@ -95,8 +99,10 @@ def _at(value: Value, time: float) -> float:
     for term, factor in terms_of(value).items():
         own = time if term.kind == "time" else 1.0
         if isinstance(term.of, Primitive):
-            block = AS_WRITTEN.validate_python({"kind": term.of.kind, **term.of.parameters})
-            own = block.output(time, block.start, [_at(one, time) for one in term.of.inputs()])[term.index]
+            inputs = [_at(one, time) for one in term.of.inputs()]
+            written = {"kind": term.of.kind, **term.of.parameters, **({"of": [{}] * len(inputs)} if inputs else {})}
+            block = AS_WRITTEN.validate_python(written)
+            own = block.output(time, block.start, inputs)[term.index]
         total += factor * float(own)
     return total
 
