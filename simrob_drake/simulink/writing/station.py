@@ -209,7 +209,8 @@ class StationWriter:
                 "repaired", "station", f"kinematic: these links weigh nothing: {', '.join(weightless[:5])}"
             )
             return True
-        return driven == {"motion"} and not self._files.free
+        stand = all(robot.tree.root.grounded for robot in self._files.robots.values())
+        return driven == {"motion"} and stand and not self._files.free
 
     def _robot(self, name: str, robot: RobotFile, duration: float, kinematic: bool) -> dict[str, Any]:
         folder = self._folder / name
