@@ -252,3 +252,20 @@ def test_a_crank_that_is_driven_starts_on_its_motion(tmp_path):
     reach = np.sqrt(1 - (0.3 * np.sin(angle)) ** 2)
     np.testing.assert_allclose(result["q.Slider"], 0.3 * np.cos(angle) + reach, atol=2e-3)
     assert result["v.Slider"][0] == pytest.approx(-0.6 * np.sin(1) * (1 + 0.3 * np.cos(1) / reach[0]), rel=1e-2)
+
+
+def test_a_floating_robot_whose_joints_are_moved_falls(tmp_path):
+    """It is no held puppet: it falls by its weight, and its joint goes along its motion."""
+    shop = Shop()
+    body = shop.body("Body", shop.placed("Stand"), "sm_lib/Joints/6-DOF Joint", mass="5", inertia="0.5")
+    motion = {"MotionActuationMode": "InputMotion", "TorqueActuationMode": "ComputedTorque"}
+    arm = shop.body("Arm", shop.placed("Shoulder", "[0 0 0.2]", body), **motion)
+    wanted, into = shop.block("Sin", "Wave", Amplitude="0.3", Frequency="4"), shop.block(TO_PHYSICS, "In", Unit="rad")
+    shop.wire(f"{wanted}#out:1", f"{into}#in:1")
+    joint = next(place + 1 for place, text in enumerate(shop.blocks) if 'Name="Arm"' in text)
+    shop.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    assert arm
+    imported, result = ran(tmp_path, shop)
+    assert imported.fidelity == "mechanics complete; 1 joint prescribed"
+    np.testing.assert_allclose(result["q.Arm"], 0.3 * np.sin(4 * result.times), atol=2e-3)
+    np.testing.assert_allclose(result["base.z"] - result["base.z"][0], -9.81 / 2 * result.times**2, atol=5e-3)
