@@ -11,7 +11,7 @@ from nicegui import background_tasks, context, ui
 from simrob_drake.stations.load import station_content
 from simrob_drake.teach.describe import block_meaning
 from simrob_drake.teach.form import Field, as_text, form_fields
-from simrob_drake.teach.pages.elements import follow
+from simrob_drake.teach.pages.elements import card, follow
 from simrob_drake.teach.pages.form_view import FormView, tuners
 from simrob_drake.teach.pages.picture import BlockPicture
 from simrob_drake.teach.pages.plots import scope
@@ -43,17 +43,17 @@ class _Page:
         self._sections: dict[str, _Section] = {}
         self._panels = next((one for one in context.slot.parent.ancestors() if isinstance(one, ui.tab_panels)), None)
         self._asked = True
-        with _card(t("station.blocks"), t("station.blocks_help")):
+        with card(t("station.blocks"), about=t("station.blocks_help")):
             self._wrong_picture = ui.label().classes("text-negative")
             self._picture = BlockPicture(self._show_block, t("station.enlarge"))
-        with _card(t("station.block")):
+        with card(t("station.block")):
             self._block = ui.column().classes("w-full gap-2")
-        with _card(t("station.stops")):
+        with card(t("station.stops")):
             self._stops = ui.column().classes("w-full gap-1")
         with ui.element("div").classes(_COLUMNS):
-            with _card(t("station.check")):
+            with card(t("station.check")):
                 self._findings = ui.column().classes("w-full gap-1")
-            with _card(t("station.keys"), t("station.keys_help")):
+            with card(t("station.keys"), about=t("station.keys_help")):
                 self._changed = ui.row().classes("gap-2 items-center")
                 self._sought = ui.input(t("station.search"), on_change=self._search)
                 self._sought.props("clearable dense").classes("w-full")
@@ -232,14 +232,6 @@ def _show_finding(finding: Mapping[str, str], icon: str, called: str) -> None:
             f'role=img aria-label="{called}"'
         )
         ui.label(": ".join(filter(None, (finding["subject"], finding["text"])))).classes("text-sm min-w-0")
-
-
-def _card(title: str, about: str = "") -> ui.card:
-    with ui.card().props("flat bordered").classes("w-full min-w-0") as card:
-        ui.label(title).classes("text-lg").props("role=heading aria-level=2")
-        if about:
-            ui.label(about).classes("text-sm opacity-70")
-    return card
 
 
 def _field_text(field: Field) -> str:
