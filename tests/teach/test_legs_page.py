@@ -334,6 +334,7 @@ STORED = [MOVE, {"walk": {"steps": 4, "amplitude": 0.5}}, {"act": "bow"}, {"atta
 def lines(user):
     """Return the texts of stored moves and changes, as they stand below each other."""
     labels = sorted(user.find(ui.label).elements, key=lambda element: element.id)
+    labels = [label for label in labels if label.props.get("role") != "heading"]
     return [label.text for label in labels if label.text[:1].isdigit() and ". " in label.text]
 
 
