@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
-from simrob_drake.importer.repairs.shape_elements import PLAIN
+from simrob_drake.importer.repairs.shapes import PLAIN
 from simrob_drake.robots.urdf import DRAKE
 from simrob_drake.robots.urdf_elements import add_colour, place, text, written
 

@@ -7,7 +7,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.materials import DEFAULT_RGBA
-from simrob_drake.importer.repairs.shape_elements import PLAIN
+from simrob_drake.importer.repairs.shapes import PLAIN
 from simrob_drake.importer.sdf.frames import own_pose
 from simrob_drake.robots.urdf import DRAKE, name_of
 from simrob_drake.robots.urdf_check import numbers_in
