@@ -46,7 +46,7 @@ class Jogging(MoveRunner):
             start: the pose in the base that ``delta`` counts from [m, deg]; where the tool is unless given.
         """
         by: dict[str, Any] = {"delta": plain(delta), "frame": frame, "start": plain(start)}
-        return self._when_idle(lambda: self._ask("jogged", self._jog, **by))
+        return self._when_idle(lambda: self._ask("jogged_axes", self._jog, **by))
 
     def jog_pose(self, pose: Sequence[float], frame: str = "base") -> Future[Any]:
         """Move the tool to a pose [x y z Rz Ry Rx], m and degrees, in a frame, by the nearest posture."""

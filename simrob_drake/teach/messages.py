@@ -1,15 +1,11 @@
 """What the pendant's process and the one that runs a station tell each other: plain data over a pipe."""
 
-from collections.abc import Callable
 from multiprocessing.connection import Connection
-from typing import Any, TypeVar
+from typing import Any
 
 from simrob_drake.errors import SimrobError
 
 News = dict[str, Any]
-Tell = Callable[..., object]
-"""Tells news by its name and what belongs to it, such as ``tell("phase", phase="idle")``."""
-Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 class RunLost(SimrobError):
@@ -18,20 +14,6 @@ class RunLost(SimrobError):
     def __init__(self) -> None:
         """Say so."""
         super().__init__("the process that runs the station has ended")
-
-
-_AT_ANY_TIME = "_at_any_time"
-
-
-def at_any_time(method: Method) -> Method:
-    """Mark a method that may be asked for while a station runs; it is answered between two ticks."""
-    setattr(method, _AT_ANY_TIME, True)
-    return method
-
-
-def may_be_any_time(method: Callable[..., Any]) -> bool:
-    """Tell whether a method is marked so."""
-    return getattr(method, _AT_ANY_TIME, False)
 
 
 class Inbox:

@@ -25,7 +25,7 @@ from simrob_drake.teach.taught import Taught, entries_of, with_change
 Tried = tuple[Move, ...]
 Then = Callable[[], object]
 Kind = Literal["", "program", "tried", "free"]
-"""What is run: the program, what is tried, or something that is neither stored nor waits to be."""
+"""What is run, or was last: the program, what is tried, or something that is neither stored nor waits to be."""
 
 
 class MoveRunner(ProgramEditor):
@@ -64,11 +64,10 @@ class MoveRunner(ProgramEditor):
         self._run_log = RunLog()
         self._kind: Kind = ""
         self._fell: Then = lambda: None
-        self._last_kind: Kind = ""
         self._rewound = False
         self._start_time = 0.0  # of the next run, where the robot is [s]; after a fall that is not what is shown
         self._failed_try: tuple[Tried, Tried] = (), ()  # what was tried when that fell, and before
-        self._travels: set[object] = set()
+        self._travels: set[object] = set()  # asked for and not answered yet
 
     def _try_moves(self, moves: Callable[[], Sequence[Move]]) -> Future[Any]:
         return self._try(lambda: self._without_fallen.with_tried(*moves()))
@@ -185,21 +184,15 @@ class MoveRunner(ProgramEditor):
         self, method: str, then: Callable[[Any], Any], failed: Then = lambda: None, **arguments: Any
     ) -> Future[Any]:
         """Ask for another moment of the run to be shown; until it is, nothing else is begun."""
-        way = object()
-        self._travels.add(way)
+        self._travels.add(way := object())
 
-        def arrived(result: Any) -> Any:
+        def over(what: Then) -> Any:
             self._travels.discard(way)
-            found = then(result)
+            found = what()
             self._do_next()
             return found
 
-        def refused() -> None:
-            self._travels.discard(way)
-            failed()
-            self._do_next()
-
-        return self._ask(method, arrived, refused, **arguments)
+        return self._ask(method, lambda result: over(lambda: then(result)), lambda: over(failed), **arguments)
 
     def _start(
         self, kind: Kind, method: str, failed: Then = lambda: None, fell: Then = lambda: None, **arguments: Any
@@ -242,10 +235,11 @@ class MoveRunner(ProgramEditor):
         go()
         now = self._history.present
         self._run_log.align_with(now.program.moves)
-        if now.settings != before.settings:
+        reopened = now.settings != before.settings
+        if reopened:
             self.config = self._loaded(now.settings)
         self._save()
-        if now.settings != before.settings:
+        if reopened:
             self._forget_next()
             self._reopen()
         elif self._run_log.has_others(now.pending):
@@ -269,6 +263,21 @@ class MoveRunner(ProgramEditor):
 
     # News
 
+    def _take(self, news: News) -> None:
+        match news["news"]:
+            case "noted":
+                self._noted(news["change"])
+            case "ended":
+                self._ended(news)
+            case "died":
+                again = self._died(str(news["why"]))
+                self._begin()
+                self._forget_next()
+                if again:
+                    self._reopen()
+            case _:
+                super()._take(news)
+
     def _ended(self, news: News) -> None:
         self.ending, jogged = news, self._kind == "free"
         if not self._rewound:
@@ -278,7 +287,7 @@ class MoveRunner(ProgramEditor):
             self._run_log.append([None], news["time"])
         elif not news["goes_on"]:
             self._fell()
-        self._kind, self._fell, self._last_kind = "", lambda: None, self._kind
+        self._fell = lambda: None
         if news["ending"] != "stopped":
             warnings, well = news["warnings"], news["ending"] == "completed"
             judged = [] if jogged else [news["verdict"], *warnings]
@@ -290,20 +299,14 @@ class MoveRunner(ProgramEditor):
         """Put a change of the run into the program, or to what is tried, if its time is theirs."""
         now, made = self._history.present, validated(Change, change, "the change")
         label = " ".join(made.set or ())  # a slider that is moved is one step
-        of_program = self._kind == "program" or not now.pending
-        known = of_program and self._kind == "program"
-        if not (known or self._run_log.at_start() or self._run_log.is_program(now.program.moves)):
+        known = self._kind == "program"
+        of_program = known or not now.pending
+        if not (known or self._run_log.is_program(now.program.moves)):
             self._say(Notice("not_stored"))
         elif of_program and made not in now.program.changes:
             self._record(now.with_program(changes=with_change(now.program.changes, made)), label)
         elif not of_program and made not in now.changes:
             self._record(now.replaced(changes=with_change(now.changes, made)), label)
-
-    def _revive(self, *, often: bool) -> None:
-        self._begin()
-        self._forget_next()
-        if not often:
-            self._reopen()
 
     def _reopen(self, failed: Callable[[], object] | None = None) -> None:
         """Open the station anew in the run; ``failed`` is called if that cannot be."""

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from simrob_drake.programs.moves.move import Move
 
 
-@dataclass(frozen=True)
-class LogEntry:
-    """A part of what was run.
-
-    Attributes:
-        move: which; None of what is no move, as one that was stopped.
-        start: when it began [s]; None where that is not known.
-    """
+class LogEntry(NamedTuple):
+    """A part of what was run: a move, None of what is none as one that was stopped; and when it began [s], if known."""
 
     move: Move | None
     start: float | None = None
@@ -37,37 +31,34 @@ class RunLog:
 
     def restart_with(self, moves: Sequence[Move]) -> None:
         """Take a whole program that was run from the start."""
-        self._entries = [LogEntry(move, None if number else 0.0) for number, move in enumerate(moves)]
-        self.mark, self.in_time = len(self._entries), True
+        self._entries, self.in_time = [], True
+        self.append(moves, 0.0, free=True)
 
     def append(self, moves: Sequence[Move | None], time: float, *, free: bool = False) -> None:
         """Take moves that were begun at a time [s]; ``free`` ones count as no tries."""
         self._entries += [LogEntry(move, None if number else time) for number, move in enumerate(moves)]
         if free:
-            self.mark = len(self._entries)
+            self.mark_stored()
 
     def mark_stored(self) -> None:
         """Count what was tried as stored."""
         self.mark = len(self._entries)
 
     def is_program(self, moves: Sequence[Move]) -> bool:
-        """Tell whether exactly these moves were run before what was tried, from the start on and in their time."""
-        return self.in_time and [entry.move for entry in self._entries[: self.mark]] == list(moves)
+        """Tell whether nothing was run but these moves, all before what was tried, from the start on and in time."""
+        return not self._entries or (self.in_time and self._done(0, self.mark) == list(moves))
 
-    def at_start(self) -> bool:
-        """Tell whether nothing was run."""
-        return not self._entries
+    def _done(self, begin: int, end: int | None = None) -> list[Move | None]:
+        return [entry.move for entry in self._entries[begin:end]]
 
     def align_with(self, moves: Sequence[Move]) -> None:
         """Find anew where what was tried begins, as the program has changed: behind these moves, if they were run."""
-        count = len(moves)
-        if [entry.move for entry in self._entries[:count]] == list(moves):
-            self.mark = count
-        self.mark = min(self.mark, len(self._entries))
+        stored = self._done(0, len(moves)) == list(moves)
+        self.mark = len(moves) if stored else min(self.mark, len(self._entries))
 
     def has_others(self, tried: Sequence[Move]) -> bool:
         """Tell whether something else was tried than these moves, or their beginning."""
-        done = [entry.move for entry in self._entries[self.mark :]]
+        done = self._done(self.mark)
         return done != list(tried[: len(done)])
 
     def back_to(self, tried: Sequence[Move]) -> tuple[float | None, int]:

@@ -201,16 +201,15 @@ class Session(Teaching, Jogging):
 
     def export_csv(self) -> Future[Any]:
         """Write the signals of the last run; as all of these the future gives the file."""
-        return self._saved("signals_csv", self.file.with_suffix(".csv"))
+        return self._saved("signals", ".csv")
 
     def export_recording(self) -> Future[Any]:
         """Write the last run as one HTML page."""
-        return self._saved("recording", self.file.with_suffix(".html"))
+        return self._saved("page", ".html")
 
     def film_strip(self) -> Future[Any]:
         """Draw the last run as a strip of pictures, for who cannot see the view; the future gives the file."""
-        file = self.file.with_suffix(".png")
-        return self._ask("film_strip", lambda _: file, file=str(file))
+        return self._saved("strip", ".png", quietly=True)
 
     # How
 
@@ -285,9 +284,12 @@ class Session(Teaching, Jogging):
         self._save()  # and tell what was put aside
         return done(file)
 
-    def _saved(self, method: str, file: Path) -> Future[Any]:
+    def _saved(self, what: str, suffix: str, *, quietly: bool = False) -> Future[Any]:
+        file = self.file.with_suffix(suffix)
+
         def written(_: Any) -> Path:
-            self._say(Notice("exported", {"file": str(file)}))
+            if not quietly:
+                self._say(Notice("exported", {"file": str(file)}))
             return file
 
-        return self._ask(method, written, file=str(file))
+        return self._ask("save", written, what=what, file=str(file))

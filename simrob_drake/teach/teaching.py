@@ -87,7 +87,7 @@ class Teaching(MoveRunner):
     def go_on(self) -> Future[Any]:
         """Go on after a pause, or from a moment that was gone back to; what came after that is forgotten."""
         if self.phase == "idle" and self._rewound:
-            return self._start(self._last_kind, "go_on")
+            return self._start(self._kind, "go_on")
         return self._proceed("go_on")
 
     def one_tick(self) -> Future[Any]:

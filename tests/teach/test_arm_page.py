@@ -54,7 +54,7 @@ class ArmSession(StubSession):
     def jog_axes(self, targets_deg, duration=None):
         self.calls.append(("jog_axes", dict(targets_deg)))
         try:
-            move = arm_questions.jog(self.arm, targets_deg, duration)
+            move = arm_questions.jog_move(self.arm, targets_deg, duration)
         except SimrobError as problem:
             self.told("message", message=Notice(fills={"text": str(problem)}, wrong=True))
             return given(None)
