@@ -29,8 +29,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.teach import arm_questions
 from simrob_drake.teach.describe import description
-from simrob_drake.teach.messages import Inbox
-from simrob_drake.teach.run_pacer import Rewound, RunPacer
+from simrob_drake.teach.run_pacer import Inbox, Rewound, RunPacer
 
 
 class Checkpoint(NamedTuple):

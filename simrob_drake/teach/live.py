@@ -13,8 +13,7 @@ from typing import Any
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.teach.bench import ALONE, Bench
-from simrob_drake.teach.messages import Inbox, News, RunLost
-from simrob_drake.teach.run_pacer import Rewound
+from simrob_drake.teach.run_pacer import Inbox, News, Rewound, RunLost
 
 _PATIENCE = 2.0  # s that a process has to end by itself
 

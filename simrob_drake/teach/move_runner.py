@@ -18,8 +18,9 @@ from simrob_drake.programs.timeline import GRID, Change
 from simrob_drake.sections import validated
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.program_editor import ProgramEditor
-from simrob_drake.teach.run_client import HandOver, MakeLive, News, done
+from simrob_drake.teach.run_client import HandOver, MakeLive, done
 from simrob_drake.teach.run_log import RunLog
+from simrob_drake.teach.run_pacer import News
 from simrob_drake.teach.taught import Taught, entries_of, with_change
 
 Tried = tuple[Move, ...]

@@ -11,10 +11,9 @@ from time import monotonic
 from typing import Any, Literal, Protocol
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.teach.messages import RunLost
 from simrob_drake.teach.pages.words import Notice
+from simrob_drake.teach.run_pacer import News, RunLost
 
-News = dict[str, Any]
 Topic = Literal["program", "phase", "tick", "message", "description", "history"]
 MakeLive = Callable[[Callable[[News], None]], "Running"]
 HandOver = Callable[[Callable[[], None]], object]

@@ -4,7 +4,7 @@ from concurrent.futures import Future
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.teach.bench import Bench
-from simrob_drake.teach.messages import RunLost
+from simrob_drake.teach.run_pacer import RunLost
 from simrob_drake.yaml_files import parse_yaml
 
 TICK = 0.05

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from nicegui import background_tasks, context, ui
@@ -40,7 +40,7 @@ class _Page:
         self._content: dict[str, Any] = {}
         self._endings: list[str] = []
         self._heard = session.ending
-        self._sections: dict[str, _Section] = {}
+        self._sections: dict[str, Callable[[list[Field]], None]] = {}
         self._panels = next((one for one in context.slot.parent.ancestors() if isinstance(one, ui.tab_panels)), None)
         self._asked = True
         with card(t("station.blocks"), about=t("station.blocks_help")):
@@ -133,13 +133,27 @@ class _Page:
             self._form.clear()
             with self._form:
                 title = self._t("station.general")
-                self._sections = {top: _Section(top, top or title, self) for top in tops}
+                self._sections = {top: self._section(top, top or title) for top in tops}
         for top, fields in tops.items():
-            self._sections[top].show(fields)
+            self._sections[top](fields)
 
-    def view(self, under: str = "") -> FormView:
-        """Make an empty column of fields in the present place, whose keys are told without what they are under."""
-        return FormView(self._t, self._give, under=under)
+    def _section(self, top: str, title: str) -> Callable[[list[Field]], None]:
+        """Make a section of the form, folded, and return what shows fields in it."""
+        shown, views = list[Field](), list[FormView]()
+
+        def fill() -> None:
+            if fold.value and not views:
+                with fold:
+                    views.append(FormView(self._t, self._give, under=top))
+            for view in views if fold.value else ():
+                view.show(shown)
+
+        def show(fields: list[Field]) -> None:
+            shown[:] = fields
+            fill()
+
+        fold = ui.expansion(title, on_value_change=fill).classes("w-full").props("dense")
+        return show
 
     def _search(self) -> None:
         """Show the fields whose key or help has all the words that are sought, in place of the sections."""
@@ -200,30 +214,7 @@ class _Page:
                 scope(self._session, self._t, name, only=next(own, ""))
             tuners(fields, self._give)
             with ui.expansion(self._t("station.parameters"), value=len(fields) <= _FEW).classes("w-full"):
-                self.view().show(fields)
-
-
-class _Section:
-    """A section of the form, folded; what stands in it is made when it is unfolded."""
-
-    def __init__(self, top: str, title: str, page: _Page) -> None:
-        self._fields: list[Field] = []
-        self._view: FormView | None = None
-        self._top, self._page = top, page
-        self._fold = ui.expansion(title, on_value_change=self._fill).classes("w-full").props("dense")
-
-    def show(self, fields: list[Field]) -> None:
-        """Show fields."""
-        self._fields = fields
-        self._fill()
-
-    def _fill(self) -> None:
-        if not self._fold.value:
-            return
-        if self._view is None:
-            with self._fold:
-                self._view = self._page.view(self._top)
-        self._view.show(self._fields)
+                FormView(self._t, self._give).show(fields)
 
 
 def _show_finding(finding: Mapping[str, str], icon: str, called: str) -> None:
