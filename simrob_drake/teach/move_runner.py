@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from typing import Any, Literal
 
-from simrob_drake.errors import SimrobError
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.moves.play import PlayMove
 from simrob_drake.programs.moves.wait import WaitMove
@@ -81,11 +80,8 @@ class MoveRunner(ProgramEditor):
 
     def _try(self, make: Callable[[], Taught]) -> Future[Any]:
         """Run what is tried from where it is, or from before that with which it goes together."""
-        before = self._history.present
-        try:
-            tried = make()
-        except SimrobError as problem:
-            self._wrong(problem)
+        before, tried = self._history.present, self._or_wrong(make)
+        if tried is None:
             return done(None)
         self._record(tried)
         count = len(before.pending)

@@ -8,12 +8,13 @@ from concurrent.futures import Future
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from time import monotonic
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, TypeVar
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.run_pacer import News, RunLost
 
+Made = TypeVar("Made")
 Topic = Literal["program", "phase", "tick", "message", "description", "history"]
 MakeLive = Callable[[Callable[[News], None]], "Running"]
 HandOver = Callable[[Callable[[], None]], object]
@@ -220,6 +221,14 @@ class RunClient:
     def _say(self, notice: Notice) -> None:
         self.message = notice
         self._tell("message")
+
+    def _or_wrong(self, make: Callable[[], Made]) -> Made | None:
+        """Return what is made; None where something is wrong, which is told."""
+        try:
+            return make()
+        except SimrobError as problem:
+            self._wrong(problem)
+            return None
 
     def _wrong(self, problem: object) -> None:
         self._say(Notice(fills={"text": str(problem)}, wrong=True))

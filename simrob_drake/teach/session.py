@@ -15,7 +15,6 @@ from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.whole_program import carried_program
 from simrob_drake.stations.load import station_content, station_yaml
-from simrob_drake.stations.schema import station_schema
 from simrob_drake.teach.jogging import Jogging
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.run_client import HandOver, MakeLive, Topic, done
@@ -138,10 +137,6 @@ class Session(Teaching, Jogging):
 
     # The station
 
-    def schema(self) -> dict[str, Any]:
-        """Return the JSON Schema of a station's file, to make forms of."""
-        return station_schema()
-
     def value(self, key: str) -> Any:
         """Return what the station has under a dotted key, settings counted in; None if nothing."""
         node: Any = station_content(self.config)
@@ -159,12 +154,8 @@ class Session(Teaching, Jogging):
 
     def switch_loop(self, name: str, on: bool) -> bool:
         """Switch an outer loop of the station on or off, while nothing runs."""
-        try:
-            settings = switched(self._loops, self.settings, name, on)
-        except SimrobError as problem:
-            self._wrong(problem)
-            return False
-        return self._reconfigure(settings)
+        settings = self._or_wrong(lambda: switched(self._loops, self.settings, name, on))
+        return settings is not None and self._reconfigure(settings)
 
     def check(self) -> Future[Any]:
         """Give what ``simrob check`` says of the station with its settings."""
@@ -248,10 +239,8 @@ class Session(Teaching, Jogging):
     def _reconfigure(self, settings: dict[str, Any]) -> bool:
         if self.phase in ("running", "paused"):
             return self._refused("busy")
-        try:
-            config = self._loaded(settings)
-        except SimrobError as problem:
-            self._wrong(problem)
+        config = self._or_wrong(lambda: self._loaded(settings))
+        if config is None:
             return False
         before, self.config = self.config, config
         self._record(self._history.present.replaced(settings=settings))

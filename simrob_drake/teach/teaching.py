@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from typing import Any, cast
 
-from simrob_drake.errors import InvalidParameter, SimrobError, quoted
+from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.move import MOVE_TIME, plain
 from simrob_drake.programs.stages import step_moves
@@ -136,12 +136,8 @@ class Teaching(MoveRunner):
 
     def _changed(self, method: str, change: dict[str, Any], **arguments: Any) -> Future[Any]:
         """Ask for a change, if a program's file could have it."""
-        try:
-            validated(Change, {"time": 0.0, **plain(change)}, "the change")
-        except SimrobError as problem:
-            self._wrong(problem)
-            return done(None)
-        return self._ask(method, **plain(arguments))
+        could_be = self._or_wrong(lambda: validated(Change, {"time": 0.0, **plain(change)}, "the change"))
+        return self._ask(method, **plain(arguments)) if could_be else done(None)
 
     @property
     def _worn_feet(self) -> str | None:

@@ -147,7 +147,6 @@ class ArmState:
         self.values: dict[str, Any] = {}
         self._session, self._client = session, context.client
         self._callbacks: list[Callable[[], object]] = []
-        self._asking = self._again = False
         follow(session, self.ask, "phase", "description")
 
     def subscribe(self, callback: Callable[[], object]) -> None:
@@ -155,23 +154,14 @@ class ArmState:
         self._callbacks.append(callback)
 
     def ask(self) -> None:
-        """Ask, or once more after the answer that is awaited."""
-        self._again = self._asking
-        if not self._asking and self._session.phase == "idle":
+        """Ask, unless the arm is on its way: it is asked when it stands."""
+        if self._session.phase == "idle":
             background_tasks.create(self.asked())
 
     async def asked(self) -> None:
         """Ask, and wait until all who are to hear the answer have."""
-        self._asking = True
-        try:
-            values = await wrap_future(self._session.where(self.frame))
-        finally:
-            self._asking = False
-        if self._client.is_deleted:
-            return
-        if values:
+        values = await wrap_future(self._session.where(self.frame))
+        if values and not self._client.is_deleted:
             self.values = values
             for callback in self._callbacks:
                 callback()
-        if self._again:
-            self.ask()

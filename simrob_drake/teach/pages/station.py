@@ -9,6 +9,7 @@ from typing import Any
 from nicegui import background_tasks, context, ui
 
 from simrob_drake.stations.load import station_content
+from simrob_drake.stations.schema import station_schema
 from simrob_drake.teach.describe import block_meaning
 from simrob_drake.teach.form import Field, as_text, form_fields
 from simrob_drake.teach.pages.elements import card, follow
@@ -81,7 +82,7 @@ class _Page:
         if not session.description:
             return
         self._content = station_content(session.config)
-        self._fields = form_fields(session.schema(), self._content)
+        self._fields = form_fields(station_schema(), self._content)
         self._show_form()
         self._search()
         self._show_changed()
