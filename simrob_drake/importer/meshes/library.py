@@ -124,14 +124,10 @@ class MeshLibrary:
         changes += [f"decimated from {good} to {few} faces"] if few < good else []
         unchanged = not changes and not source.notes and len(parts) == 1
         stays = path.suffix.lower() == ".obj" and unchanged and scale == (1, 1, 1) and may_stay(source.data)
-        remarks = [*source.notes, *_size_remark(parts)]
+        size = float(size_of(parts).max())
+        advice = f'is {size:.0f} m large; if it was drawn in millimetres, write scale="0.001 0.001 0.001"'
+        remarks = [*source.notes, *([advice] if size > _LARGE else [])]
         return Mesh(path, parts, faces, source.data if stays else None, changes, remarks)
-
-
-def _size_remark(parts: list[MeshPart]) -> list[str]:
-    size = float(size_of(parts).max())
-    advice = 'if it was drawn in millimetres, write scale="0.001 0.001 0.001"'
-    return [f"is {size:.0f} m large; {advice}"] if size > _LARGE else []
 
 
 _CODE = [Path(__file__).parent]
