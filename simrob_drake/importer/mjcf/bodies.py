@@ -18,8 +18,7 @@ from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.shapes import PLAIN
 from simrob_drake.importer.trees import ROOT, add_between
-from simrob_drake.robots.urdf import DRAKE
-from simrob_drake.robots.urdf_elements import add_colour, add_frame, add_joint, place, set_inertia, text, written
+from simrob_drake.robots.urdf import DRAKE, add_colour, add_frame, add_joint, place, set_inertia, text, written
 
 _FREE, _BALL, _SLIDE = range(3)  # mjtJoint
 _PLANE, _HILLS, _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = range(8)  # mjtGeom

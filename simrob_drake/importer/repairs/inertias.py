@@ -14,9 +14,20 @@ from simrob_drake.importer.options import EntryKind, ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.robots.bodies import bodies, carriers
-from simrob_drake.robots.urdf import DRAKE, link_of, mass_of, name_of, root_link
+from simrob_drake.robots.urdf import (
+    DRAKE,
+    MOMENTS,
+    impossible,
+    link_of,
+    mass_of,
+    moments_of,
+    name_of,
+    pose_of,
+    root_link,
+    set_inertia,
+    set_moments,
+)
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, shape_defect
-from simrob_drake.robots.urdf_elements import MOMENTS, impossible, moments_of, pose_of, set_inertia, set_moments
 
 ROUNDING = 1e-3
 """Moments that miss what a body can have by less than this part of the largest are rounded ones, and are mended."""

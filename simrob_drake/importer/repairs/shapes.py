@@ -21,9 +21,8 @@ from simrob_drake.importer.meshes.places import MeshPlaces
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import OutsideBorder
 from simrob_drake.importer.repairs.names import FreeNames, free_name
-from simrob_drake.robots.urdf import DRAKE, drop_collision, name_of
+from simrob_drake.robots.urdf import DRAKE, add_colour, drop_collision, name_of, place, pose_of, text
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in, shape_defect
-from simrob_drake.robots.urdf_elements import add_colour, place, pose_of, text
 
 PLAIN = "simrob_plain"
 """Attribute of a mesh whose own colours and textures are not shown; that of a visual's material is."""

@@ -18,9 +18,8 @@ from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.shapes import PLAIN
 from simrob_drake.importer.sdf.frames import MODEL, SCOPE, WORLD, Frames, named, own_pose
 from simrob_drake.importer.trees import ROOT, add_between
-from simrob_drake.robots.urdf import DRAKE, name_of
+from simrob_drake.robots.urdf import DRAKE, MOMENTS, add_colour, add_frame, add_joint, add_motor, name_of, place, text
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in
-from simrob_drake.robots.urdf_elements import MOMENTS, add_colour, add_frame, add_joint, add_motor, place, text
 
 _MOVING = ("revolute", "continuous", "prismatic", "ball", "universal", "revolute2", "screw")
 _AXES = {"universal": ("axis", "axis2"), "revolute2": ("axis", "axis2"), "ball": ("x", "y", "z")}
