@@ -15,9 +15,9 @@ from simrob_drake.blocks.model_torque import add_computed_torque, add_feedforwar
 from simrob_drake.blocks.servo import ServoSignals, add_saturation, add_servos
 from simrob_drake.blocks.wiring import fed, joined, mapped, summed
 from simrob_drake.frames import Vector
-from simrob_drake.parts.site import FromState, Site, StationRobot
+from simrob_drake.parts.site import FromState, Site, StationPlant, StationRobot
 from simrob_drake.signals import Role, Signal, applied_signal
-from simrob_drake.stations.config import JointStops
+from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.contact import wire_friction, with_friction
 from simrob_drake.stations.drawing import (
     draw_actuator_servos,
@@ -43,7 +43,7 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             if external not in config.inputs:
                 continue
             name, tool, turns = f"{robot.prefix}{external}", robot.tools[robot.tcp], external == "external_torque"
-            block = add_external_force(builder, ports.plant.plant, tool, name=name, turns=turns)
+            block = add_external_force(builder, ports.plant.stepped, tool, name=name, turns=turns)
             entry = builder.AddNamedSystem(f"{name}.input", PassThrough(3))
             builder.Connect(entry.get_output_port(), block.get_command_input_port())
             ports.inputs[name] = entry.get_input_port()
@@ -54,20 +54,20 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             ports.draw(name, "force", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
     wire_friction(builder, ports)
     if not config.solver.holds_joint_limits:
-        stiffness, damping = stops_of(ports)
+        stiffness, damping = stops_of(config, ports.plant)
         stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
         ports.generalized_forces.extend([stops] if stops is not None else [])
 
 
-def stops_of(ports: StationPorts) -> Vector:
+def stops_of(config: StationConfig, plant: StationPlant) -> Vector:
     """Return stiffness and damping of the stop at each of the plant's velocities, shape (2, nv).
 
     Joints that are no axes have what the station says of all.
     """
-    stated, usual = ports.config.joint_stops.model_dump(), JointStops().model_dump()
+    stated, usual = config.joint_stops.model_dump(), JointStops().model_dump()
     of_all = [usual[key] if isinstance(value, list | dict) else value for key, value in stated.items()]
-    stops = np.tile(np.array(of_all)[:, np.newaxis], ports.plant.plant.num_velocities())
-    for robot in ports.plant.robots.values():
+    stops = np.tile(np.array(of_all)[:, np.newaxis], plant.plant.num_velocities())
+    for robot in plant.robots.values():
         stops[:, robot.axis_map.velocity_places] = robot.stops
     return stops
 
@@ -136,7 +136,13 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
     if servo.realization == "implicit":
         actuation = robot.axis_map.actuation_matrix(plant, robot.instance)
         torque = add_actuator_servos(
-            builder, plant, robot.instance, signals, robot.gains, actuation_map=actuation, prefix=robot.prefix
+            builder,
+            ports.plant.stepped,
+            robot.instance,
+            signals,
+            robot.gains,
+            actuation_map=actuation,
+            prefix=robot.prefix,
         )
         if isinstance(ports.config.solver, DiscreteSolver):  # which tells each actuator the sum of its joint's
             torque = with_friction(builder, ports, robot, torque)
@@ -171,7 +177,7 @@ def _add_servo_blocks(
         draw_servos(ports, robot, per_joint=per_joint)
     matrix = robot.axis_map.actuation_matrix(plant, robot.instance)
     actuation = mapped(builder, f"{prefix}actuators", matrix, command)
-    builder.Connect(actuation, plant.get_actuation_input_port(robot.instance))
+    builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
     return add_saturation(builder, command, limit, f"{prefix}torque") if cenic else command
 
 

@@ -23,7 +23,7 @@ from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.poses import piece_of
 from simrob_drake.stations.prescribed import with_prescribed_axes
-from simrob_drake.stations.solver_config import DiscreteSolver
+from simrob_drake.stations.solver_config import FixedSteps
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 
@@ -59,7 +59,7 @@ def resolve(config: StationConfig) -> ResolvedStation:
     return ResolvedStation(
         mode=config.mode,
         scheme=config.solver.scheme if config.mode == "dynamic" else "",
-        time_step=config.solver.time_step if isinstance(config.solver, DiscreteSolver) else 0.0,
+        time_step=config.solver.time_step if isinstance(config.solver, FixedSteps) else 0.0,
         has_contact=config.contact is not None,
         ground=ground,
         robots=robots,

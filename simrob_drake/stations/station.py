@@ -93,7 +93,7 @@ def compose(
         ports = StationPorts(station=station, plant=plant, state=state, inputs=inputs, config=config, lean=lean)
         add_kinematic_robots(builder, ports)
     else:
-        state = plant.plant.get_state_output_port()
+        state = plant.stepped.get_state_output_port()
         driven = sources or {}
         ports = StationPorts(station=station, plant=plant, state=state, config=config, sources=driven, lean=lean)
         add_dynamic_robots(builder, ports)
@@ -135,11 +135,11 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
     if found:
         forces = fed(builder, "external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)), *found)
         ports.draw_nothing("external_forces")
-        builder.Connect(forces, ports.plant.plant.get_applied_spatial_force_input_port())
+        builder.Connect(forces, ports.plant.stepped.get_applied_spatial_force_input_port())
     if ports.generalized_forces:
         joints = summed(builder, "joint_forces", *ports.generalized_forces)
         ports.draw_nothing("joint_forces")
-        builder.Connect(joints, ports.plant.plant.get_applied_generalized_force_input_port())
+        builder.Connect(joints, ports.plant.stepped.get_applied_generalized_force_input_port())
 
 
 class Station(Diagram):

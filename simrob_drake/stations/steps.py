@@ -18,7 +18,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, DiscreteSolver
+from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, FixedSteps
 
 _EXPLICIT_SCHEMES = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3", *FIXED_STEP_SCHEMES)
 _STABLE = 2.0
@@ -58,7 +58,7 @@ def step_findings(
         worst = int(np.argmin(steps))
         joint, largest, unit = f"{robot.prefix}{robot.axes[worst]}", steps[worst], robot.model.units[worst]
         damping = f"the damping of {joint} (kd {robot.gains.kd[worst]:g} {unit.effort}·s/{unit.si})"
-        if isinstance(solver, DiscreteSolver):
+        if isinstance(solver, FixedSteps):
             if solver.time_step > largest:
                 remedy = "set servo.realization to implicit, lower servo.kd or solver.time_step"
                 text = f"{damping} is unstable above steps of {largest:.2g} s, but solver.time_step is "
@@ -87,7 +87,7 @@ def likely_cause(config: StationConfig, plant: StationPlant) -> str:
         return f"likely cause: {warnings[0].text}"
     if any((robot.gains.ki > 0).any() for robot in plant.robots.values()):
         return "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or solver.max_step"
-    key = "solver.time_step" if isinstance(config.solver, DiscreteSolver) else "solver.max_step or solver.accuracy"
+    key = "solver.time_step" if isinstance(config.solver, FixedSteps) else "solver.max_step or solver.accuracy"
     return f"likely cause: forces too stiff for the solver's steps; try a smaller {key}"
 
 

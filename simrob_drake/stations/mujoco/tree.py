@@ -8,8 +8,8 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Joint, JointActuatorIndex, PrismaticJoint, RevoluteJoint, RigidBody, WeldJoint
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.mujoco.names import Names
 from simrob_drake.parts.site import StationPlant
+from simrob_drake.stations.mujoco.names import Names
 
 _KINDS = {RevoluteJoint: mujoco.mjtJoint.mjJNT_HINGE, PrismaticJoint: mujoco.mjtJoint.mjJNT_SLIDE}
 
