@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, PassThrough
 
 from simrob_drake.blocks.actuator_servo import add_actuator_servos
@@ -14,6 +14,7 @@ from simrob_drake.blocks.joint_stops import add_joint_stops
 from simrob_drake.blocks.model_torque import add_computed_torque, add_feedforward, add_model_torque
 from simrob_drake.blocks.servo import ServoSignals, add_saturation, add_servos
 from simrob_drake.blocks.wiring import fed, joined, mapped, summed
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import FromState, Site, StationPlant, StationRobot
 from simrob_drake.signals import Role, Signal, applied_signal
@@ -28,9 +29,11 @@ from simrob_drake.stations.drawing import (
 )
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque
-from simrob_drake.stations.solver_config import DiscreteSolver
+from simrob_drake.stations.solver_config import DiscreteSolver, FixedSteps
 
 _DERIVATIVES = "reference_velocity", "reference_acceleration"
+_STABLE = 2.0
+"""An explicit damper on a mass is stable while kd·h / M stays below this (forward Euler on v' = -(kd/M) v)."""
 
 
 def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
@@ -70,6 +73,34 @@ def stops_of(config: StationConfig, plant: StationPlant) -> Vector:
     for robot in plant.robots.values():
         stops[:, robot.axis_map.velocity_places] = robot.stops
     return stops
+
+
+def servo_inertias(config: StationConfig, robot: StationRobot, context: Context | None = None) -> Vector:
+    """Return what the gains of a robot's servos are to be compared with, (n,): 1 where they are by inertia already."""
+    by_inertia = config.servo_of(robot.name).law == "computed_torque"
+    return np.ones(len(robot.axes)) if by_inertia else robot.free_inertias(context)
+
+
+def largest_explicit_steps(config: StationConfig, robot: StationRobot) -> Vector:
+    """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(_STABLE * servo_inertias(config, robot) / robot.gains.kd)
+
+
+def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
+    """Check that servos that are blocks are stable at the steps of an engine that takes their torques explicitly.
+
+    Raises:
+        InvalidParameter: a joint's are not.
+    """
+    for robot in plant.robots.values():
+        steps = largest_explicit_steps(config, robot)
+        worst = int(np.argmin(steps))
+        step = config.solver.time_step if isinstance(config.solver, FixedSteps) else 0.0
+        if config.servo_of(robot.name).realization != "implicit" and step > steps[worst]:
+            why = f"blocks damp {robot.prefix}{robot.axes[worst]} with a kd of {robot.gains.kd[worst]:g}"
+            expected = f"at most {steps[worst]:.2g} s, or servo.realization implicit: {why}"
+            raise InvalidParameter("solver.time_step", f"{step:g} s", expected)
 
 
 def axis_signal(robot: StationRobot, columns: str, output: str, role: Role) -> Signal:

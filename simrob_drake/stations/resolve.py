@@ -23,7 +23,7 @@ from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.poses import piece_of
 from simrob_drake.stations.prescribed import with_prescribed_axes
-from simrob_drake.stations.solver_config import FixedSteps
+from simrob_drake.stations.solver_config import FixedSteps, MujocoSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 
@@ -92,6 +92,7 @@ def check_parts(station: ResolvedStation) -> None:
     """
     config = station.config
     _check_movers(config)
+    _check_engine(config)
     for name, sensor in config.sensors.items():
         sensor.check(f"sensors.{name}", station)
     for name, monitor in config.monitors.items():
@@ -102,6 +103,18 @@ def check_parts(station: ResolvedStation) -> None:
         flow.check(f"controllers.{name}", station)
     for name, force in config.forces.items():
         force.check(f"forces.{name}", station)
+
+
+def _check_engine(config: StationConfig) -> None:
+    """Check that the engine that is asked for knows what the station is made of."""
+    if config.mode == "kinematic" or not isinstance(config.solver, MujocoSolver):
+        return
+    if config.contact is not None and config.contact.model != "point":
+        expected = "point with solver.kind mujoco, which knows no pressure over a surface"
+        raise InvalidParameter("contact.model", config.contact.model, expected)
+    if config.prescribed:
+        expected = "left out with solver.kind mujoco, which moves all by forces"
+        raise InvalidParameter("prescribed", ", ".join(config.prescribed), expected)
 
 
 def _robot_model(entry: RobotConfig) -> RobotModel:

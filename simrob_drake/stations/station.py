@@ -19,7 +19,7 @@ from simrob_drake.parts.forces.force import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.drawing import draw_plant
-from simrob_drake.stations.dynamic import add_dynamic_robots
+from simrob_drake.stations.dynamic import add_dynamic_robots, check_servo_steps
 from simrob_drake.stations.kinematic import add_kinematic_robots, add_motion_inputs
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.plant import add_plant
@@ -88,6 +88,8 @@ def compose(
     own = own_blocks(station.config.controllers) if blocks is None else blocks
     config = station.config.model_copy(update={"inputs": with_driven(station.config.inputs, own)})
     plant = add_plant(builder, station)
+    if plant.engine is not None:
+        check_servo_steps(config, plant)
     if station.mode == "kinematic":
         inputs, state = add_motion_inputs(builder, plant)
         ports = StationPorts(station=station, plant=plant, state=state, inputs=inputs, config=config, lean=lean)

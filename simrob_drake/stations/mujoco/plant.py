@@ -43,8 +43,9 @@ from simrob_drake.stations.mujoco.model import mujoco_model
 from simrob_drake.stations.mujoco.names import Names
 from simrob_drake.stations.resolve import ResolvedStation
 
-_ROUNDS = 10
-"""How often a step is made at most: servos that pull at each other may change sides for ever."""
+_TOGETHER, _ROUNDS = 3, 100
+"""So often all motors that are on a wrong side change together; then the first of them alone, which cannot go on for
+ever where torques turn joints their way (Murty's least-index rule for linear complementarity)."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class MujocoPlant(Block):
         self._nq, self._nv = own.num_positions(), own.num_velocities()
         self._motion = self.DeclareDiscreteState(own.GetPositionsAndVelocities(self._scratch))
         self._latest: Step | None = None
-        self._warm = self.DeclareDiscreteState(np.zeros(self._nv + self._motors.count))
+        self._warm = self.DeclareDiscreteState(self._nv)
         self._declare_ports()
         self.DeclarePeriodicDiscreteUpdateEvent(station.time_step, 0.0, weakly(self._update))
 
@@ -209,24 +210,40 @@ class MujocoPlant(Block):
         """Make a step from the state of a context, and return what it does."""
         data, motors = self._data, self._motors
         qpos, qvel = self._coordinates.to_mujoco(*np.split(self._state(context), [self._nq]))
-        warm, sides = np.split(context.get_discrete_state(self._warm).value(), [self._nv])
+        self._guess[:] = context.get_discrete_state(self._warm).value()
         data.time, self._qpos[:], self._qvel[:] = 0.0, qpos, qvel
         mujoco.mj_step1(self._model, data)
         self._put_forces(context)
         desired, extra = self._asked(context)
+        sides = np.zeros(motors.count)
+        motors.drive(desired, extra, sides)
+        mujoco.mj_step2(self._model, data)
+        torque, found = motors.torques(desired, extra, sides)
+        softness = self._softness()
         for again in range(_ROUNDS):
-            if again:
-                self._qpos[:], self._qvel[:] = qpos, qvel
-            self._guess[:] = warm
-            motors.drive(desired, extra, sides)
-            mujoco.mj_step2(self._model, data)
-            torque, found = motors.torques(desired, extra, sides)
             if (found == sides).all():
                 break
-            sides = found
+            sides = found if again < _TOGETHER else _first_changed(sides, found)
+            motors.drive(desired, extra, sides)
+            for _ in range(2):
+                self._qpos[:], self._qvel[:] = qpos, qvel
+                mujoco.mj_step2(self._model, data)
+                self._keep_softness(softness)
+            torque, found = motors.torques(desired, extra, sides)
         end = self._coordinates.state(self._qpos, self._qvel)
-        self._latest = Step(end, np.concatenate([data.qacc, sides]), torque)
+        self._latest = Step(end, data.qacc.copy(), torque)
         return self._latest
+
+    def _softness(self) -> tuple[Vector, Vector]:
+        """Return what contacts are softened by for each unit of their spring, and their figures."""
+        contact = self._data.contact
+        return self._data.efc_R[contact.efc_address], contact.solref.copy()
+
+    def _keep_softness(self, softness: tuple[Vector, Vector]) -> None:
+        """Let contacts be as stiff as with all servos, though MuJoCo takes other inverse masses for them now."""
+        contact, (before, figures) = self._data.contact, softness
+        now = self._data.efc_R[contact.efc_address]
+        contact.solref[:] = figures * (now / before)[:, np.newaxis]
 
     def _asked(self, context: Context) -> tuple[Vector, Vector]:
         """Return the desired positions of all motors, and their torques beside those of servos, shape (m,) each."""
@@ -267,6 +284,11 @@ class MujocoPlant(Block):
         pairs = [(shapes[second], shapes[first]) for first, second in contact.geom[touching].tolist()]
         forces = np.einsum("ki,kij->kj", force, frames)
         return Contacts(pairs, contact.pos[touching], forces, np.zeros_like(forces), frames[:, 0])
+
+
+def _first_changed(sides: Vector, found: Vector) -> Vector:
+    place = int(np.argmax(sides != found))
+    return np.concatenate([sides[:place], found[place : place + 1], sides[place + 1 :]])
 
 
 class _Motors:
