@@ -1,6 +1,6 @@
 """The largest push of 0.1 s that standing robots withstand, in both engines: the table of docs/engines.md.
 
-Run it with ``python -m tests.benchmarks.engine_pushes [STATION]...``; it takes some minutes.
+Run it with ``python -m tests.benchmarks.engine_pushes [STATION]... [only=MuJoCo]``; it takes some minutes.
 """
 
 import math
@@ -21,10 +21,12 @@ SOLVERS: dict[str, Mapping[str, Any]] = {
 }
 
 
-def main(stations: list[str]) -> None:
-    """Push and print."""
+def main(arguments: list[str]) -> None:
+    """Push and print; ``only=MuJoCo`` leaves all solvers out whose names do not hold that."""
+    only = "".join(each.removeprefix("only=") for each in arguments if each.startswith("only="))
+    stations = [each for each in arguments if not each.startswith("only=")]
     for station in stations or [f"{name}_{kind}" for kind in ("dynamic", "balance") for name in FACING]:
-        for solver, section in SOLVERS.items():
+        for solver, section in [(name, own) for name, own in SOLVERS.items() if only in name]:
             place = {"forces": {"push": {"kind": "push", "force": [1, 0, 0]}}}
             runner = Runner(load_station(station, {**place, **({"solver": section} if section else {})}))
             turns = [math.radians(FACING[station.partition("_")[0]] + angle) for angle in SIDES.values()]

@@ -6,8 +6,10 @@ Servos in the plant's actuators are taken at the end of a step h, as Drake's dis
 
 MuJoCo's integrator ``discrete`` solves that together with the contacts, but for the limit, which it minds at the start
 of a step: a light joint at its limit then chatters. So its servos have no limits here. After a step those beyond theirs
-give just that, as a constant torque, and the step is made again, until servos and limits agree: an active set, as in
-[Nocedal and Wright, Numerical Optimization, ch. 16.5], warm with what the step before found.
+give just that, as a constant torque, and the step is made again, until servos and limits agree: an active-set method
+(Nocedal and Wright, Numerical Optimization, ch. 16.5). It takes 2 to 6 rounds, and one where no limit is reached.
+Meanwhile contacts stay as they are: MuJoCo softens each by what its bodies feel of the servos, so that without them it
+is given a stiffer one.
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ from simrob_drake.stations.mujoco.model import mujoco_model
 from simrob_drake.stations.mujoco.names import Names
 from simrob_drake.stations.resolve import ResolvedStation
 
-_TOGETHER, _ROUNDS = 3, 100
+_TOGETHER, _ROUNDS = 5, 100
 """So often all motors that are on a wrong side change together; then the first of them alone, which cannot go on for
 ever where torques turn joints their way (Murty's least-index rule for linear complementarity)."""
 
@@ -54,8 +56,7 @@ class Step:
 
     Attributes:
         state: positions and velocities of the plant at its end, shape (nq + nv,).
-        warm: accelerations with which MuJoCo's solver begins the next one, shape (nv,), and on which side of its limit
-            each motor is: 1, -1, or 0 within, shape (m,).
+        warm: accelerations with which MuJoCo's solver begins the next one, shape (nv,).
         torque: of each motor, shape (m,) [N·m or N].
     """
 
@@ -219,31 +220,27 @@ class MujocoPlant(Block):
         motors.drive(desired, extra, sides)
         mujoco.mj_step2(self._model, data)
         torque, found = motors.torques(desired, extra, sides)
-        softness = self._softness()
+        contact = data.contact
+        felt, figures = self._inverse_masses(), contact.solref.copy()
         for again in range(_ROUNDS):
             if (found == sides).all():
-                break
+                end = self._coordinates.state(self._qpos, self._qvel)
+                self._latest = Step(end, data.qacc.copy(), torque)
+                return self._latest
             sides = found if again < _TOGETHER else _first_changed(sides, found)
             motors.drive(desired, extra, sides)
             for _ in range(2):
                 self._qpos[:], self._qvel[:] = qpos, qvel
                 mujoco.mj_step2(self._model, data)
-                self._keep_softness(softness)
+                contact.solref[:] = figures * (self._inverse_masses() / felt)[:, np.newaxis]
             torque, found = motors.torques(desired, extra, sides)
-        end = self._coordinates.state(self._qpos, self._qvel)
-        self._latest = Step(end, data.qacc.copy(), torque)
-        return self._latest
+        raise RuntimeError("servos at their torque limits and MuJoCo's contacts do not settle within a step")
 
-    def _softness(self) -> tuple[Vector, Vector]:
-        """Return what contacts are softened by for each unit of their spring, and their figures."""
-        contact = self._data.contact
-        return self._data.efc_R[contact.efc_address], contact.solref.copy()
-
-    def _keep_softness(self, softness: tuple[Vector, Vector]) -> None:
-        """Let contacts be as stiff as with all servos, though MuJoCo takes other inverse masses for them now."""
-        contact, (before, figures) = self._data.contact, softness
-        now = self._data.efc_R[contact.efc_address]
-        contact.solref[:] = figures * (now / before)[:, np.newaxis]
+    def _inverse_masses(self) -> Vector:
+        """Return what MuJoCo takes for the inverse mass of each contact, times one minus its impedance."""
+        contact, step = self._data.contact, self._model.opt.timestep
+        part = contact.solimp[:, 0] - step * contact.solref[:, 1] - step**2 * contact.solref[:, 0]
+        return np.asarray(self._data.efc_R[contact.efc_address] * part)
 
     def _asked(self, context: Context) -> tuple[Vector, Vector]:
         """Return the desired positions of all motors, and their torques beside those of servos, shape (m,) each."""
@@ -334,4 +331,7 @@ class _Motors:
         """Return what each motor gives at the end of a step, shape (m,), and on which side of its limit it is."""
         asked = self._kp * (desired - self._qpos[self._angles]) - self._kd * self._qvel[self._speeds] + extra
         within = np.minimum(np.maximum(asked, -self._limits), self._limits)
-        return within, np.sign(asked - within)
+        given = asked.copy()
+        given[sides != 0] = (sides * self._limits)[sides != 0]
+        found = np.sign(asked - within)
+        return given, np.where(found == -sides, 0.0, found)  # from one limit the way to the other leads between them
