@@ -221,7 +221,7 @@ class MujocoPlant(Block):
         mujoco.mj_step2(self._model, data)
         torque, found = motors.torques(desired, extra, sides)
         contact = data.contact
-        felt, figures = self._inverse_masses(), contact.solref.copy()
+        felt, softness = self._inverse_masses(), contact.solref.copy()
         for again in range(_ROUNDS):
             if (found == sides).all():
                 end = self._coordinates.state(self._qpos, self._qvel)
@@ -232,13 +232,15 @@ class MujocoPlant(Block):
             for _ in range(2):
                 self._qpos[:], self._qvel[:] = qpos, qvel
                 mujoco.mj_step2(self._model, data)
-                contact.solref[:] = figures * (self._inverse_masses() / felt)[:, np.newaxis]
+                contact.solref[:] = softness * (self._inverse_masses() / felt)[:, np.newaxis]
             torque, found = motors.torques(desired, extra, sides)
         raise RuntimeError("servos at their torque limits and MuJoCo's contacts do not settle within a step")
 
     def _inverse_masses(self) -> Vector:
         """Return what MuJoCo takes for the inverse mass of each contact, times one minus its impedance."""
         contact, step = self._data.contact, self._model.opt.timestep
+        if not self._data.nefc:
+            return np.ones(self._data.ncon)
         part = contact.solimp[:, 0] - step * contact.solref[:, 1] - step**2 * contact.solref[:, 0]
         return np.asarray(self._data.efc_R[contact.efc_address] * part)
 
@@ -331,7 +333,7 @@ class _Motors:
         """Return what each motor gives at the end of a step, shape (m,), and on which side of its limit it is."""
         asked = self._kp * (desired - self._qpos[self._angles]) - self._kd * self._qvel[self._speeds] + extra
         within = np.minimum(np.maximum(asked, -self._limits), self._limits)
-        given = asked.copy()
-        given[sides != 0] = (sides * self._limits)[sides != 0]
+        torque = asked.copy()
+        torque[sides != 0] = (sides * self._limits)[sides != 0]
         found = np.sign(asked - within)
-        return given, np.where(found == -sides, 0.0, found)  # from one limit the way to the other leads between them
+        return torque, np.where(found == -sides, 0.0, found)  # from one limit the way to the other leads between them
