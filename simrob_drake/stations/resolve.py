@@ -114,9 +114,10 @@ def _check_engine(config: StationConfig) -> None:
     if config.contact is not None and config.contact.model != "point":
         expected = "point with solver.kind mujoco, which knows no pressure over a surface"
         raise InvalidParameter("contact.model", config.contact.model, expected)
-    if config.prescribed:
-        expected = "left out with solver.kind mujoco, which moves all by forces"
-        raise InvalidParameter("prescribed", ", ".join(config.prescribed), expected)
+    for key, held in (("prescribed", config.prescribed), ("couplings", config.couplings)):
+        if held:
+            expected = "left out with solver.kind mujoco, which is given a tree of joints moved by forces"
+            raise InvalidParameter(key, ", ".join(held), expected)
 
 
 def _robot_model(entry: RobotConfig) -> RobotModel:
