@@ -86,9 +86,10 @@ class BuiltStation:
 
     @property
     def left_out(self) -> list[str]:
-        """The columns of the station's other signals."""
-        known = {name for signal in self.signals for name in signal.names}
-        return [name for signal in self.ports.signals for name in signal.names if name not in known]
+        """The station's other outputs, by the sensor that tells them, such as ``imu``."""
+        return list(
+            dict.fromkeys(signal.part or signal.output for signal in self.ports.signals if not self._known(signal))
+        )
 
     def state(self, q: Vector, v: Vector) -> Vector:
         """Return MuJoCo's state at positions (nq,) and velocities (nv,) of the plant, at time zero."""

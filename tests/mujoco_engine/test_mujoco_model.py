@@ -109,3 +109,9 @@ def test_servos_damping_and_limits_are_those_of_the_plant(both: Both) -> None:
         assert there.qfrc_passive[0] == pytest.approx(-joint.default_damping() * speed)
         limits = joint.position_lower_limit(), joint.position_upper_limit()
         np.testing.assert_allclose(both.model.joint(joint.name()).range, limits)
+
+
+def test_what_quick_roll_outs_leave_out_is_told():
+    with_imu = load_station("humanoid_dynamic", {"sensors": {"head": {"kind": "imu"}}})
+    assert any("head are left out" in text for text in MujocoRunner(with_imu).run(duration=0.02).warnings)
+    assert MujocoRunner(load_station("humanoid_dynamic")).run(duration=0.02).warnings == []

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from pydrake.geometry import GeometryId
 
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.forces.force import place_of
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.stations.dynamic import stops_of
@@ -100,11 +101,19 @@ def mujoco_model(
         add_motors(spec, plant.plant, names)
     if driver != "diagram":
         outputs = add_sensors(spec, station, plant, names, shapes, moved_by_torque=driver == "controls")
-    model = spec.compile()
+    model = _compiled(spec)
     if driver != "motion":
         _soften(spec, model, station, plant, names, [surface for _, _, surface in pairs])
         model = spec.compile()
     return MujocoModel(spec, model, outputs, {name: shape for shape, name in shapes.items()})
+
+
+def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    try:
+        return spec.compile()
+    except ValueError as problem:
+        why = " ".join(str(problem).split())
+        raise InvalidParameter("station", spec.modelname, f"one that MuJoCo takes, which says: {why}") from problem
 
 
 def _set_options(spec: mujoco.MjSpec, plant: StationPlant, step: float, integrator: str) -> None:
