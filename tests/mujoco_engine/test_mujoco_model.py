@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import Context
 
 from simrob_drake import load_station
+from simrob_drake.mujoco.runner import MujocoRunner
 from simrob_drake.parts.site import StationPlant
 
 mujoco = pytest.importorskip("mujoco", reason="a cross-check, installed with the extra dev")
