@@ -31,11 +31,11 @@ from simrob_drake.learning.spaces import spaces
 from simrob_drake.learning.task import load_task
 from simrob_drake.mujoco.built import BuiltStation
 from simrob_drake.mujoco.controls import controls, force_values
-from simrob_drake.mujoco.model import STEP
 from simrob_drake.results.animation.pictures import Still
 from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.closed import station_references
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.mujoco.model import STEP
 
 _HELD = ("contact", "floor", "gravity", "joint_stops", "pieces", "servo", "robot", "robots")
 """Sections of a station that a model of MuJoCo holds."""
