@@ -112,7 +112,7 @@ class Study(Strict):
             twice = next((key for key in case if key in self.vary), None)
             if twice is not None:
                 raise InvalidConfig(where, f"{kind}.{name}.{twice}", "varies; a case cannot change it")
-            called = {key: f"{kind}.{name} {key}" for key in case}
+            called = {key: f"{kind}.{'vary' if key in conditions.vary else name} {key}" for key in case}
             called |= {key: f"overrides {key}" for key in self.overrides}
             called |= {key: f"vary {key}" for key in self.vary}
             scene = Scene.of(self.station, {**self.overrides, **case, **self.start}, called=called)
@@ -206,6 +206,11 @@ class Study(Strict):
         for name in self.measures:
             if ended and all(row.get(name) is None for row in ended):
                 raise InvalidConfig("study", f"cost.{name}", "means nothing in this station")
+
+
+def in_table(value: Any) -> str:
+    """Return a value as tables show it; a dash for a key that is left as it is."""
+    return "–" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
 def named(costs: Vector) -> dict[str, float]:
