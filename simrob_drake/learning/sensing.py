@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.mujoco.coordinates import turned
 from simrob_drake.parts.controllers.policy import Policy
 from simrob_drake.parts.sensors.encoders import Encoders
 from simrob_drake.parts.sensors.imu import Imu
-from simrob_drake.parts.sensors.sampled import rounded
+from simrob_drake.parts.sensors.sensor import rounded
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.mujoco.coordinates import turned
 
 Places = npt.NDArray[np.intp]
 """Of some of the robots among all."""

@@ -28,10 +28,10 @@ from simrob_drake.learning.sensing import Places, PolicySensors
 from simrob_drake.learning.task import load_task
 from simrob_drake.mujoco.built import BuiltStation
 from simrob_drake.mujoco.controls import controls, force_values
-from simrob_drake.mujoco.model import STEP
 from simrob_drake.parts.forces.push import Push
 from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.closed import station_references
+from simrob_drake.stations.mujoco.model import STEP
 
 _KNOWN = ("position", "velocity", "attitude", "angular_velocity", "action", "clock", "goal")
 _ASTRAY = 1e6  # of any coordinate

@@ -21,13 +21,14 @@ from simrob_drake.programs.gaits.registry import gaits_of
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.robots.urdf import mass_of, name_of
 from simrob_drake.sampling import drawn as drawn_of
+from simrob_drake.simulation.runner import Runner
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import ResolvedStation, resolve
 from simrob_drake.stations.solver_config import ContinuousSolver
 from simrob_drake.tuning.conclusion import NUMERICAL, THOUGHT
-from simrob_drake.tuning.scene import ENGINE, GAIT, MUJOCO, Scene
+from simrob_drake.tuning.scene import ENGINE, GAIT, MUJOCO, Scene, in_mujoco
 from simrob_drake.tuning.streams import seed_keys, seeded
 
 Change = Values
@@ -321,7 +322,10 @@ def _in_mujoco(thought: _Thought) -> bool:
     if find_spec("mujoco") is None:
         return False
     with suppress(SimrobError):
-        check_sayable(thought.config, thought.station.robots)
+        if thought.config.controllers:
+            Runner(in_mujoco(thought.config))
+        else:
+            check_sayable(thought.config, thought.station.robots)
         return True
     return False
 
