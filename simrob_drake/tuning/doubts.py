@@ -16,7 +16,7 @@ from simrob_drake.distributions import Choice, Distribution, Normal, Uniform, Va
 from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.mujoco.limits import check_sayable
-from simrob_drake.parts.sensors.sampled import SampledSensor
+from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.programs.gaits.registry import gaits_of
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.robots.urdf import mass_of, name_of

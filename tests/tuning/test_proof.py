@@ -33,7 +33,7 @@ def of(station, seeds, changes=None):
         ("irb120_dynamic", {}, "pushes masses friction noise moves gains torque solver engine"),
         ("zjudancer_dynamic", {}, "pushes masses friction floor noise gains torque solver engine"),
         ("zjudancer_dynamic", GAIT, "pushes masses friction floor noise moves gains torque solver engine"),
-        ("humanoid_balance", {}, "pushes masses friction floor noise gains torque latency solver"),
+        ("humanoid_balance", {}, "pushes masses friction floor noise gains torque latency solver engine"),
         ("two_irb120", {}, "pushes masses friction noise moves solver engine"),
         ("irb120_kinematic", {}, ""),
     ],
