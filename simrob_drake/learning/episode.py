@@ -9,6 +9,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.arguments import drake_asserts
 from simrob_drake.blocks.monitor import NOT_YET
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.learning.rewards import Origin, RewardSample
 from simrob_drake.parts.controllers import readers_of
@@ -50,8 +51,11 @@ class Episode:
         """Build the station.
 
         Raises:
-            SimrobError: one that cannot be.
+            SimrobError: one that cannot be, or that MuJoCo steps.
         """
+        if config.solver.kind == "mujoco":
+            expected = "continuous or discrete; many robots are in MuJoCo by make_vec, see docs/learning.md"
+            raise InvalidParameter("solver.kind", "mujoco", expected)
         station = resolve(config)
         self._station, self._forces = station, dict(config.forces)
         name, self.section = next(iter(policies_of(config).items()))

@@ -165,6 +165,10 @@ def test_goals_and_pushes_differ_by_the_seed_and_stay_within_their_bounds():
     [
         ({"task": "wlak"}, "there is no task 'wlak'; did you mean 'walk'"),
         ({"station": "yobotics_dynamc"}, "yobotics_dynamic"),
+        (
+            {"overrides": {"solver": {"kind": "mujoco", "time_step": 0.002}}},
+            "solver.kind is mujoco; it must be continuous",
+        ),
         ({"overrides": {"controllers.policy": None}}, "hold 0 controllers of kind policy; it must be one"),
         ({"task": "balance", "overrides": {"forces.push": None}}, "pushes.name"),
         ({"task": "reach", "overrides": {"controllers.policy.observes": ["positon", "goal"]}}, "mean 'position'"),
