@@ -109,6 +109,7 @@ class LearntPolicy(SampledBlock):
     Attributes:
         law: gives an action (m,) for an observation; without one the action is as it was asked for.
         clock: frequencies of which sine and cosine are seen, shape (k,) [Hz].
+        sizes: of all that it may observe, by name.
         observed, acts: the sizes of observation and action.
     """
 
@@ -139,8 +140,8 @@ class LearntPolicy(SampledBlock):
         self._upright = (upright or RotationMatrix()).inverse()
         self.clock, goal = np.array(section.clock, dtype=float), np.array(section.goal)
         seen = {"position": len(reach), "velocity": len(reach), "attitude": 3, "angular_velocity": 3, **(sizes or {})}
-        every = {**seen, "action": self.acts, "clock": 2 * len(self.clock), "goal": len(goal)}
-        self.observed = sum(every[name] for name in self._observes)
+        self.sizes = {**seen, "action": self.acts, "clock": 2 * len(self.clock), "goal": len(goal)}
+        self.observed = sum(self.sizes[name] for name in self._observes)
         reads = {
             _READS.get(name, name): 4 if name == "attitude" else seen[name] for name in self._observes if name in seen
         }
