@@ -303,8 +303,8 @@ UNKNOWN = ("backlash",)
 def moves(scene: Scene) -> bool:
     """Tell whether something is asked that could be another move: by a gait, a program, references or commands."""
     asked = [scene.config.reference_of(name).model_dump()["kind"] for name in scene.config.robots]
-    told = any(section.model_dump().get("commands") for section in scene.config.controllers.values())
-    return bool(scene.motion or scene.program or told or set(asked) - {"hold"})
+    commanded = any(section.model_dump().get("commands") for section in scene.config.controllers.values())
+    return bool(scene.motion or scene.program or commanded or set(asked) - {"hold"})
 
 
 def _other_solvers(config: StationConfig) -> list[Change]:
