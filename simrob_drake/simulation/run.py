@@ -14,15 +14,14 @@ from simrob_drake.frames import Vector
 from simrob_drake.progress import note, progress_bar
 from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import FAILED
-from simrob_drake.results.record.signals import Sampler, sampled
+from simrob_drake.results.record.signals import Sampler, Watch, cut_at_stop, sampled
 from simrob_drake.results.record.state import State
-from simrob_drake.results.record.watch import Watch, cut_at_stop
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.pace import PaceWatch
 from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.solver_config import DiscreteSolver
+from simrob_drake.stations.solver_config import FixedSteps
 from simrob_drake.stations.steps import step_findings
 
 OnStep = Callable[[float, Vector], None]
@@ -90,7 +89,7 @@ class Run:
             prepare=self.prepare,
             tolerant=outcome.ending == FAILED,
         )
-        if stop is not None and not (isinstance(self.config.solver, DiscreteSolver) and self.config.mode == "dynamic"):
+        if stop is not None and not (isinstance(self.config.solver, FixedSteps) and self.config.mode == "dynamic"):
             hold = ports.monitors[stop.name].hold
             probe = Sampler(self.whole.diagram, ports, history, prepare=self.prepare)
             cut_at_stop(

@@ -19,11 +19,11 @@ from simrob_drake.importer.options import ImportOptions
 from simrob_drake.parts.controllers import Controllers
 from simrob_drake.parts.couplings import Couplings
 from simrob_drake.parts.forces import Forces
+from simrob_drake.parts.ground import Terrain
 from simrob_drake.parts.monitors import Monitors
 from simrob_drake.parts.references import ReferenceConfig
 from simrob_drake.parts.references.hold import Hold
 from simrob_drake.parts.sensors import Sensors
-from simrob_drake.parts.terrain import Terrain
 from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
 from simrob_drake.robots.drives import Drives
 from simrob_drake.robots.pieces import FrameSeries
@@ -46,7 +46,7 @@ from simrob_drake.sections import (
     default_of,
 )
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
-from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
+from simrob_drake.stations.solver_config import ContinuousSolver, FixedSteps, SolverConfig
 from simrob_drake.stations.verdict_config import VerdictConfig
 
 Input = Literal["feedforward", "reference_velocity", "external_force", "external_torque"]
@@ -363,7 +363,7 @@ def check_effort(config: StationConfig) -> None:
         longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"
         raise InvalidParameter("duration", f"{duration:g} s", longest)
     if config.mode == "dynamic":
-        key = "time_step" if isinstance(solver, DiscreteSolver) else "max_step"
+        key = "time_step" if isinstance(solver, FixedSteps) else "max_step"
         if duration > MOST_STEPS * getattr(solver, key):
             shortest = f"at least {duration / MOST_STEPS:g} s for a duration of {duration:g} s: {MOST_STEPS:g} steps"
             raise InvalidParameter(f"solver.{key}", f"{getattr(solver, key):g} s", shortest)

@@ -14,8 +14,8 @@ from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.frames import Vector, as_transform, finite, pose_from_transform
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Arm, Workcell
-from simrob_drake.programs.branches import Branch
 from simrob_drake.programs.moves.joints import targets_on
+from simrob_drake.programs.together import Branch
 
 BASE, TOOL = "base", "tool"
 """Frames of every arm: of its foot, and of its tool centre point where its reference has it."""
@@ -79,6 +79,11 @@ def jogged(arm: Arm, delta: Sequence[float], frame: str = BASE, start: Sequence[
     return _pose_values(base.inverse() @ RigidTransform(turn, begin.translation() + axes @ by.translation()))
 
 
+def jogged_axes(arm: Arm, **how: Any) -> dict[str, float]:
+    """Return the axes for the pose that :func:`jogged` gives."""
+    return inverse(arm, jogged(arm, **how))
+
+
 def inverse(arm: Arm, pose: Sequence[float], frame: str = BASE) -> dict[str, float]:
     """Return the posture nearest to the arm's reference that brings its tool to a pose in a frame.
 
@@ -89,7 +94,7 @@ def inverse(arm: Arm, pose: Sequence[float], frame: str = BASE) -> dict[str, flo
     return _by_axis(arm, arm.joint(target, start=arm.reference))
 
 
-def jog(arm: Arm, targets_deg: Mapping[str, float], duration: float | None = None) -> dict[str, Any]:
+def jog_move(arm: Arm, targets_deg: Mapping[str, float], duration: float | None = None) -> dict[str, Any]:
     """Return the move that brings axes there, others staying, as a program's file has it.
 
     Args:

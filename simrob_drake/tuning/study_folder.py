@@ -11,11 +11,12 @@ from simrob_drake.errors import InvalidConfig, quoted
 from simrob_drake.folders import written_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
+from simrob_drake.tuning.conditions import Conditions
 from simrob_drake.tuning.engines import Engine, engine
 from simrob_drake.tuning.journal import ROWS, Journal, read_spec
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.search import Enough, search
-from simrob_drake.tuning.study import Conditions, Parameters, Study, named
+from simrob_drake.tuning.study import Parameters, Study, named
 from simrob_drake.tuning.table import write_rows
 from simrob_drake.tuning.trial import Record, Row, killed, made, table
 from simrob_drake.yaml_files import read_yaml
@@ -168,7 +169,7 @@ class StudyFolder:
 
     def _runs(self, workers: Engine, tried: list[Parameters], under: Conditions) -> Iterator[list[Record]]:
         """Yield the records of all runs of each set of figures, in order, as they come."""
-        many = len(under.cases) * len(under.seeds)
+        many = len(under.every) * len(under.seeds)
         cases = [self.study.cases(parameters, under, first=many * place + 1) for place, parameters in enumerate(tried)]
         records: dict[int, Record] = {}
         place = 0

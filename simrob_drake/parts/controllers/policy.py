@@ -81,16 +81,8 @@ class Policy(LoopSection):
             if output not in site.outputs:
                 raise UnknownName(f"what {key} observes", output, [*_READS, *_REMEMBERED, *site.outputs])
         sizes = {name: site.outputs[name].size() for name in self._outputs}
-        block = LearntPolicy(
-            period=1 / self.rate,
-            observes=self.observes,
-            sizes=sizes,
-            reach=self.reach(robot),
-            home=robot.initial,
-            upright=robot.base.rotation(),
-            clock=self.clock,
-            goal=np.array(self.goal),
-        )
+        upright = robot.base.rotation()
+        block = LearntPolicy(self, sizes=sizes, reach=self.reach(robot), home=robot.initial, upright=upright)
         if self.network is not None:
             network = Network(self.network, f"{key}.network")
             if (network.inputs, network.outputs) != (block.observed, block.acts):
@@ -117,49 +109,45 @@ class LearntPolicy(SampledBlock):
     Attributes:
         law: gives an action (m,) for an observation; without one the action is as it was asked for.
         clock: frequencies of which sine and cosine are seen, shape (k,) [Hz].
+        sizes: of all that it may observe, by name.
         observed, acts: the sizes of observation and action.
     """
 
     def __init__(
         self,
+        section: Policy,
         *,
-        period: float,
-        observes: Sequence[str],
         sizes: Mapping[str, int] | None = None,
         reach: Vector,
         home: Vector,
         upright: RotationMatrix | None = None,
-        clock: Sequence[float] = (),
-        goal: Vector | None = None,
     ) -> None:
-        """Make the block.
+        """Make the block of a section.
 
         Args:
-            period: between samples [s].
-            observes: what, in this order; as of :class:`Policy`.
+            section: its parameters.
             sizes: of other outputs of the station that it observes, by name.
             reach: how far an action of 1 moves each axis, shape (n,) [rad].
             home: positions are seen from here, shape (n,) [rad].
             upright: the attitude is seen from here.
-            clock: frequencies of which sine and cosine are seen [Hz].
-            goal: figures that are seen as they are.
         """
         self.units = {"offset": "rad"}
         self.law: Callable[[Vector], Vector] | None = None
         moved = np.flatnonzero(reach)
         self.acts = len(moved)
-        self._observes, self._home = list(observes), home
+        self._observes, self._home = section.observes, home
         self._matrix = np.eye(len(reach))[:, moved] * reach[moved]
         self._upright = (upright or RotationMatrix()).inverse()
-        self.clock = np.array(clock, dtype=float)
-        goal = np.zeros(0) if goal is None else goal
+        self.clock, goal = np.array(section.clock, dtype=float), np.array(section.goal)
         seen = {"position": len(reach), "velocity": len(reach), "attitude": 3, "angular_velocity": 3, **(sizes or {})}
-        every = {**seen, "action": self.acts, "clock": 2 * len(self.clock), "goal": len(goal)}
-        self.observed = sum(every[name] for name in observes)
-        reads = {_READS.get(name, name): 4 if name == "attitude" else seen[name] for name in observes if name in seen}
+        self.sizes = {**seen, "action": self.acts, "clock": 2 * len(self.clock), "goal": len(goal)}
+        self.observed = sum(self.sizes[name] for name in self._observes)
+        reads = {
+            _READS.get(name, name): 4 if name == "attitude" else seen[name] for name in self._observes if name in seen
+        }
         goals = {"goal": goal} if len(goal) else {}
         super().__init__(
-            period=period,
+            period=1 / section.rate,
             reads=reads,
             memory={"offset": np.zeros(len(reach)), "action": np.zeros(self.acts), **goals, "count": np.zeros(1)},
             gives=("offset", "action", *goals),

@@ -5,8 +5,7 @@ from typing import Literal
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.momentum_observer import MomentumObserver
-from simrob_drake.parts.sensors.sampled import SampledSensor
-from simrob_drake.parts.sensors.sensor import axis_names
+from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.sections import Positive
 from simrob_drake.signals import Signal, sensor_panel

@@ -9,6 +9,7 @@ from pydrake.common.eigen_geometry import AngleAxis, Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.frames import Vector
+from simrob_drake.simulink.mechanics.floating import Pull, read_pulls, sensed_parts
 from simrob_drake.simulink.model.nodes import Node
 
 AXES = {f"{sign}{name}": factor * row + 0.0 for sign, factor in (("+", 1.0), ("-", -1.0)) for name, row in
@@ -153,13 +154,6 @@ _SENSED = (
     ("SenseLowerLimitTorqueForce", "lower"),
     ("SenseUpperLimitTorqueForce", "upper"),
 )
-_FLOATING_SENSED: dict[str, dict[str, tuple[int, ...]]] = {
-    **{f"P{axis}": {"SensePosition": (place,), "SenseVelocity": (place + 7,), "SenseAcceleration": (),
-                    "SenseTorqueForce": ()} for place, axis in enumerate("xyz")},
-    "Sph": {"SensePosition": (3, 4, 5, 6), "SenseVelocityX": (10,), "SenseVelocityY": (11,), "SenseVelocityZ": (12,),
-            "SenseVelocity": (10, 11, 12), **{f"SenseAcceleration{axis}": () for axis in ("X", "Y", "Z", "")}},
-}  # fmt: skip
-"""What the ports of a floating joint hand out: which parts of a frame sensor; none of what no station measures."""
 _SPHERE_SENSED = ("SensePosition", "SenseVelocityX", "SenseVelocityY", "SenseVelocityZ", "SenseVelocity",
                   "SenseAccelerationX", "SenseAccelerationY", "SenseAccelerationZ", "SenseAcceleration",
                   "SenseTorqueX", "SenseTorqueY", "SenseTorqueZ", "SenseTorqueForce",
@@ -212,6 +206,7 @@ class Joint:
         inputs: which freedom an input port drives, and how: by the number of the left port.
         outputs: which freedom an output port senses, and what of it: by the number of the right port.
         senses: of a floating joint, which parts of a frame sensor a right port hands out; none of what is not measured.
+        pulls: what acts on the follower of a floating joint, and backwards on its base.
         screw: how much each freedom counts in a sum of positions that is 0; empty without.
     """
 
@@ -223,6 +218,7 @@ class Joint:
     inputs: dict[int, tuple[Freedom, str]] = field(default_factory=dict)
     outputs: dict[int, tuple[Freedom, str]] = field(default_factory=dict)
     senses: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    pulls: list[Pull] = field(default_factory=list)
     screw: dict[Freedom, float] = field(default_factory=dict)
 
 
@@ -236,7 +232,8 @@ def read_joint(node: Node) -> Joint:
         raise node.refusal(f"is in the mode {node.text('JointMode')}; only Normal is read")
     joint = Joint(node)
     kinds = PRIMITIVES[node.kind]
-    if node.kind == "6-DOF Joint" and not _is_held(node):
+    moved = any(node.text(f"{kind}MotionActuationMode") == "InputMotion" for kind in kinds)
+    if node.kind == "6-DOF Joint" and not moved:
         _read_floating(node, joint)
         return joint
     left, right = 2, 2
@@ -264,16 +261,6 @@ def read_joint(node: Node) -> Joint:
     if node.kind == SCREW:
         _read_screw(node, joint)
     return joint
-
-
-def _is_held(node: Node) -> bool:
-    """Tell whether a joint of six degrees of freedom does more than leave them free: springs, stops, motors."""
-    return any(
-        "Input" in node.text(f"{kind}TorqueActuationMode") + node.text(f"{kind}MotionActuationMode")
-        or any(node.is_on(f"{kind}{end}LimitSpecify") for end in ("Lower", "Upper"))
-        or any(node.matrix(f"{kind}{name}", "0").any() for name in ("SpringStiffness", "DampingCoefficient"))
-        for kind in PRIMITIVES["6-DOF Joint"]
-    )  # fmt: skip
 
 
 def _read_screw(node: Node, joint: Joint) -> None:
@@ -349,10 +336,18 @@ def _ball(node: Node, prefix: str) -> list[Freedom]:
         freedom.damping = damping
     limited = [end for end in ("Lower", "Upper") if node.is_on(f"{prefix}{end}LimitSpecify")]
     if limited or node.number(f"{prefix}SpringStiffness", unit="N*m/rad"):
-        node.findings.report.add("dropped", node.path, "the spring and limits of a ball joint")
+        node.findings.report.add("lost", node.path, "the spring and limits of a ball joint")
     if node.is_on(f"{prefix}PositionTargetSpecify"):
         for freedom, angle in zip(turns, xyz_angles(rotation(node, f"{prefix}PositionTarget")), strict=True):
             freedom.start, freedom.start_counts = angle, _COUNTS["High"]
+    if node.is_on(f"{prefix}VelocityTargetSpecify"):
+        rates = node.numbers(f"{prefix}VelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
+        first, middle, last = (turn(freedom.start or 0.0) for turn, freedom in zip(_TURNS.values(), turns, strict=True))
+        if node.text(f"{prefix}VelocityTargetInFollowerFrame", "on") == "on":
+            rates = first @ middle @ last @ rates
+        axes = np.column_stack([turns[0].axis, first @ turns[1].axis, first @ middle @ turns[2].axis])
+        for freedom, speed in zip(turns, np.linalg.solve(axes, rates), strict=True):
+            freedom.start_speed, freedom.speed_counts = float(speed), _COUNTS["High"]
     return turns
 
 
@@ -377,9 +372,4 @@ def _read_floating(node: Node, joint: Joint) -> None:
     if node.is_on("SphVelocityTargetSpecify"):
         rates = node.numbers("SphVelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
         joint.start_speed[3:] = turn @ rates if node.text("SphVelocityTargetInFollowerFrame", "on") == "on" else rates
-    port = 2
-    for kind in PRIMITIVES[node.kind]:
-        for sensed, parts in _FLOATING_SENSED[kind].items():
-            if node.is_on(f"{kind}{sensed}"):
-                joint.senses[port] = parts
-                port += 1
+    joint.pulls, joint.senses = read_pulls(node), sensed_parts(node)

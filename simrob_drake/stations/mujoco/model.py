@@ -1,0 +1,241 @@
+"""A station as a MuJoCo model, made from its own plant: robots, pieces, floor, contacts, servos, forces, sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+from pydrake.geometry import GeometryId
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.parts.forces.force import place_of
+from simrob_drake.parts.site import StationPlant
+from simrob_drake.stations.dynamic import stops_of
+from simrob_drake.stations.mujoco.contact import (
+    FOOT_SPEED,
+    Softness,
+    TouchingPair,
+    dry_friction,
+    inverse_mass,
+    ratio,
+    softness,
+    surfaces,
+)
+from simrob_drake.stations.mujoco.coordinates import Coordinates
+from simrob_drake.stations.mujoco.drives import add_force, add_motors, add_servos
+from simrob_drake.stations.mujoco.names import Names
+from simrob_drake.stations.mujoco.sensors import OutputSensors, add_sensors
+from simrob_drake.stations.mujoco.shapes import add_shapes
+from simrob_drake.stations.mujoco.tree import add_tree
+from simrob_drake.stations.resolve import ResolvedStation
+
+mujoco.set_mju_user_warning(lambda _: None)  # runs that go astray are told by their results
+
+STEP = 2e-3
+"""Length of MuJoCo's steps unless given [s]."""
+_FAR = 10.0  # m
+_STICK = 1.0
+"""How much harder friction is than the mass of what slides: more takes MuJoCo's solver twice as long."""
+
+
+@dataclass(frozen=True)
+class MujocoModel:
+    """A station in MuJoCo.
+
+    Attributes:
+        spec: of the model, with the figures for its step.
+        model: compiled.
+        outputs: how the model's sensors give outputs of the station, by their names.
+        shapes: of the plant, by the names of the model's geoms.
+    """
+
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel
+    outputs: Mapping[str, OutputSensors]
+    shapes: Mapping[str, GeometryId]
+
+
+Driver = Literal["controls", "diagram", "motion"]
+
+
+def mujoco_model(
+    station: ResolvedStation,
+    plant: StationPlant,
+    *,
+    step: float = STEP,
+    integrator: str | None = None,
+    seen: bool = False,
+    driver: Driver = "controls",
+) -> MujocoModel:
+    """Return a station as a MuJoCo model that stands where the station begins.
+
+    Args:
+        station: what it is made of.
+        plant: it, built.
+        step: length of a step [s].
+        integrator: MuJoCo's name of it; unless given ``discrete``, which treats servos and contacts in one implicit
+            solve, and ``implicitfast`` where there are no servos, which takes nothing from what swings.
+        seen: with the pictures of all bodies.
+        driver: what moves it: the model's own controls, servos and forces, with sensors to tell; a diagram, where the
+            model has servos without limits alone; or a given motion, for inverse dynamics.
+
+    Raises:
+        InvalidParameter: something that MJCF cannot say.
+    """
+    spec, names = mujoco.MjSpec(), Names(plant.plant)
+    spec.modelname = station.config.name
+    spec.compiler.degree = False
+    _set_options(spec, plant, step, integrator or ("discrete" if plant.robots else "implicitfast"))
+    add_tree(spec, plant, names)
+    shapes, outputs = add_shapes(spec, plant, names, seen=seen), dict[str, OutputSensors]()
+    pairs = [] if driver == "motion" else surfaces(plant)
+    _add_pairs(spec, shapes, pairs)
+    if driver == "controls":
+        for robot in plant.robots.values():
+            add_servos(spec, robot, names)
+        _add_forces(spec, station, plant, names)
+    elif driver == "diagram":
+        add_motors(spec, plant.plant, names)
+    if driver != "diagram":
+        outputs = add_sensors(spec, station, plant, names, shapes, moved_by_torque=driver == "controls")
+    model = _compiled(spec)
+    if driver != "motion":
+        _soften(spec, model, station, plant, names, [surface for _, _, surface in pairs])
+        model = spec.compile()
+    return MujocoModel(spec, model, outputs, {name: shape for shape, name in shapes.items()})
+
+
+def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    try:
+        return spec.compile()
+    except ValueError as problem:
+        why = " ".join(str(problem).split())
+        raise InvalidParameter("station", spec.modelname, f"one that MuJoCo takes, which says: {why}") from problem
+
+
+def _set_options(spec: mujoco.MjSpec, plant: StationPlant, step: float, integrator: str) -> None:
+    option = spec.option
+    option.gravity = plant.plant.gravity_field().gravity_vector()
+    option.timestep = step
+    option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    off = mujoco.mjtDisableBit  # runs that go astray stay so, and contacts are as stiff as they are
+    option.disableflags = sum(map(int, (off.mjDSBL_AUTORESET, off.mjDSBL_ISLAND, off.mjDSBL_REFSAFE)))
+
+
+def _add_pairs(
+    spec: mujoco.MjSpec, shapes: Mapping[GeometryId, str], pairs: list[tuple[GeometryId, GeometryId, TouchingPair]]
+) -> None:
+    for first, second, surface in pairs:
+        rubs = surface.friction > 0
+        spec.add_pair(
+            geomname1=shapes[first],
+            geomname2=shapes[second],
+            condim=3 if rubs else 1,
+            friction=[max(surface.friction, 1e-5)] * 2 + [0, 0, 0],
+        )
+
+
+def _add_forces(spec: mujoco.MjSpec, station: ResolvedStation, plant: StationPlant, names: Names) -> None:
+    for name, force in station.config.forces.items():
+        frame, point = place_of(plant, force.place_name(f"forces.{name}", station))
+        add_force(spec, frame, point, name=f"force.{name}", names=names)
+
+
+def _soften(
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    station: ResolvedStation,
+    plant: StationPlant,
+    names: Names,
+    pairs: list[TouchingPair],
+) -> None:
+    """Give contacts, joint stops and dry friction their figures, which need the inertias of the compiled model."""
+    step, data = spec.option.timestep, mujoco.MjData(model)
+    ahead = 0.0 if spec.option.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE else step
+    mujoco.mj_kinematics(model, data)
+    softnesses = list[Softness]()
+    for pair, surface in zip(spec.pairs, pairs, strict=True):
+        geoms = model.geom(pair.geomname1).id, model.geom(pair.geomname2).id
+        weight = _inverse_mass(model, geoms)
+        speed = max(FOOT_SPEED, _falling_speed(model, data, geoms))
+        damping = ratio(surface, weight, speed, float(np.linalg.norm(model.opt.gravity)))
+        softnesses.append(softness(surface.stiffness, damping, weight, ahead))
+        pair.solref, pair.solimp = softnesses[-1].solref, softnesses[-1].solimp
+        pair.solreffriction = [0.0, -softnesses[-1].impedance / step]
+    spec.option.impratio = _STICK / min((found.impedance for found in softnesses), default=1.0)
+    _soften_joints(spec, model, station, plant, names, ahead)
+    if ahead == 0.0:
+        _weigh_again(spec, plant, names, softnesses)
+
+
+def _soften_joints(
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    station: ResolvedStation,
+    plant: StationPlant,
+    names: Names,
+    step: float,
+) -> None:
+    """Give joint stops and dry friction their figures."""
+    for robot in plant.robots.values():
+        for joint, most in zip(robot.joints, robot.model.friction, strict=True):
+            if most > 0:
+                own, slope = spec.joint(names.joint(joint)), most / robot.model.drives.friction_speed
+                _put(own, "friction", dry_friction(slope, _inverse_inertia(model, own.name), step))
+                own.frictionloss = most
+    stops = stops_of(station.config, plant)
+    for joint in map(plant.plant.get_joint, plant.plant.GetJointIndices()):
+        if joint.num_velocities() == 1:
+            own = spec.joint(names.joint(joint))
+            weight, (stiffness, damping) = _inverse_inertia(model, own.name), stops[:, joint.velocity_start()].tolist()
+            _put(own, "limit", softness(stiffness, damping / 2 * np.sqrt(weight / stiffness), weight, step))
+
+
+def _weigh_again(spec: mujoco.MjSpec, plant: StationPlant, names: Names, softnesses: list[Softness]) -> None:
+    """Correct contacts by the inverse masses that ``discrete`` takes where the station begins."""
+    model = spec.compile()
+    model.pair_margin[:] = _FAR  # so that all touch
+    data, context = mujoco.MjData(model), plant.plant.CreateDefaultContext()
+    start = plant.plant.GetPositions(context), plant.plant.GetVelocities(context)
+    data.qpos[:], data.qvel[:] = Coordinates.of(plant.plant, model, names).to_mujoco(*start)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_transmission(model, data)
+    servos = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)  # the other ones are forces
+    data.ctrl[servos] = data.actuator_length[servos]  # at their limits servos would not hold
+    mujoco.mj_forward(model, data)
+    found = {
+        frozenset(model.geom(name).id for name in (pair.geomname1, pair.geomname2)): (pair, own)
+        for pair, own in zip(spec.pairs, softnesses, strict=True)
+    }  # the model has them in another order
+    for contact in data.contact:
+        pair, own = found[frozenset(contact.geom.tolist())]
+        if contact.efc_address >= 0:
+            felt = inverse_mass(float(data.efc_R[contact.efc_address]), own, model.opt.timestep)
+            pair.solref = np.array(own.solref) * felt / _inverse_mass(model, contact.geom)
+
+
+def _put(joint: mujoco.MjsJoint, kind: str, found: Softness) -> None:
+    setattr(joint, f"solref_{kind}", found.solref)
+    setattr(joint, f"solimp_{kind}", found.solimp)
+
+
+def _inverse_mass(model: mujoco.MjModel, geoms: Iterable[int]) -> float:
+    """Return the inverse mass that MuJoCo takes for the bodies of two shapes, in the posture of zero [1/kg]."""
+    return float(sum(model.body_invweight0[model.geom_bodyid[geom], 0] for geom in geoms))
+
+
+def _inverse_inertia(model: mujoco.MjModel, joint: str) -> float:
+    return float(model.dof_invweight0[model.joint(joint).dofadr[0]])
+
+
+def _falling_speed(model: mujoco.MjModel, data: mujoco.MjData, geoms: tuple[int, int]) -> float:
+    """Return the speed of what falls freely through the gap between two shapes at the start; 0 for links of robots."""
+    free = [model.body_dofnum[model.body_rootid[model.geom_bodyid[geom]]] == 6 for geom in geoms]
+    if not any(free):
+        return 0.0
+    gap = mujoco.mj_geomDistance(model, data, *geoms, 100.0, None)
+    return float(np.sqrt(2 * np.linalg.norm(model.opt.gravity) * max(gap, 0.0)))
