@@ -129,7 +129,7 @@ class Session(Teaching, Jogging):
         """Leave the file as it is; what is taught goes to another one."""
         if not self.conflict:
             return False
-        theirs, self._store = self.file.name, self._store.beside(self.folder, new=True)
+        theirs, self._store = self.file.name, self._store.sibling(self.folder, new=True)
         self.file = self._store.file
         self._save()
         self._say(Notice("both_kept", {"file": theirs, "new": self.file.name}))

@@ -154,7 +154,7 @@ class Store:
         place = self.file.parent / str(program.station)
         return place.is_file() and place.resolve() == Path(self._station).resolve()
 
-    def beside(self, folder: Path, *, new: bool) -> Store:
+    def sibling(self, folder: Path, *, new: bool) -> Store:
         """Return the newest numbered file in a folder that was begun in place of this one, or a new one."""
         number = max(2, _newest(self.file, folder) + new)
         return Store(folder / f"{_stem(self.file)}-{number}.yaml", self._station, self._robot)
@@ -192,12 +192,12 @@ def opened(first: Store, folder: Path, fits: Fits) -> tuple[Store, History, Noti
         key, why, taken = "damaged", str(problem), first.last()
         if _loads(first):
             key, taken = "foreign", History()
-    store = first.beside(folder, new=False)
+    store = first.sibling(folder, new=False)
     try:
         history = store.load() if store.file.exists() else taken
         fits(history.present.program)
     except SimrobError:
-        store, history = first.beside(folder, new=True), taken
+        store, history = first.sibling(folder, new=True), taken
     fills = {"file": first.file.name, "new": store.file.name, "why": why}
     return store, history, Notice(key, fills, wrong=key != "taken_over")
 
