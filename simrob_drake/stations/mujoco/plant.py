@@ -220,8 +220,8 @@ class MujocoPlant(Block):
         motors.drive(desired, extra, sides)
         mujoco.mj_step2(self._model, data)
         torque, found = motors.torques(desired, extra, sides)
-        contact = data.contact
-        felt, softness = self._inverse_masses(), contact.solref.copy()
+        if found.any():  # what contacts are with all servos
+            contact, felt, softness = data.contact, self._inverse_masses(), data.contact.solref.copy()
         for again in range(_ROUNDS):
             if (found == sides).all():
                 end = self._coordinates.state(self._qpos, self._qvel)
