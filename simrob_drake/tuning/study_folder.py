@@ -139,7 +139,7 @@ class StudyFolder:
                 first = self._started
                 for _ in self._make(workers_, points[: study.trials - first], add):
                     if move:
-                        least = np.min([cost for _, cost in self.trials], axis=0)
+                        least = np.min([cost for _, cost in self.trials[: self._started]], axis=0)
                         cost = ", ".join(f"{one:.4g}" for one in least)
                         move(self._started, f"least cost {cost} after {self._started}")
                 if self._started - first < len(points) or self._started == study.trials:

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
+from threading import Lock
 from typing import Any
 
 from pydantic import Field
@@ -16,6 +17,7 @@ Row = dict[str, Any]
 COMPLETED, REFUSED, KILLED = "completed", "refused", "killed"
 """How trials end: at their end; or never begun, their station cannot be; or with their process."""
 _LARGEST = 2**63
+_ALONE = Lock()  # what a process has built, the next trial uses: a Dask worker has many threads unless told
 
 
 class Record(Strict):
@@ -62,9 +64,10 @@ class Trial(ABC):
 
 
 def made(trial: Trial) -> Record:
-    """Make a trial, whatever becomes of it."""
+    """Make a trial, whatever becomes of it; a process makes one at a time."""
     try:
-        return trial.record(trial.measured())
+        with _ALONE:
+            return trial.record(trial.measured())
     except SimrobError as problem:
         return trial.lost(REFUSED, str(problem))
 
