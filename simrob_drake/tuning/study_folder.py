@@ -14,6 +14,7 @@ from simrob_drake.folders import written_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
 from simrob_drake.sections import Number, Strict, validated
+from simrob_drake.tuning.analysis import plots_there, save_plots, study_in_optuna
 from simrob_drake.tuning.engines import Engine, engine
 from simrob_drake.tuning.journal import ROWS, Journal, read_spec
 from simrob_drake.tuning.scene import Scene
@@ -24,6 +25,7 @@ from simrob_drake.tuning.trial import Record, Row, killed, made, table
 from simrob_drake.yaml_files import read_yaml
 
 STUDY, WINNER, TRIALS, FRONT, PROOF = "study.yaml", "winner.yaml", "trials.csv", "front.csv", "proof.csv"
+PLOTS = "plots"
 
 
 class _Winner(Strict):
@@ -54,6 +56,7 @@ class StudyFolder:
     Attributes:
         folder: where they stand.
         study: what is searched for.
+        journal: the trials that are made.
     """
 
     def __init__(self, folder: Path | str, study: Study, *, force: bool = False) -> None:
@@ -68,8 +71,8 @@ class StudyFolder:
         self.folder, self.study = folder, study
         study.check(folder / STUDY)
         digest = study.cases(study.start, study.search)[0].scene().digest
-        self._journal = Journal(folder, STUDY, study, digest, columns=self._columns, force=force, other=["trials"])
-        self._tried = {record.number: self._of(record) for record in self._journal.records}
+        self.journal = Journal(folder, STUDY, study, digest, columns=self._columns, force=force, other=["trials"])
+        self._tried = {record.number: self._of(record) for record in self.journal.records}
         self._started = 0
 
     @classmethod
@@ -128,11 +131,11 @@ class StudyFolder:
         study = self.study
         start = np.array([one.part(one.first) for one in study.vary.values()])
         with (
-            self._journal.adding() as add,
+            self.journal.adding() as add,
             engine(workers=workers, scheduler=scheduler) as workers_,
             progress_bar(f"{study.trials} trials", study.trials, shown=progress) as move,
         ):
-            self._tried = {record.number: self._of(record) for record in self._journal.records}
+            self._tried = {record.number: self._of(record) for record in self.journal.records}
             self._started = 0
 
             def costs(points: Vector) -> tuple[Vector, Vector]:
@@ -215,6 +218,9 @@ class StudyFolder:
         if len(self.study.aims) > 1:
             write_rows(self.folder / FRONT, [tried[place] for place in self.front()])
         write_rows(self.folder / PROOF, proof)
+        if plots_there():
+            found = study_in_optuna(self.study.method, self.study, self.journal.records)
+            save_plots(found, self.folder / PLOTS)
         winner = self.best[0]
         written_at_once(self.folder / WINNER, yaml.safe_dump(winner, sort_keys=False))
         Scene.of(self.study.station, {**self.study.overrides, **winner}).write(self.folder)
