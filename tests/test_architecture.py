@@ -52,6 +52,8 @@ BASE = {
     "sections",
     "signals",
     "rows",
+    "distributions",
+    "sampling",
 }
 MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
 

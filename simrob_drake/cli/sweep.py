@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 from rich.table import Table
@@ -16,7 +16,7 @@ from simrob_drake.cli.arguments import changes_of, refuse, texts_by_key
 from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Scheduler, Settings, Workers, with_mesh_path
 from simrob_drake.cli.saving import prepared_folder, saved
 from simrob_drake.cli.screen import console
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.results.files import default_folder
 from simrob_drake.stations.located import located_changes
 
@@ -34,11 +34,18 @@ def sweep(
         list[str] | None,
         typer.Option(
             metavar="KEY.PATH=VALUES",
-            help="V,V..., lin:FIRST:LAST:COUNT, log:FIRST:LAST:COUNT, uniform:LOW:HIGH, normal:MEAN:DEVIATION; "
-            "may be given several times.",
+            help="V,V..., lin:FIRST:LAST:COUNT, log:FIRST:LAST:COUNT, uniform:LOW:HIGH, loguniform:LOW:HIGH, "
+            "integer:LOW:HIGH, normal:MEAN:DEVIATION; may be given several times.",
         ),
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Runs of each combination, with other noise and other draws.")] = 1,
+    sampling: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Draw all keys at once: sobol, latin, random or grid, --count times."),
+    ] = None,
+    count: Annotated[
+        int | None, typer.Option(min=1, help="Draws; of a grid, values of each key. 16 by default.")
+    ] = None,
     set_: Settings = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the sweep; runs/STATION-sweep-TIME by default.")] = None,
     workers: Workers = None,
@@ -60,19 +67,30 @@ def sweep(
 
         simrob sweep runs/gains --run 12
     """
+    from simrob_drake.distributions import parsed
+    from simrob_drake.sampling import Sampling
     from simrob_drake.tuning.sweep import Sweep
     from simrob_drake.tuning.sweep_folder import SWEEP, TABLE, SweepFolder
 
     if (Path(station) / SWEEP).is_file():
-        refuse("left out with the folder of a sweep, which tells it", vary=vary, set=set_, force=force and run is None)
+        refuse(
+            "left out with the folder of a sweep, which tells it",
+            vary=vary,
+            sampling=sampling,
+            count=count,
+            set=set_,
+            force=force and run is None,
+        )
         place = SweepFolder.there(Path(station), allow_code=allow_code)
     else:
         refuse("given with the folder of a sweep", run=run)
         content = Sweep(
             station=str(Path(station).resolve()) if Path(station).is_file() else station,
-            vary=dict(texts_by_key(vary, "--vary")),
+            vary={key: parsed(f"--vary {key}", text) for key, text in texts_by_key(vary, "--vary")},
             overrides=located_changes(changes_of(set_, "--set"), Path.cwd()),
             seeds=seeds,
+            sampling=None if sampling is None else one_of("sampling", sampling, get_args(Sampling)),
+            count=count,
         )
         folder = out or default_folder(f"{Path(station).stem}-sweep")
         place = SweepFolder(folder, content, force=force, allow_code=allow_code)

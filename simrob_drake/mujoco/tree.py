@@ -21,7 +21,7 @@ def add_tree(spec: mujoco.MjSpec, station: StationPlant, names: Names) -> None:
         InvalidParameter: a joint that MJCF does not know, or joints that are coupled.
     """
     plant = station.plant
-    if plant.num_constraints():
+    if plant.num_constraints() or plant.num_force_elements() > 1:  # of which gravity is one
         raise InvalidParameter("robots", "joints coupled to each other", "left out: MJCF gets a tree of free joints")
     armature = {
         motor.joint().index(): motor.default_reflected_inertia()

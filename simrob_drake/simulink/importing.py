@@ -12,6 +12,8 @@ import yaml
 from simrob_drake.arguments import as_path
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.options import EntryKind, ImportReport
+from simrob_drake.simulink.mechanics.bodies import BETWEEN, GEARS, ROD, SPRING
+from simrob_drake.simulink.mechanics.joints import JOINTS
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import closure
 from simrob_drake.simulink.signals.tracing import RULES
@@ -57,6 +59,10 @@ _BY_ENTRY: dict[EntryKind, Fate] = {
     "approximated": "approximated", "defaulted": "approximated", "open": "open", "lost": "lost", "refused": "lost",
 }  # fmt: skip
 """What an entry of the report makes of the block that it is about."""
+
+
+_SENSING = {*JOINTS, *GEARS, ROD, SPRING, BETWEEN, "Spatial Contact Force", "Weld Joint"}
+"""Blocks whose right ports but the first tell what they measure."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +121,10 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], un
     fate, text = max([(row.fate, row.text), *found], key=lambda one: FATES.index(one[0]))
     if row.domain == "mechanics" and fate != "lost" and (unread := model.network.unread(node)):
         ports = ", ".join(f"{side} {number}" for _, side, number in unread)
-        fate, text = "lost", f"nothing reads its port {ports}"
+        if node.kind in _SENSING and all(side == "rconn" and number > 1 for _, side, number in unread):
+            text = f"{text}; no station measures what its port {ports} tells".removeprefix("; ")
+        else:
+            fate, text = "lost", f"nothing reads its port {ports}"
     if undriven and fate != "lost":
         text = f"what drives it comes from {undriven}, left open: it is 0 until something drives that"
         return BlockOutcome(node.path, node.kind, "mechanics", "lost", text, "drive")

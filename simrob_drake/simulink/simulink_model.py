@@ -14,13 +14,14 @@ from simrob_drake.importer.options import ImportReport
 from simrob_drake.simulink.cad.model import read_cad_model
 from simrob_drake.simulink.mechanics.bodies import Bodies, ContactPair, RigidPart, read_bodies, read_contacts
 from simrob_drake.simulink.mechanics.joints import Freedom
+from simrob_drake.simulink.mechanics.loops import close, cuttable
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
-from simrob_drake.simulink.mechanics.trees import Tree, can_close, close, cuttable, grow
+from simrob_drake.simulink.mechanics.trees import Tree, grow
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Expanded, Findings, Node, expand
 from simrob_drake.simulink.reading.model_file import Libraries, read_model
 from simrob_drake.simulink.signals.forms import Value, flat, terms_of
-from simrob_drake.simulink.signals.laws import ExternalForce, Law, read_laws, read_pushes
+from simrob_drake.simulink.signals.laws import ExternalForce, Law, begin_on_motions, read_laws, read_pushes
 from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.values.workspace import find_octave
 
@@ -106,27 +107,19 @@ def read_simulink(
     network = Connections(expanded)
     bodies = read_bodies(network, MeshFiles([path.parent, *meshes]))
     world, trees = grow(bodies, cuttable)
-    _close_loops(trees)
     contacts = read_contacts(network)
     joints = [link.joint for link in bodies.links]
     tracer = Tracer(network, joints, contacts)
     laws, pushes = read_laws(tracer, joints, servos=servos), read_pushes(tracer, bodies)
+    begin_on_motions(laws)
+    for tree in trees:
+        close(tree)
     stopping, stops = _stopping(tracer, expanded)
     _tell_of_others(expanded, tracer)
     return SimulinkModel(
         path, expanded, network, bodies, world, trees, contacts, laws, pushes, tracer, stopping, stops, tracer.opened,
         _gravity(expanded), _duration(expanded), report,
     )  # fmt: skip
-
-
-def _close_loops(trees: list[Tree]) -> None:
-    """Cut the loops that can be cut, and refuse the others by name."""
-    for tree in trees:
-        refused = [(link.joint.node, why) for link in tree.closures if (why := can_close(link))]
-        for node, why in refused:
-            node.findings.report.add("refused", node.path, why)
-        if tree.closures and not refused:
-            close(tree, tree.closures)
 
 
 def undefined_variables(model: SimulinkModel) -> InvalidModel | None:

@@ -47,6 +47,8 @@ def check_station(config: StationConfig) -> list[Finding]:
             findings += _holding_findings(ports, robot, closed.references.get(robot.name))
         else:
             findings += _standing_findings(ports, robot)
+    for name, coupling in config.couplings.items():
+        findings.append(Finding("note", f"couplings.{name}", coupling.caption()))
     for name in config.controllers:
         text = "what it asks of the robot beyond the reference is not looked at: a run shows it"
         findings.append(Finding("note", f"controllers.{name}", text))

@@ -17,6 +17,7 @@ from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.parts.controllers import Controllers
+from simrob_drake.parts.couplings import Couplings
 from simrob_drake.parts.forces import Forces
 from simrob_drake.parts.monitors import Monitors
 from simrob_drake.parts.references import ReferenceConfig
@@ -275,6 +276,9 @@ class StationConfig(Renamed):
     """Gravity along -z [m/s²]."""
     solver: SolverConfig = default_of(ContinuousSolver, kind="continuous")
     """How time advances in a dynamic station."""
+    couplings: Couplings = Field(default_factory=dict)
+    """What ties axes and bodies together beside the joints, by name: gears, rods, springs; one that is called as its
+    kind needs no `kind`."""
     forces: Forces = Field(default_factory=dict)
     """What acts on the robots from outside, by name; one that is called as its kind needs no `kind`."""
     sensors: Sensors = Field(default_factory=dict)
@@ -309,7 +313,7 @@ class StationConfig(Renamed):
         check_effort(self)
         return self
 
-    @field_validator("robots", "pieces", "sensors", "monitors", "forces", "controllers")
+    @field_validator("robots", "pieces", "sensors", "monitors", "couplings", "forces", "controllers")
     @classmethod
     def _plain_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
         for name in entries:

@@ -26,7 +26,7 @@ from simrob_drake.yaml_files import YAML_SUFFIXES, place_of, read_yaml
 ONLY_ROBOT = "robot"
 """The name of the robot of a station that says ``robot:`` instead of ``robots:``."""
 
-ENTRIES = ("pieces", "sensors", "monitors", "forces", "controllers")
+ENTRIES = ("pieces", "sensors", "monitors", "couplings", "forces", "controllers")
 """Sections of entries by name, which an override can take out: `pieces.load=null`."""
 
 _ROBOTS = (ONLY_ROBOT, "robots")

@@ -77,13 +77,18 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
     free_pieces = _add_standing_pieces(plant, resolved, collision)
     _add_floor(plant, resolved, collision)
     apply_materials(plant, scene_graph, resolved)
+    station = StationPlant(plant, scene_graph, robots, free_pieces, resolved.ground)
+    for coupling in config.couplings.values() if config.mode == "dynamic" else ():
+        coupling.add(station)
     plant.Finalize()
     for robot in robots.values():
         for joint, sign, angle in zip(robot.joints, robot.axis_map.signs, robot.initial, strict=True):
             joint.set_default_positions(np.array([sign * angle]))
     for robot in robots.values():
         set_rotors(plant, robot.joints, robot)
-    station = StationPlant(plant, scene_graph, robots, free_pieces, resolved.ground)
+    start = plant.CreateDefaultContext() if config.couplings else None
+    for name, coupling in config.couplings.items() if start is not None else ():
+        coupling.check_start(f"couplings.{name}", station, start)
     check_stiffnesses(plant, scene_graph, resolved)
     _filter_collisions(station, config.contact)
     return station

@@ -100,6 +100,8 @@ def check_parts(station: ResolvedStation) -> None:
     check_loops(station, loops_of(config.controllers))
     for name, flow in flows_of(config.controllers).items():
         flow.check(f"controllers.{name}", station)
+    for name, coupling in config.couplings.items():
+        coupling.check(f"couplings.{name}", station)
     for name, force in config.forces.items():
         force.check(f"forces.{name}", station)
 

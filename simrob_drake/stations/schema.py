@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from simrob_drake.files import diagrams_root
-from simrob_drake.parts import forces, monitors, sensors
+from simrob_drake.parts import couplings, forces, monitors, sensors
 from simrob_drake.stations.config import RobotConfig, StationConfig
 
 SCHEMA_FILE = "station.schema.json"
@@ -19,7 +19,7 @@ def station_schema() -> dict[str, Any]:
     schema["required"] = [key for key in schema["required"] if key not in ("name", "robots")]
     schema["oneOf"] = [{"required": [key]} for key in ("robot", "robots")]
     schema["oneOf"].append({"required": ["pieces"], "properties": {"robot": False, "robots": {"maxProperties": 0}}})
-    for family in (monitors, sensors, forces):
+    for family in (monitors, sensors, couplings, forces):
         for entry in family.KINDS.models.values():
             schema["$defs"][entry.__name__]["required"].remove("kind")  # a part's name can be its kind
     return schema

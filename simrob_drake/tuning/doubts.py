@@ -23,7 +23,7 @@ from simrob_drake.stations.resolve import ResolvedStation, resolve
 from simrob_drake.stations.solver_config import ContinuousSolver
 from simrob_drake.tuning.conclusion import NUMERICAL, THOUGHT
 from simrob_drake.tuning.scene import ENGINE, MUJOCO
-from simrob_drake.tuning.variation import seeded
+from simrob_drake.tuning.streams import seeded
 
 Change = dict[str, Any]
 _PUSH = 0.2  # at most, of a robot's weight, for a tenth of a second

@@ -98,7 +98,8 @@ class Journal:
                 (folder / ROWS).unlink(missing_ok=True)
         else:
             found = validated(_Kept, read_yaml(folder / file), folder / file)
-            if any(content.get(key) != found.asked.get(key) for key in {*content, *found.asked} - {*other}):
+            asked = validated(type(spec), found.asked, folder / file).model_dump(mode="json")
+            if any(content[key] != asked[key] for key in content.keys() - {*other}):
                 raise OutputError(f"{folder} holds another {what}; choose another folder or replace it with --force")
             if found.digest != digest:
                 changed = f"has changed since this {what} began; begin another, or put it back"

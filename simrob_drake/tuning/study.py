@@ -7,70 +7,30 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from simrob_drake.arguments import as_path
+from simrob_drake.distributions import Values
 from simrob_drake.errors import InvalidConfig, SimrobError, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.importer.packages import Border
+from simrob_drake.sampling import Space, applying, at
 from simrob_drake.sections import Boolean, Integer, NotNegative, Number, Positive, Strict, validated
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located_changes, located_station
 from simrob_drake.tuning.measures import UNITS
 from simrob_drake.tuning.rollout import Case, Margin
 from simrob_drake.tuning.scene import Scene, of_station
+from simrob_drake.tuning.streams import seeded
 from simrob_drake.tuning.trial import COMPLETED, Row
-from simrob_drake.tuning.variation import seeded
 from simrob_drake.yaml_files import read_yaml
 
 Method = Literal["cma", "tpe", "gp", "genetic", "random", "nelder_mead", "powell", "differential_evolution"]
 SEVERAL_AIMS = ("genetic", "tpe", "gp", "random")
 """Methods that look for the best trades between several costs."""
 Weights = Annotated[dict[str, Number], Field(min_length=1)]
-Parameters = dict[str, Number]
+Parameters = Values
 """Values of what varies, by key."""
-
-
-class Range(Strict):
-    """Between which values a key varies, and where a search begins."""
-
-    low: Number
-    high: Number
-    start: Number | None = None
-    """Where a search begins; in the middle unless given."""
-    log: bool = False
-    """Whether the search goes by factors in place of differences."""
-
-    @model_validator(mode="after")
-    def _checked(self) -> Self:
-        if not self.low < self.high:
-            raise ValueError("low must be below high")
-        if self.log and self.low <= 0:
-            raise ValueError("low must be positive where the search is logarithmic")
-        if self.start is not None and not self.low <= self.start <= self.high:
-            raise ValueError("start must lie between low and high")
-        return self
-
-    def holds(self, value: object) -> bool:
-        """Whether something is a value of the range."""
-        return isinstance(value, float) and self.low <= value <= self.high
-
-    def value(self, part: float) -> float:
-        """Return the value at a part of the range, 0 to 1."""
-        part = min(max(float(part), 0.0), 1.0)
-        value = self.low * (self.high / self.low) ** part if self.log else self.low + (self.high - self.low) * part
-        return min(max(float(value), self.low), self.high)  # which rounding may pass
-
-    def part(self, value: float) -> float:
-        """Return at which part of the range a value lies."""
-        if self.log:
-            return float(np.log(value / self.low) / np.log(self.high / self.low))
-        return (value - self.low) / (self.high - self.low)
-
-    @property
-    def first(self) -> float:
-        """Where a search begins."""
-        return self.value(0.5) if self.start is None else self.start
 
 
 class Conditions(Strict):
@@ -91,8 +51,8 @@ class Study(Strict):
     """A name, or a file beside the study's."""
     overrides: dict[str, Any] = Field(default_factory=dict)
     """What is changed in all runs."""
-    vary: dict[str, Range] = Field(min_length=1)
-    """What is searched for: dotted paths of keys of the station, of a gait or of a program, and their ranges."""
+    vary: Space = Field(min_length=1)
+    """What is searched for: dotted paths of keys of the station, of a gait or of a program, and what they may be."""
     cost: Weights | Annotated[list[Weights], Field(min_length=2)]
     """Weights of measures; their weighted sum is to be small. Several in a list are traded for each other."""
     limits: dict[str, Positive] = Field(default_factory=dict)
@@ -198,11 +158,16 @@ class Study(Strict):
     @property
     def start(self) -> Parameters:
         """Where the search begins."""
-        return {key: one.first for key, one in self.vary.items()}
+        return applying(self.vary, [one.first for one in self.vary.values()])
 
     def at(self, parts: Vector) -> Parameters:
-        """Return the figures at parts of their ranges, shape (n,)."""
-        return {key: one.value(part) for (key, one), part in zip(self.vary.items(), parts, strict=True)}
+        """Return the figures at parts of what they may be, shape (n,)."""
+        return at(self.vary, parts)
+
+    def parameters_of(self, row: Mapping[str, Any]) -> Parameters:
+        """Return the figures in the row of a trial; none if they cannot be those of one."""
+        found = applying(self.vary, [row.get(key) for key in self.vary])
+        return found if all(self.vary[key].holds(value) for key, value in found.items()) else {}
 
     def cases(self, parameters: Parameters, conditions: Conditions, first: int = 1) -> list[Case]:
         """Return the runs that tell what figures cost, numbered from ``first``."""

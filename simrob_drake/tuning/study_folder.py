@@ -2,18 +2,15 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
-from pydantic import ConfigDict
 
 from simrob_drake.arguments import as_path
-from simrob_drake.errors import InvalidConfig
+from simrob_drake.errors import InvalidConfig, quoted
 from simrob_drake.folders import written_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
-from simrob_drake.sections import Number, Strict, validated
 from simrob_drake.tuning.analysis import plots_there, save_plots, study_in_optuna
 from simrob_drake.tuning.engines import Engine, engine
 from simrob_drake.tuning.journal import ROWS, Journal, read_spec
@@ -28,13 +25,6 @@ STUDY, WINNER, TRIALS, FRONT, PROOF = "study.yaml", "winner.yaml", "trials.csv",
 PLOTS = "plots"
 
 
-class _Winner(Strict):
-    """What stands in ``winner.yaml``: figures by their keys."""
-
-    model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Number]
-
-
 def winner_of(folder: Path, study: Study) -> Parameters:
     """Return the figures that a study has found.
 
@@ -44,8 +34,12 @@ def winner_of(folder: Path, study: Study) -> Parameters:
     file = folder / WINNER
     if not file.is_file():
         raise InvalidConfig(folder, "", f"has no {WINNER} yet: let simrob tune go on with it first")
-    parameters: Parameters = validated(_Winner, read_yaml(file), file).model_dump()
-    if parameters.keys() != study.vary.keys():
+    content = read_yaml(file)
+    wrong = next((key for key, one in study.vary.items() if key in content and not one.holds(content[key])), None)
+    if wrong is not None:
+        raise InvalidConfig(file, wrong, f"must be a value that the study may try (it is {quoted(content[wrong])})")
+    parameters = study.parameters_of(content)
+    if not parameters or parameters.keys() != content.keys():
         raise InvalidConfig(file, "", f"must hold figures of {', '.join(study.vary)}, and of nothing else")
     return parameters
 
@@ -189,14 +183,14 @@ class StudyFolder:
 
     def _columns(self, record: Record) -> Sequence[Row]:
         """Return what identifies the runs of a trial: its figures, and their seeds."""
-        parameters: dict[str, Any] = {key: record.rows[0].get(key) for key in self.study.vary}
-        if not all(one.holds(parameters[key]) for key, one in self.study.vary.items()):
+        parameters = self.study.parameters_of(record.rows[0])
+        if not parameters:
             return []
         return [row for case in self.study.cases(parameters, self.study.search) for row in case.columns]
 
     def _of(self, record: Record) -> tuple[Parameters, Vector, float]:
         """Return the figures of a trial, what they cost, and by which part they break limits."""
-        return {key: record.rows[0][key] for key in self.study.vary}, *self.study.mean(record.rows)
+        return self.study.parameters_of(record.rows[0]), *self.study.mean(record.rows)
 
     def _proof(self, workers: Engine) -> list[Row]:
         if self.study.proof is None:

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from simrob_drake.distributions import Choice
 from simrob_drake.folders import writing
 from simrob_drake.frames import Vector
 from simrob_drake.results.colours import COLOURS
@@ -16,7 +17,6 @@ from simrob_drake.results.plots.grid import style
 from simrob_drake.tuning.measures import UNITS, measured
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.trial import COMPLETED, Row
-from simrob_drake.tuning.variation import Variation
 
 _DPI = 110
 _WIDTH, _HEIGHT, _COLUMNS = 3.8, 2.7, 3  # inches of a frame, and frames in a row
@@ -41,11 +41,11 @@ def save_sweep_plots(sweep: Sweep, rows: Sequence[Row], folder: Path) -> list[Pa
     Raises:
         OutputError: the disk does not take them.
     """
-    keys = [one for one in sweep.variations if len(one.values) > 1]
-    figures = {f"over_{key.key}": _figure(rows, f"over {key.key}", partial(_curve, key)) for key in keys}
-    if len(keys) > 1:
-        first, second, *_ = keys
-        figures["map"] = _figure(rows, f"over {first.key} and {second.key}", partial(_map, first, second))
+    listed = {key: one for key, one in sweep.vary.items() if isinstance(one, Choice) and len(one.values) > 1}
+    figures = {f"over_{key}": _figure(rows, f"over {key}", partial(_curve, key, one)) for key, one in listed.items()}
+    if len(listed) > 1:
+        first, second, *_ = listed.items()
+        figures["map"] = _figure(rows, f"over {first[0]} and {second[0]}", partial(_map, first, second))
     figures["spread"] = _figure(rows, "all runs", _spread)
     written = []
     with writing(folder):
@@ -57,6 +57,7 @@ def save_sweep_plots(sweep: Sweep, rows: Sequence[Row], folder: Path) -> list[Pa
     return written
 
 
+_Axis = tuple[str, Choice]
 Draw = Callable[[Axes, Sequence[Row], str], None]
 
 
@@ -78,30 +79,33 @@ def _figure(rows: Sequence[Row], title: str, draw: Draw) -> Figure:
     return figure
 
 
-def _curve(key: Variation, axes: Axes, rows: Sequence[Row], name: str) -> None:
-    found = [_numbers([row for row in rows if row[key.key] == value], name) for value in key.values]
-    places = _axis(axes, key)
+def _curve(key: str, choice: Choice, axes: Axes, rows: Sequence[Row], name: str) -> None:
+    found = [_numbers([row for row in rows if row.get(key) == value], name) for value in choice.values]
+    places = _axis(axes, choice)
     there = [place for place, values in enumerate(found) if values.size]
     at = places[there]
     axes.fill_between(
         at, [found[p].min() for p in there], [found[p].max() for p in there], color=_BLUE, alpha=0.2, linewidth=0
     )
     axes.plot(at, [np.median(found[place]) for place in there], "o-", color=_BLUE, markersize=3)
-    axes.set_xlabel(key.key)
+    axes.set_xlabel(key)
 
 
-def _map(first: Variation, second: Variation, axes: Axes, rows: Sequence[Row], name: str) -> None:
-    cells = np.full((len(second.values), len(first.values)), np.nan)
-    for line, high in enumerate(second.values):
-        for column, wide in enumerate(first.values):
-            values = _numbers([row for row in rows if row[first.key] == wide and row[second.key] == high], name)
+def _map(across: _Axis, up: _Axis, axes: Axes, rows: Sequence[Row], name: str) -> None:
+    (first, wide), (second, high) = across, up
+    cells = np.full((len(high.values), len(wide.values)), np.nan)
+    for line, up_value in enumerate(high.values):
+        for column, across_value in enumerate(wide.values):
+            values = _numbers(
+                [row for row in rows if row.get(first) == across_value and row.get(second) == up_value], name
+            )
             cells[line, column] = np.median(values) if values.size else np.nan
     image = axes.imshow(cells, origin="lower", aspect="auto", cmap="viridis")
     axes.grid(visible=False)
-    axes.set_xticks(range(len(first.values)), [_short(value) for value in first.values], rotation=45, ha="right")
-    axes.set_yticks(range(len(second.values)), [_short(value) for value in second.values])
-    axes.set_xlabel(first.key)
-    axes.set_ylabel(second.key)
+    axes.set_xticks(range(len(wide.values)), [_short(value) for value in wide.values], rotation=45, ha="right")
+    axes.set_yticks(range(len(high.values)), [_short(value) for value in high.values])
+    axes.set_xlabel(first)
+    axes.set_ylabel(second)
     figure = axes.get_figure()
     assert figure is not None  # it was made with one
     figure.colorbar(image, ax=axes, label=axes.get_title(loc="left"))
@@ -116,10 +120,10 @@ def _spread(axes: Axes, rows: Sequence[Row], name: str) -> None:
     axes.set_ylabel("runs")
 
 
-def _axis(axes: Axes, key: Variation) -> Vector:
+def _axis(axes: Axes, key: Choice) -> Vector:
     """Return where the values of a key stand along an axis: names side by side, numbers where they are."""
     if all(isinstance(value, int | float) and not isinstance(value, bool) for value in key.values):
-        axes.set_xscale("log" if key.logarithmic else "linear")
+        axes.set_xscale("log" if key.text.startswith("log:") else "linear")
         return np.array(key.values, dtype=float)
     axes.set_xticks(range(len(key.values)), [_short(value) for value in key.values])
     return np.arange(len(key.values), dtype=float)

@@ -15,9 +15,9 @@ from simrob_drake.programs.gaits.registry import gaits_of
 from simrob_drake.sections import Number, Strict
 from simrob_drake.tuning.doubts import Change, drawn
 from simrob_drake.tuning.scene import DRAKE, ENGINE, GAIT, PROGRAM, Scene
+from simrob_drake.tuning.streams import MOST_SEEDS
 from simrob_drake.tuning.subject import subject_of
 from simrob_drake.tuning.trial import COMPLETED, Row, Trial
-from simrob_drake.tuning.variation import MOST_SEEDS
 
 UNCHANGED = "as given"
 """What the settings are called that nothing beside changes."""

@@ -264,3 +264,39 @@ def test_a_matrix_divides_by_its_inverse(tmp_path):
 
     exact = solve_ivp(motion, (0, 1), np.zeros(4), rtol=1e-9, atol=1e-9, t_eval=result.times)
     np.testing.assert_allclose([result["q.A"], result["q.B"]], exact.y[:2], atol=1e-4)
+
+
+PIDS = [
+    {},
+    {"LimitOutput": "on", "UpperSaturationLimit": "2", "LowerSaturationLimit": "-2",
+     "AntiWindupMode": "back-calculation", "Kb": "3"},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("limited", PIDS)
+def test_a_pid_with_a_filter_is_as_simulink_has_it(tmp_path, limited):
+    """A step of 0.2 for an inertia of 1, whose derivative is of the filtered error: within 1e-4 of the step."""
+    plant = Plant()
+    error = plant.chain(
+        "Sum", "e", plant.chain("Step", "Wanted", Time="0.1", After="0.2"), plant.positions[0], Inputs="+-"
+    )
+    gains = {"P": "40", "I": "20", "D": "9", "N": "60", "Controller": "PID"}
+    held = plant.chain("slpidlib/PID Controller", "PID", error, **gains, **limited)
+    plant.drive(held, plant.chain("Constant", "None", Value="0"))
+    result, *_ = run(plant, tmp_path)
+
+    def motion(t, y):
+        q, w, integral, x = y
+        error = 0.2 * (t >= 0.1) - q
+        derivative = 60 * (9 * error - x)
+        free = 40 * error + integral + derivative
+        torque = float(np.clip(free, -2, 2)) if limited else free
+        return w, torque, 20 * error + 3 * (torque - free), derivative
+
+    parts = [solve_ivp(motion, (0, 0.1), np.zeros(4), method="Radau", rtol=1e-10, atol=1e-12)]
+    times = result.times[result.times > 0.1]
+    exact = solve_ivp(
+        motion, (0.1, times[-1]), parts[0].y[:, -1], method="Radau", rtol=1e-10, atol=1e-12, max_step=1e-3, t_eval=times
+    )
+    off = np.abs(result["q.A"][result.times > 0.1] - exact.y[0]).max()
+    assert off < 2e-5, off

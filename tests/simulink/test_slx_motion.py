@@ -9,7 +9,7 @@ from test_mechanics import four_bar, mechanism
 from simrob_drake import load_station, simulate
 from simrob_drake.simulink.fmi.unit import SteppedStation
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.mechanics.trees import body_poses, common_points
+from simrob_drake.simulink.mechanics.trees import body_poses
 
 TIGHT = {"solver.accuracy": 1e-6, "solver.max_step": 0.01}
 SENSOR = "sm_lib/Frames and\nTransforms/Transform\nSensor"
@@ -87,8 +87,8 @@ def test_a_loop_begins_at_speeds_that_keep_it_closed(tmp_path, priority, kept):
     speeds = np.array([freedom.start_speed for freedom in tree.freedoms])
 
     def gap(q):
-        poses, link = body_poses(tree, q), tree.closures[0]
-        return [poses[link.base].multiply(a) - poses[link.follower].multiply(b) for a, b in common_points(link)]
+        poses = body_poses(tree, q)
+        return np.array([closing.gap(poses) for closing in tree.closings])
 
     rate = (np.array(gap(starts + 1e-6 * speeds)) - gap(starts - 1e-6 * speeds)) / 2e-6
     np.testing.assert_allclose(rate, 0.0, atol=1e-6)

@@ -24,7 +24,7 @@ from simrob_drake.stations.resolve import resolve
 from simrob_drake.tuning.doubts import drawn
 from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.search import Enough, search
-from simrob_drake.tuning.study import Method, Range, Study
+from simrob_drake.tuning.study import Method, Study
 from simrob_drake.tuning.study_folder import PROOF, TRIALS, StudyFolder
 from simrob_drake.walking.parameters import load_walking
 
@@ -66,14 +66,6 @@ def test_every_method_comes_nearer_within_its_bounds_and_is_the_same_again(metho
     assert np.min(first) >= 0
     assert np.max(first) <= 1
     assert min(told) < (0.9 if method == "random" else 0.6) * told[0]
-
-
-@pytest.mark.parametrize("log", [False, True])
-def test_a_range_goes_from_low_to_high_and_back(log):
-    one = Range(low=0.1, high=1000, log=log)
-    assert [one.value(part) for part in (-1, 0, 1, 2)] == pytest.approx([0.1, 0.1, 1000, 1000])
-    assert one.first == pytest.approx(10 if log else 500.05)
-    assert one.part(one.value(0.3)) == pytest.approx(0.3)
 
 
 def test_what_a_run_costs():

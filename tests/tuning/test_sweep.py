@@ -27,47 +27,11 @@ from simrob_drake.tuning.processes import Processes
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import TABLE, SweepFolder
 from simrob_drake.tuning.trial import Trial, made
-from simrob_drake.tuning.variation import parsed
 from tests.tuning.dying import dies
 
 SHORT = {"duration": 0.2, "reference.duration": 0.1}
 WILD = {"duration": 1, "solver.max_step": 0.01, "servo.torque_limit": 1e12}
 PENDULUM = Sweep(station="double_pendulum", vary={"servo.kp": "20,40"}, overrides=SHORT)
-
-
-@pytest.mark.parametrize(
-    ("text", "values"),
-    [
-        ("0.5,1,2", (0.5, 1, 2)),
-        ("cenic,discrete", ("cenic", "discrete")),
-        ("[0, 0, 1],[0, 0, 2]", ([0, 0, 1], [0, 0, 2])),
-        ("lin:0:1:5", (0, 0.25, 0.5, 0.75, 1)),
-        ("log:10:1000:3", pytest.approx((10, 100, 1000))),
-    ],
-)
-def test_values_are_listed_or_spread_over_a_range(text, values):
-    assert parsed("key", text).values == values
-
-
-@pytest.mark.parametrize(("text", "mean", "deviation"), [("normal:3:0.5", 3, 0.5), ("uniform:2:4", 3, 1 / 3**0.5)])
-def test_draws_are_those_of_their_distribution_and_of_their_seed(text, mean, deviation):
-    variation = parsed("key", text)
-    drawn = [variation.draw(seed, 0) for seed in range(2000)]
-    assert np.mean(drawn) == pytest.approx(mean, abs=0.05)
-    assert np.std(drawn) == pytest.approx(deviation, rel=0.05)
-    assert drawn[7] == variation.draw(7, 0) != variation.draw(7, 1)
-
-
-@pytest.mark.parametrize("text", ["", "1,null", "[1", "uniform:2:1", "uniform:1", "normal:0:-1", "uniform:0:1:5"])
-def test_values_that_are_none_are_refused(text):
-    with pytest.raises(SimrobError, match="--vary gain"):
-        parsed("gain", text)
-
-
-@pytest.mark.parametrize("grid", ["log:0:1:3", "log:-1:1:3", "lin:1:1:3", "lin:0:1:1", "lin:0:1:2.5", "lin:0:1"])
-def test_so_are_ranges_that_are_none(grid):
-    with pytest.raises(SimrobError, match="--vary gain"):
-        parsed("gain", grid)
 
 
 def test_every_combination_is_run_with_every_seed():
@@ -84,9 +48,22 @@ def test_every_combination_is_run_with_every_seed():
     assert seeds == [(0, 1000, 7), (1, 1001, 7), (2, 1002, 7)]
 
 
+def test_all_keys_may_be_drawn_at_once():
+    asked = {"servo.kp": "loguniform:20:200", "servo.kd": {"low": 1, "high": 2}, "solver.scheme": "cenic,radau3"}
+    cases = Sweep(station="double_pendulum", vary=asked, sampling="latin", count=8).cases()
+    assert len(cases) == 8
+    assert sorted(round(8 * (case.shown["servo.kd"] - 1) - 0.5) for case in cases) == list(range(8))
+    assert [case.shown["solver.scheme"] for case in cases].count("cenic") == 4
+    assert cases[3].scene().config.servo.kp == cases[3].shown["servo.kp"]
+    grid = Sweep(station="double_pendulum", vary=asked, sampling="grid", count=3).cases()
+    assert len(grid) == 3 * 3 * 2
+
+
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
+        ({"count": 3}, "--count is 3; it must be left out where --sampling is"),
+        ({"sampling": "grid", "vary": {"servo.kp": "uniform:1:2"}, "count": 9999, "seeds": 11}, "at most 100000"),
         ({"vary": {"servo.kpp": "1,2"}}, "--vary servo.kpp: unknown key; did you mean 'kp'"),
         ({"vary": {"servo.kp": "-1,2"}}, "--vary servo.kp"),
         ({"vary": {"duration": "1,2"}}, "--vary duration is given beside --set"),
@@ -98,7 +75,7 @@ def test_every_combination_is_run_with_every_seed():
 )
 def test_what_cannot_be_is_told_before_any_run(changed, told):
     with pytest.raises(SimrobError, match=told):
-        PENDULUM.model_copy(update=changed).cases()
+        Sweep(**{**PENDULUM.model_dump(), **changed}).cases()
 
 
 @pytest.mark.parametrize("changed", [{"seeds": 0}, {"seeds": 1001}, {"sede": 1}, {"vary": {"servo.kp": 3}}])
@@ -257,7 +234,7 @@ class TestCluster:
         )
         worker = [*python, "distributed.cli.dask_worker", address, "--nthreads=1", "--no-dashboard"]
         working = subprocess.Popen(worker, start_new_session=True, stderr=subprocess.DEVNULL)
-        sweep = PENDULUM.model_copy(update={"vary": {"servo.kp": "lin:10:100:60"}})
+        sweep = Sweep(**{**PENDULUM.model_dump(), "vary": {"servo.kp": "lin:10:100:60"}})
         place = SweepFolder(tmp_path / "sweep", sweep)
         journal = place.folder / ROWS
         command = [*python, "simrob_drake.cli", "sweep", str(place.folder), "--scheduler", address]

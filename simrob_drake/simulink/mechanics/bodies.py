@@ -59,6 +59,22 @@ class Link:
     in_follower: RigidTransform
 
 
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """A gear, rod, spring or force between two bodies.
+
+    Attributes:
+        node: the block.
+        base, follower: the bodies, and the pose of the block's frame in each.
+    """
+
+    node: Node
+    base: RigidPart
+    follower: RigidPart
+    in_base: RigidTransform
+    in_follower: RigidTransform
+
+
 @dataclass
 class Bodies:
     """The mechanics of a model.
@@ -66,17 +82,21 @@ class Bodies:
     Attributes:
         bodies: all of them; the world first, if there is one.
         links: the joints that connect them.
+        couplings: what else does.
         by_place: which body a physical node is on.
         roots: physical nodes that no transform or joint leads to.
     """
 
     bodies: list[RigidPart]
     links: list[Link]
+    couplings: list[Coupling]
     by_place: dict[Place, RigidPart]
     roots: set[Place]
 
 
 PUSH = "External Force and Torque"
+GEARS = "Common Gear Constraint", "Bevel Gear Constraint", "Rack and Pinion Constraint", "Worm and Gear Constraint"
+ROD, SPRING, BETWEEN = "Distance Constraint", "Spring and Damper Force", "Internal Force"
 _MARKS = ("Reference Frame", PUSH)
 _GEOMETRY_ONLY = {"Infinite Plane", "Disk", "Point", "Point Cloud", "Grid Surface", "Spline", "Line Segment"}
 """Curves and surfaces: their frame is the left port."""
@@ -107,16 +127,19 @@ def read_bodies(network: Connections, meshes: MeshFiles) -> Bodies:
                 frames.take(node)
             except InvalidModel as problem:
                 node.lose(problem)
-    bodies = Bodies([], [], {}, set())
+    bodies = Bodies([], [], [], {}, set())
     worlds = {place for node, place in frames.attached if node.kind == "World Frame"}
     _gather(frames.edges, worlds, bodies)
     for _, place in frames.attached:
         if place not in bodies.by_place:
             _gather({**frames.edges, place: []}, {place}, bodies, grounded=False)
     _attach(frames, bodies)
-    for joint, base, follower in frames.joints:
+    for what, base, follower in frames.joints:
         one, other = bodies.by_place[base], bodies.by_place[follower]
-        bodies.links.append(Link(joint, one, other, one.frames[base], other.frames[follower]))
+        if isinstance(what, Joint):
+            bodies.links.append(Link(what, one, other, one.frames[base], other.frames[follower]))
+        elif one is not other:
+            bodies.couplings.append(Coupling(what, one, other, one.frames[base], other.frames[follower]))
     bodies.roots = {place for place in bodies.by_place if place not in frames.entered}
     return bodies
 
@@ -133,7 +156,7 @@ class _Frames:
         self.solids: dict[Node, SolidBody] = {}
         self.edges: Edges = {}
         self.entered: set[Place] = set()
-        self.joints: list[tuple[Joint, Place, Place]] = []
+        self.joints: list[tuple[Joint | Node, Place, Place]] = []
         self.attached: list[tuple[Node, Place]] = []
 
     def take(self, node: Node) -> None:
@@ -144,6 +167,10 @@ class _Frames:
             self._join(*self._ends(node), RigidTransform(), node)
         elif node.kind in JOINTS:
             self.joints.append((read_joint(node), *self._ends(node)))
+        elif node.kind in (*GEARS, ROD, SPRING, BETWEEN):
+            places = [self._network.net(node, side) for side in ("lconn", "rconn")]
+            self.joints.append((node, places[0], places[1]))
+            self.attached += [(node, place) for place in places]
         elif node.kind in SOLIDS:
             self._take_solid(node)
         elif node.kind == "Transform Sensor":

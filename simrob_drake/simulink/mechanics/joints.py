@@ -136,9 +136,11 @@ PRIMITIVES = {
     "Telescoping Joint": ("Pz", "S"),
     "Pin Slot Joint": ("Px", "Rz"),
     "6-DOF Joint": ("Px", "Py", "Pz", "Sph"),
+    "Lead Screw Joint": ("Rz", "Pz"),
 }
 """What each joint block lets free, in order: slides, turns, a sphere."""
 JOINTS = set(PRIMITIVES)
+SCREW = "Lead Screw Joint"
 
 _COUNTS = {"High": 1e-2, "Low": 3e-4}
 """How much a target counts that a joint asks for, by its priority; what nobody asks for counts 1e-5."""
@@ -151,6 +153,13 @@ _SENSED = (
     ("SenseLowerLimitTorqueForce", "lower"),
     ("SenseUpperLimitTorqueForce", "upper"),
 )
+_FLOATING_SENSED: dict[str, dict[str, tuple[int, ...]]] = {
+    **{f"P{axis}": {"SensePosition": (place,), "SenseVelocity": (place + 7,), "SenseAcceleration": (),
+                    "SenseTorqueForce": ()} for place, axis in enumerate("xyz")},
+    "Sph": {"SensePosition": (3, 4, 5, 6), "SenseVelocityX": (10,), "SenseVelocityY": (11,), "SenseVelocityZ": (12,),
+            "SenseVelocity": (10, 11, 12), **{f"SenseAcceleration{axis}": () for axis in ("X", "Y", "Z", "")}},
+}  # fmt: skip
+"""What the ports of a floating joint hand out: which parts of a frame sensor; none of what no station measures."""
 _SPHERE_SENSED = ("SensePosition", "SenseVelocityX", "SenseVelocityY", "SenseVelocityZ", "SenseVelocity",
                   "SenseAccelerationX", "SenseAccelerationY", "SenseAccelerationZ", "SenseAcceleration",
                   "SenseTorqueX", "SenseTorqueY", "SenseTorqueZ", "SenseTorqueForce",
@@ -202,6 +211,8 @@ class Joint:
         start_speed: of its origin, then how fast it turns, in the base's axes, shape (6,) [m/s, rad/s].
         inputs: which freedom an input port drives, and how: by the number of the left port.
         outputs: which freedom an output port senses, and what of it: by the number of the right port.
+        senses: of a floating joint, which parts of a frame sensor a right port hands out; none of what is not measured.
+        screw: how much each freedom counts in a sum of positions that is 0; empty without.
     """
 
     node: Node
@@ -211,6 +222,8 @@ class Joint:
     start_speed: Vector = field(default_factory=lambda: np.zeros(6))
     inputs: dict[int, tuple[Freedom, str]] = field(default_factory=dict)
     outputs: dict[int, tuple[Freedom, str]] = field(default_factory=dict)
+    senses: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    screw: dict[Freedom, float] = field(default_factory=dict)
 
 
 def read_joint(node: Node) -> Joint:
@@ -223,15 +236,15 @@ def read_joint(node: Node) -> Joint:
         raise node.refusal(f"is in the mode {node.text('JointMode')}; only Normal is read")
     joint = Joint(node)
     kinds = PRIMITIVES[node.kind]
-    if node.kind == "6-DOF Joint":
+    if node.kind == "6-DOF Joint" and not _is_held(node):
         _read_floating(node, joint)
         return joint
     left, right = 2, 2
     for kind in kinds:
         prefix = "" if len(kinds) == 1 else kind
-        freedoms = _ball(node, prefix) if kind == "S" else [_freedom(node, kind, prefix)]
+        freedoms = _ball(node, prefix) if kind.startswith("S") else [_freedom(node, kind, prefix)]
         joint.freedoms += freedoms
-        if kind == "S":
+        if kind.startswith("S"):
             left += sum(node.is_on(f"{prefix}ActuateTorque{end}") for end in ("X", "Y", "Z", ""))
             right += sum(node.is_on(f"{prefix}{sensed}") for sensed in _SPHERE_SENSED)
             continue
@@ -248,7 +261,38 @@ def read_joint(node: Node) -> Joint:
             if node.is_on(f"{prefix}{sensed}"):
                 joint.outputs[right] = (freedom, what)
                 right += 1
+    if node.kind == SCREW:
+        _read_screw(node, joint)
     return joint
+
+
+def _is_held(node: Node) -> bool:
+    """Tell whether a joint of six degrees of freedom does more than leave them free: springs, stops, motors."""
+    return any(
+        "Input" in node.text(f"{kind}TorqueActuationMode") + node.text(f"{kind}MotionActuationMode")
+        or any(node.is_on(f"{kind}{end}LimitSpecify") for end in ("Lower", "Upper"))
+        or any(node.matrix(f"{kind}{name}", "0").any() for name in ("SpringStiffness", "DampingCoefficient"))
+        for kind in PRIMITIVES["6-DOF Joint"]
+    )  # fmt: skip
+
+
+def _read_screw(node: Node, joint: Joint) -> None:
+    """Read what a lead screw has of its own: its lead, and targets and ports of the turn or the way."""
+    turn, way = joint.freedoms
+    hand = 1.0 if node.text("Direction", "RightHand") == "RightHand" else -1.0
+    joint.screw = {way: 1.0, turn: -hand * node.number("Lead", "1", unit="m/rad")}
+    port = 2
+    for freedom, name in ((turn, "Rotation"), (way, "Translation")):
+        for quantity, what in (("Position", "q"), ("Velocity", "w"), ("Acceleration", "a")):
+            if node.is_on(f"Sense{name}{quantity}"):
+                joint.outputs[port] = (freedom, what)
+                port += 1
+        length = "rad" if freedom.turns else "m"
+        for quantity, unit in (("Position", length), ("Velocity", f"{length}/s")):
+            asked = node.is_on(f"{quantity}TargetSpecify")
+            if asked and node.is_on(f"{quantity}TargetRotationBased") == freedom.turns:
+                value = node.number(f"{quantity}Target{name}Value", unit=unit)
+                _ask(node, "", freedom, quantity, value)
 
 
 def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
@@ -261,12 +305,9 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
     freedom.rest = node.number(f"{prefix}EquilibriumPosition", unit=length) if freedom.stiffness else 0.0
     if min(freedom.damping, freedom.stiffness) < 0:
         raise node.refusal("has a negative spring or damper")
-    if node.is_on(f"{prefix}PositionTargetSpecify"):
-        freedom.start = node.number(f"{prefix}PositionTargetValue", unit=length)
-        freedom.start_counts = _COUNTS.get(node.text(f"{prefix}PositionTargetPriority"), _COUNTS["High"])
-    if node.is_on(f"{prefix}VelocityTargetSpecify"):
-        freedom.start_speed = node.number(f"{prefix}VelocityTargetValue", unit=f"{length}/s")
-        freedom.speed_counts = _COUNTS.get(node.text(f"{prefix}VelocityTargetPriority"), _COUNTS["High"])
+    for quantity, unit in (("Position", length), ("Velocity", f"{length}/s")):
+        if node.is_on(f"{prefix}{quantity}TargetSpecify"):
+            _ask(node, prefix, freedom, quantity, node.number(f"{prefix}{quantity}TargetValue", unit=unit))
     stops = []
     for end in ("Lower", "Upper"):
         if node.is_on(f"{prefix}{end}LimitSpecify"):
@@ -286,6 +327,15 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
     if freedom.lower >= freedom.upper:
         raise node.refusal(f"its lower limit {freedom.lower:g} is not below its upper one, {freedom.upper:g}")
     return freedom
+
+
+def _ask(node: Node, prefix: str, freedom: Freedom, quantity: str, value: float) -> None:
+    """Note a target of position or velocity, and how much it counts."""
+    counts = _COUNTS.get(node.text(f"{prefix}{quantity}TargetPriority"), _COUNTS["High"])
+    if quantity == "Position":
+        freedom.start, freedom.start_counts = value, counts
+    else:
+        freedom.start_speed, freedom.speed_counts = value, counts
 
 
 def _ball(node: Node, prefix: str) -> list[Freedom]:
@@ -327,12 +377,9 @@ def _read_floating(node: Node, joint: Joint) -> None:
     if node.is_on("SphVelocityTargetSpecify"):
         rates = node.numbers("SphVelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
         joint.start_speed[3:] = turn @ rates if node.text("SphVelocityTargetInFollowerFrame", "on") == "on" else rates
-    for kind in ("Px", "Py", "Pz", "Sph"):
-        if node.text(f"{kind}TorqueActuationMode") == "InputTorque":
-            node.findings.report.add("dropped", node.path, f"its input {kind}: a floating base has no motor")
-        length = "rad" if kind == "Sph" else "m"
-        effort = "N*m" if kind == "Sph" else "N"
-        if node.number(f"{kind}SpringStiffness", unit=f"{effort}/{length}") or node.number(
-            f"{kind}DampingCoefficient", unit=f"{effort}*s/{length}"
-        ):
-            node.findings.report.add("dropped", node.path, f"spring or damper of {kind}: a floating base has none")
+    port = 2
+    for kind in PRIMITIVES[node.kind]:
+        for sensed, parts in _FLOATING_SENSED[kind].items():
+            if node.is_on(f"{kind}{sensed}"):
+                joint.senses[port] = parts
+                port += 1

@@ -1,21 +1,55 @@
-"""Trees of bodies and joints, one for each mechanism, and where their loops are cut.
+"""Trees of bodies and joints, one for each mechanism; joints that are left over close loops."""
 
-A URDF is a tree, so one joint of each loop becomes constraints: two points on its axis stay together, or one of a ball.
-"""
+from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.mechanics.bodies import Bodies, Link, RigidPart
+from simrob_drake.simulink.mechanics.bodies import GEARS, ROD, Bodies, Coupling, Link, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
+from simrob_drake.simulink.model.nodes import Node
 
 Holding = dict[RigidPart, list[Link]]
+Poses = Mapping[RigidPart, RigidTransform]
+"""Poses of bodies' first frames in that of the root."""
+
+
+@dataclass(frozen=True, eq=False)
+class Closing:
+    """What holds two bodies together where a loop is cut.
+
+    Attributes:
+        node: the block that it stands for.
+        kind: of the station's coupling.
+        base, follower: the bodies, and the frames on them that stay together, or whose origins stay so far apart.
+        length: of a rod [m].
+    """
+
+    node: Node
+    kind: Literal["ball", "rod", "weld"]
+    base: RigidPart
+    follower: RigidPart
+    in_base: RigidTransform
+    in_follower: RigidTransform
+    length: float = 0.0
+
+    def gap(self, poses: Poses) -> Vector:
+        """Return by what it is open [m, and rad of a weld]: (3,) of a ball, (1,) of a rod, (6,) of a weld."""
+        apart = (poses[self.base] @ self.in_base).inverse() @ (poses[self.follower] @ self.in_follower)
+        place: Vector = apart.translation()
+        if self.kind == "rod":
+            return np.array([np.linalg.norm(place) - self.length])
+        if self.kind == "ball":
+            return place
+        turn = apart.rotation().ToQuaternion()
+        return np.concatenate([place, 2 * np.copysign(1.0, turn.w()) * turn.xyz()])
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +100,9 @@ class Tree:
         speed: of its origin, then how fast it turns, in the world's axes, shape (6,) [m/s, rad/s].
         branches: in the order they are reached.
         closures: joints between its bodies that close loops.
+        closings: what holds together where these are cut.
+        couplings: gears and rods between its bodies.
+        gears: how much each degree of freedom counts in sums that stay as they are.
     """
 
     root: RigidPart
@@ -74,6 +111,9 @@ class Tree:
     speed: Vector = field(default_factory=lambda: np.zeros(6))
     branches: list[BodyOnJoint] = field(default_factory=list)
     closures: list[Link] = field(default_factory=list)
+    closings: list[Closing] = field(default_factory=list)
+    couplings: list[Coupling] = field(default_factory=list)
+    gears: dict[Node, dict[Freedom, float]] = field(default_factory=dict)
 
     @property
     def bodies(self) -> set[RigidPart]:
@@ -196,42 +236,25 @@ def _find_loops(bodies: Bodies, trees: list[Tree]) -> None:
     for link in bodies.links:
         if link in used or link.joint.floating:
             continue
-        owners = [next((tree for tree in trees if body in tree.bodies), None) for body in (link.base, link.follower)]
-        both = [tree for tree in trees if link.base in tree.bodies and link.follower in tree.bodies]
-        if both:
-            both[0].closures.append(link)
-        elif owners[0] and owners[1]:  # both stand on the world: one mechanism
-            owners[0].branches += owners[1].branches
-            owners[0].closures += [*owners[1].closures, link]
-            trees.remove(owners[1])
+        if tree := _owner(link, trees):
+            tree.closures.append(link)
+    for coupling in bodies.couplings:
+        if coupling.node.kind in (*GEARS, ROD) and (tree := _owner(coupling, trees)):
+            tree.couplings.append(coupling)
 
 
-_APART = 0.05  # m: of the two points on an axis
-_CLOSED = 1e-6  # m
-_NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
-_POINTS = {"Revolute Joint": ((0.0, 0.0, -_APART / 2), (0.0, 0.0, _APART / 2)), "Spherical Joint": ((0.0, 0.0, 0.0),)}
-
-
-def common_points(link: Link) -> list[tuple[Vector, Vector]]:
-    """Return the points that a closing joint holds together, each in the first frames of its base and follower."""
-    points = [np.array(point) for point in _POINTS[link.joint.node.kind]]
-    return [(link.in_base.multiply(point), link.in_follower.multiply(point)) for point in points]
-
-
-def cuttable(link: Link) -> bool:
-    """Tell whether constraints can take a joint's place: it has points to hold, and nothing drives or senses it."""
-    return link.joint.node.kind in _POINTS and not (link.joint.inputs or link.joint.outputs)
-
-
-def can_close(link: Link) -> str:
-    """Return why a joint cannot be cut, in words; empty if it can."""
-    if link.joint.node.kind not in _POINTS:
-        return "closes a loop; only revolute and ball joints can, the others stand where a tree can hold them"
-    if link.joint.inputs or link.joint.outputs:
-        return "closes a loop and is driven or sensed; do that at another joint of the loop"
-    if any(freedom.damping or freedom.stiffness for freedom in link.joint.freedoms):
-        link.joint.node.findings.report.add("dropped", link.joint.node.path, "spring and damper where it closes a loop")
-    return ""
+def _owner(between: Link | Coupling, trees: list[Tree]) -> Tree | None:
+    """Return the tree of two bodies; two that stand on the world become one. None where a body is in no tree."""
+    owners = [[tree for tree in trees if body in tree.bodies] for body in (between.base, between.follower)]
+    both = [tree for tree in owners[0] if tree in owners[1]]
+    if both or not all(owners) or owners[0][0].root is not owners[1][0].root:
+        return both[0] if both else None
+    (one, *_), (other, *_) = owners
+    one.branches += other.branches
+    one.closures += other.closures
+    one.couplings += other.couplings
+    trees.remove(other)
+    return one
 
 
 def body_poses(tree: Tree, positions: Vector) -> dict[RigidPart, RigidTransform]:
@@ -244,50 +267,6 @@ def body_poses(tree: Tree, positions: Vector) -> dict[RigidPart, RigidTransform]
             pose = pose @ _moved(freedom, branch.sign * next(values))
         poses[branch.body] = pose @ branch.in_body.inverse()
     return poses
-
-
-def close(tree: Tree, closures: Sequence[Link]) -> None:
-    """Start a tree in a posture in which its loops are closed, as near as can be to what its joints ask for.
-
-    Raises:
-        InvalidModel: there is none nearby.
-    """
-    from scipy.optimize import least_squares
-
-    freedoms = tree.freedoms
-    desired = np.array([freedom.start or 0.0 for freedom in freedoms])
-    held = np.array([freedom.start_counts for freedom in freedoms])
-
-    def gaps(positions: Vector) -> Vector:
-        poses = body_poses(tree, positions)
-        pairs = [(link, *pair) for link in closures for pair in common_points(link)]
-        return np.concatenate([poses[link.base].multiply(a) - poses[link.follower].multiply(b) for link, a, b in pairs])
-
-    def gaps_and_wishes(positions: Vector) -> Vector:
-        return np.concatenate([gaps(positions), held * (positions - desired)])
-
-    near = least_squares(gaps_and_wishes, desired)
-    closed = least_squares(gaps, near.x, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    found, gap = closed.x, float(np.abs(gaps(closed.x)).max())
-    node = closures[0].joint.node
-    if gap > _CLOSED:
-        raise node.refusal(f"closes a loop that does not close: {1e3 * gap:.3g} mm are left; give starts")
-    speeds = _closed_speeds(freedoms, np.asarray(closed.jac))
-    for freedom, position, speed in zip(freedoms, found, speeds, strict=True):
-        for what, target, taken in (("", freedom.start, position), (" speed", freedom.start_speed, speed)):
-            if target is not None and abs(target - taken) > _NOTED:
-                message = f"starts at the{what or ' position'} {taken:.4g}, not {target:.4g}: so its loop closes"
-                node.findings.report.add("repaired", freedom.name, message)
-        freedom.start, freedom.start_speed = float(position), float(speed)
-    node.findings.report.add("repaired", node.path, "closes a loop: constraints on its axis, which need the solver sap")
-
-
-def _closed_speeds(freedoms: Sequence[Freedom], jacobian: Vector) -> Vector:
-    """Return the speeds (n,) at which gaps of a Jacobian (g, n) stay closed, as near as can be to what is asked."""
-    desired = np.array([freedom.start_speed or 0.0 for freedom in freedoms])
-    counts = np.array([freedom.speed_counts for freedom in freedoms])
-    gives = counts.min() / counts
-    return np.asarray(desired - gives * (np.linalg.pinv(jacobian * gives, rcond=1e-6) @ (jacobian @ desired)))
 
 
 def _moved(freedom: Freedom, position: float) -> RigidTransform:

@@ -4,17 +4,35 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
+from pydantic import TypeAdapter
 from pydrake.math import RigidTransform
 
 from simrob_drake.importer.options import EntryKind
-from simrob_drake.simulink.mechanics.bodies import PUSH, Bodies, RigidPart
+from simrob_drake.parts.controllers.flow_block import FlowBlock
+from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
+from simrob_drake.simulink.mechanics.bodies import BETWEEN, PUSH, Bodies, Coupling, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom, Joint
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Form, Primitive, Signal, Term, Value, added, closure, terms_of, widened
+from simrob_drake.simulink.signals.arithmetic import applied
+from simrob_drake.simulink.signals.forms import (
+    Form,
+    Primitive,
+    Signal,
+    Term,
+    Value,
+    added,
+    closure,
+    signal,
+    terms_of,
+    widened,
+)
 from simrob_drake.simulink.signals.frame_sensing import orientation
 from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9
+_INSTANT, _HARD = 1e-6, 1.0
+AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
+"""What checks a block as it stands in a station's file."""
 
 
 @dataclass
@@ -60,6 +78,27 @@ def read_laws(tracer: Tracer, joints: list[Joint], *, servos: bool = False) -> d
         if freedom in laws:
             laws[freedom].reference = Form({term: factor})
     return laws
+
+
+def begin_on_motions(laws: dict[Freedom, Law]) -> None:
+    """Let joints whose motion is given start on it, at its speed, before all that other joints ask for."""
+    for freedom, law in laws.items():
+        if freedom.driven == "motion" and law.reference is not None and of_time(law.reference):
+            before, after = (_at(law.reference, time) for time in (0.0, _INSTANT))
+            freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
+            freedom.start_counts = freedom.speed_counts = _HARD
+
+
+def _at(value: Value, time: float) -> float:
+    """Return a value of time alone, at a time [s] so early that its states are as at the start."""
+    total = 0.0
+    for term, factor in terms_of(value).items():
+        own = time if term.kind == "time" else 1.0
+        if isinstance(term.of, Primitive):
+            block = AS_WRITTEN.validate_python({"kind": term.of.kind, **term.of.parameters})
+            own = block.output(time, block.start, [_at(one, time) for one in term.of.inputs()])[term.index]
+        total += factor * float(own)
+    return total
 
 
 def _first(tracer: Tracer, joint: Joint, number: int, how: str, effort: Signal | None) -> Value:
@@ -192,7 +231,27 @@ def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
             else:
                 message = "it is the port external_force or external_torque of the station, at this frame"
                 node.findings.report.add("read", node.path, message)
+    for coupling in bodies.couplings:
+        if coupling.node.kind == BETWEEN:
+            pushes += _apart(tracer, coupling)
     return pushes
+
+
+def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
+    """Return what pushes two bodies apart along the line between them, on the follower and on the base."""
+    node = coupling.node
+    values = tracer.physical(node, "lconn", 2)
+    if values is None:
+        values = tracer.physical(node, "rconn", 2)
+    if values is None:
+        node.findings.report.add("lost", node.path, "its force input is not connected: nothing drives it")
+        return []
+    line = [Form({Term("sensed", node, index): 1.0}) for index in range(3)]
+    length = applied("sqrt", sum((part * part for part in line), start=0.0))
+    pull: Signal = signal([values.ravel()[0] * (part / length) for part in line])
+    ends = (coupling.base, coupling.in_base, -1.0 * pull), (
+        coupling.follower, coupling.in_follower, orientation(node).T.dot(pull))  # fmt: skip
+    return [ExternalForce(node, body, pose, list(force), [0.0] * 3, True) for body, pose, force in ends]
 
 
 def _push(tracer: Tracer, node: Node, body: RigidPart, pose: RigidTransform) -> ExternalForce:

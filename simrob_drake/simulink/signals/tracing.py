@@ -66,6 +66,9 @@ class Tracer:
                     else Term("open", joint.node, (number - 1) * MOST_ELEMENTS)
                 )
                 self._offer(joint.node, number, partial(_one, term))
+            for number, parts in joint.senses.items():
+                terms = [Term("sensed", joint.node, part) for part in parts]
+                self._offer(joint.node, number, partial(_each, terms or [Term("open", joint.node, number)]))
         for contact in contacts:
             if contact.senses_distance:
                 self._offer(contact.node, contact.senses_distance, partial(_one, Term("distance", contact.node)))
@@ -208,4 +211,8 @@ class Tracer:
 
 
 def _one(term: Term) -> Signal:
-    return signal([Form({term: 1.0})])
+    return _each([term])
+
+
+def _each(terms: list[Term]) -> Signal:
+    return signal(Form({term: 1.0}) for term in terms)

@@ -5,27 +5,25 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
-from simrob_drake.parts.controllers.flow_block import FlowBlock
-from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.parts.site import WORLD
+from simrob_drake.simulink.mechanics.bodies import PUSH
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.dynamics import LAG
 from simrob_drake.simulink.signals.forms import Form, Primitive, Term, Value, flat, signal, terms_of
 from simrob_drake.simulink.signals.frame_sensing import PARTS, SENSOR
-from simrob_drake.simulink.signals.laws import ExternalForce, Law
+from simrob_drake.simulink.signals.laws import AS_WRITTEN, ExternalForce, Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.touching import StationFiles
 from simrob_drake.simulink.writing.urdf import UniqueNames, plain, pose_list
 
 Sum = dict[str, float]
-_AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
 _MOST_SIGNALS = 60
 """Blocks of a law that are signals of its station."""
 
@@ -169,7 +167,7 @@ class FlowWriter:
 
 def _problem(name: str, block: dict[str, Any]) -> str | None:
     try:
-        _AS_WRITTEN.validate_python(block).check(name)
+        AS_WRITTEN.validate_python(block).check(name)
     except ValidationError as problem:
         found = problem.errors()[0]
         return f"{'.'.join(map(str, found['loc'][1:]))} {found['msg']}".strip()
@@ -293,6 +291,7 @@ def frame_sensors(model: SimulinkModel, files: StationFiles, turn: RigidTransfor
     """Return a model's Transform Sensors; ``turn`` places its world in ours."""
     found = FrameSensors({}, {})
     sensing = {push.node for push in model.pushes if push.senses}
+    sensing |= {link.joint.node for link in model.bodies.links if link.joint.senses}
     for node in model.expanded.nodes:
         if (node.kind == SENSOR or node in sensing) and node.block.commented == "off":
             _take(node, found, model, files, turn, names)
@@ -303,7 +302,7 @@ def _take(
     node: Node, found: FrameSensors, model: SimulinkModel, files: StationFiles, turn: RigidTransform, names: UniqueNames
 ) -> None:
     poses = []
-    for side in ("rconn", "lconn") if node.kind == SENSOR else ("rconn",):
+    for side in ("rconn", "lconn") if node.kind != PUSH else ("rconn",):
         place = model.network.net(node, side)
         body = model.bodies.by_place[place]
         named = files.named(body, turn)
@@ -313,7 +312,10 @@ def _take(
             return
         poses.append((named[0], pose_list(named[1] @ body.frames[place])))
     (frame, offset), (base, base_offset) = *poses, *([] if len(poses) > 1 else [(WORLD, pose_list(turn))])
-    name, observer = names.give(node.path), node.text("MeasurementFrame", "World")
+    name, observer = (
+        names.give(node.path),
+        node.text("MeasurementFrame", "World" if node.kind in (SENSOR, PUSH) else "Base"),
+    )
     axes = _AXES.get(observer.removeprefix("NonRotating"), "world")
     ends = {"frame": frame, "offset": offset, "base": base, "base_offset": base_offset}
     section: dict[str, Any] = {"kind": "frame", **ends}

@@ -21,6 +21,7 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import closure, terms_of
 from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
+from simrob_drake.simulink.writing.coupling import coupling_sections
 from simrob_drake.simulink.writing.flow import FrameSensors, flows_of, frame_sensors
 from simrob_drake.simulink.writing.references import JointMotions, start_state
 from simrob_drake.simulink.writing.touching import ContactSections, StationFiles, feet_of, read_touching
@@ -163,12 +164,13 @@ class StationWriter:
         if seen.sections:
             content["sensors"] = {**content.get("sensors", {}), **seen.sections}
         content["gravity"] = self._gravity
+        if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
+            content["inputs"] = self._pushes()
         for push in self._model.pushes if kinematic else ():
             self._report.add(
                 "dropped", push.node.path, "a force, in a station without forces: what moves is prescribed"
             )
-        if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
-            content["inputs"] = self._pushes()
+        content |= coupling_sections(model, self._files, self._turn, self._names, kinematic=kinematic)
         content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}), seen)
         content["duration"] = duration
         return content
@@ -188,7 +190,8 @@ class StationWriter:
         content["solver"] = self._solver(robots)
         moved = any(freedom.driven == "motion" for robot in self._files.robots.values() for freedom in robot.axes)
         if (flows or moved) and "accuracy" in content["solver"]:
-            content["solver"] = content["solver"] | {"accuracy": 1e-4, "max_step": 0.02}
+            longest = 0.02 if self._touching.ends else 0.005  # limits of a law are found within a step
+            content["solver"] = content["solver"] | {"accuracy": 1e-4, "max_step": longest}
         starts = {name: self._starts(robot) for name, robot in self._files.robots.items()}
         state = start_state(self._files, starts, self._turn)
         if state is not None:
@@ -308,7 +311,7 @@ class StationWriter:
     def _solver(self, robots: dict[str, Any]) -> dict[str, Any]:
         if not robots:
             return _SOLVERS["pieces"]
-        if any(robot.tree.closures for robot in self._files.robots.values()):
+        if any(robot.tree.closings or robot.tree.gears for robot in self._files.robots.values()):
             return _SOLVERS["loops"]
         return _SOLVERS["feet"] if self._touching.ends else _SOLVERS["arm"]
 
@@ -321,7 +324,8 @@ def _together(trees: list[Tree]) -> list[Tree]:
             home = tree.branches[0].link.joint.node.path.rpartition("/")[0].partition("/")[0]
             mechanism = merged.setdefault(home, Tree(tree.root))
             mechanism.branches += tree.branches
-            mechanism.closures += tree.closures
+            mechanism.closings += tree.closings
+            mechanism.gears |= tree.gears
     return [*merged.values(), *(tree for tree in trees if not tree.root.grounded)]
 
 

@@ -16,14 +16,13 @@ from simrob_drake.files import PIECE_FILE
 from simrob_drake.frames import Vector, pose_from_transform
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.options import ImportReport
-from simrob_drake.robots.urdf import DRAKE
 from simrob_drake.robots.urdf_elements import add_colour, add_joint, add_motor, place, set_inertia, text
-from simrob_drake.simulink.mechanics.bodies import PUSH, Link, RigidPart
+from simrob_drake.simulink.mechanics.bodies import PUSH, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import load_mesh, write_obj
 from simrob_drake.simulink.mechanics.shapes import Triangles, Weight
 from simrob_drake.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
-from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Tree, common_points
+from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Tree
 from simrob_drake.simulink.model.nodes import Node
 
 
@@ -116,9 +115,6 @@ class UrdfWriter:
         for freedom in tree.freedoms:
             add_motor(robot.element, robot.axes[freedom], drive=f"{robot.axes[freedom]}_drive")
         self._add_tools(robot)
-        for link in tree.closures:
-            for points in common_points(link):
-                _add_constraint(robot, link, points)
         return robot
 
     def _branch(self, robot: RobotFile, branch: BodyOnJoint) -> None:
@@ -238,16 +234,6 @@ class UrdfWriter:
             robot.tools[name] = name
             if node.kind == PUSH:
                 robot.pushed = robot.pushed or name
-
-
-def _add_constraint(robot: RobotFile, link: Link, points: tuple[Vector, Vector]) -> None:
-    """Hold a point of one link together with a point of another, each in its body's first frame."""
-    constraint = ET.SubElement(robot.element, f"{DRAKE}ball_constraint")
-    for letter, body, point in zip("AB", (link.base, link.follower), points, strict=True):
-        place_there = robot.frames[body].inverse().multiply(point)
-        ET.SubElement(constraint, f"{DRAKE}ball_constraint_body_{letter}", name=robot.links[body])
-        name = "p_AP" if letter == "A" else "p_BQ"
-        ET.SubElement(constraint, f"{DRAKE}ball_constraint_{name}", value=text(place_there))
 
 
 def write_piece(

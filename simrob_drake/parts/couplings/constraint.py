@@ -1,0 +1,112 @@
+"""Points and frames of bodies that stay together, or apart by a length: constraints of Drake's discrete solvers."""
+
+from typing import Literal
+
+import numpy as np
+from pydrake.systems.framework import Context
+
+from simrob_drake.frames import transform_from_pose
+from simrob_drake.parts.couplings.coupling import (
+    Attachment,
+    BetweenPoints,
+    CouplingSection,
+    anchored,
+    end_of,
+    need_discrete,
+)
+from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
+from simrob_drake.parts.targets import check_frame
+from simrob_drake.sections import ORIGIN, Pose, Positive
+
+
+class Ball(BetweenPoints):
+    """Two points that stay together, as in a ball and socket."""
+
+    kind: Literal["ball"]
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the station can have it."""
+        super().check(key, station)
+        need_discrete(key, station)
+
+    def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
+        one, other = (anchored(plant.plant, end) for end in self.ends(plant))
+        points = one.pose.translation(), other.pose.translation()
+        plant.plant.AddBallConstraint(one.body, points[0], other.body, points[1])
+
+    def gap(self, plant: StationPlant, context: Context) -> float:
+        """Return how far the points are apart [m]."""
+        return self.distance(plant, context)
+
+    def caption(self) -> str:
+        """Return it in words."""
+        return f"a ball joint between {self.body} and {self.other}"
+
+
+class Rod(BetweenPoints):
+    """Two points that stay apart by a length, as the ends of a massless rod with ball joints."""
+
+    kind: Literal["rod"]
+    length: Positive
+    """[m]."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the station can have it."""
+        super().check(key, station)
+        need_discrete(key, station)
+
+    def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
+        one, other = (anchored(plant.plant, end) for end in self.ends(plant))
+        points = one.pose.translation(), other.pose.translation()
+        plant.plant.AddDistanceConstraint(one.body, points[0], other.body, points[1], self.length)
+
+    def gap(self, plant: StationPlant, context: Context) -> float:
+        """Return by how much the length is missed [m]."""
+        return abs(self.distance(plant, context) - self.length)
+
+    def caption(self) -> str:
+        """Return it in words."""
+        return f"a rod of {self.length:g} m from {self.body} to {self.other}"
+
+
+class Weld(CouplingSection):
+    """Two frames that stay together."""
+
+    kind: Literal["weld"]
+    body: str
+    """A tool or link of a robot, or a piece."""
+    pose: Pose = ORIGIN
+    """The frame on it, [x y z Rz Ry Rx]."""
+    other: str = WORLD
+    """The other body, likewise."""
+    other_pose: Pose = ORIGIN
+    """The frame on that."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the station can have it."""
+        super().check(key, station)
+        need_discrete(key, station)
+        for part in ("body", "other"):
+            check_frame(station, f"{key}.{part}", getattr(self, part))
+
+    def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
+        one, other = (anchored(plant.plant, end) for end in self._ends(plant))
+        plant.plant.AddWeldConstraint(one.body, one.pose, other.body, other.pose)
+
+    def gap(self, plant: StationPlant, context: Context) -> float:
+        """Return how far the frames are apart, the larger of distance [m] and angle [rad]."""
+        one, other = (plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose for end in self._ends(plant))
+        apart = one.inverse() @ other
+        return max(float(np.linalg.norm(apart.translation())), float(apart.rotation().ToAngleAxis().angle()))
+
+    def _ends(self, plant: StationPlant) -> tuple[Attachment, Attachment]:
+        ends = (self.body, self.pose), (self.other, self.other_pose)
+        one, other = (end_of(plant, name, transform_from_pose(pose)) for name, pose in ends)
+        return one, other
+
+    def caption(self) -> str:
+        """Return it in words."""
+        return f"{self.body} welded to {self.other}"

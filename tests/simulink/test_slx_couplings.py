@@ -1,0 +1,245 @@
+"""Gears, screws, springs and rods of a model, and loops that any joint closes, against independent motions."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from slx_files import INERTIA, MECHANISM, REVOLUTE, TO_PHYSICS, TRANSFORM, WORLD, Level, write_model
+
+from simrob_drake import simulate
+from simrob_drake.simulink.importing import import_simulink
+from simrob_drake.simulink.mechanics.trees import body_poses
+from simrob_drake.simulink.simulink_model import read_simulink
+
+GEARS = "sm_lib/Gears and\nCouplings/Gears/"
+FORCES = "sm_lib/Forces and Torques/"
+UP = {"RotationMethod": "StandardAxis", "RotationStandardAxis": "+X", "RotationAngle": "pi/2"}
+
+
+class Shop(Level):
+    """A world with gravity along -z, whose frames `stand` have their z along the world's -y."""
+
+    def __init__(self):
+        super().__init__()
+        self.world = self.block(WORLD, "World")
+        gravity = self.block(MECHANISM, "Gravity", GravityVector="[0 0 -9.81]", GravityVectorUnits="m/s^2")
+        self.connect(f"{self.world}#rconn:1", f"{gravity}#rconn:1")
+
+    def placed(self, name, at="[0 0 0]", base=None, **turn):
+        """Return a port of a frame at a place."""
+        frame = self.block(TRANSFORM, name, TranslationMethod="Cartesian", TranslationCartesianOffset=at, **turn)
+        self.connect(base or f"{self.world}#rconn:1", f"{frame}#lconn:1")
+        return f"{frame}#rconn:1"
+
+    def body(self, name, base, kind=REVOLUTE, *, mass="1", inertia="0.02", com="[0 0 0]", **joint):
+        """Return a port of a body on a joint."""
+        block = self.block(kind, name, **joint)
+        weight = self.block(INERTIA, f"{name} body", Mass=mass, CenterOfMass=com,
+                            MomentsOfInertia=f"[{inertia} {inertia} {inertia}]")  # fmt: skip
+        self.connect(base, f"{block}#lconn:1")
+        self.connect(f"{block}#rconn:1", f"{weight}#rconn:1")
+        return f"{block}#rconn:1"
+
+    def couple(self, kind, one, other, **figures):
+        block = self.block(kind, "Coupling", **figures)
+        self.connect(one, f"{block}#lconn:1")
+        self.connect(other, f"{block}#rconn:1")
+        return block
+
+
+def ran(tmp_path, level, **options):
+    imported = import_simulink(write_model(tmp_path / "a.slx", level, **options), tmp_path / "out")
+    return imported, simulate(imported.station, progress=False)
+
+
+def expected(times, rate, start):
+    return solve_ivp(lambda _, state: rate(state), (0, times[-1]), start, rtol=1e-10, atol=1e-12, t_eval=times).y
+
+
+def test_a_geared_pair(tmp_path):
+    """An arm falls and drives a wheel of half its radius the other way round."""
+    shop = Shop()
+    arm = shop.body("Arm", shop.placed("Stand", **UP), mass="2", inertia="0.05", com="[0.3 0 0]")
+    wheel = shop.body("Wheel", shop.placed("Other", "[0.3 0 0]", **UP))
+    shop.couple(f"{GEARS}Common Gear\nConstraint", arm, wheel, BaseGearRadius="20", BaseGearRadiusUnits="cm",
+                FollGearRadius="0.1", FollGearRadiusUnits="m")  # fmt: skip
+    imported, result = ran(tmp_path, shop)
+    assert imported.fidelity == "mechanics complete"
+    inertia = 0.05 + 2 * 0.09 + 4 * 0.02
+    angle, _ = expected(result.times, lambda s: [s[1], -2 * 9.81 * 0.3 * np.cos(s[0]) / inertia], [0, 0])
+    assert angle[-1] < -1
+    np.testing.assert_allclose(result["q.Arm"], angle, atol=1e-3)
+    np.testing.assert_allclose(result["q.Wheel"], -2 * angle, atol=2e-3)
+
+
+def test_a_rack_and_its_pinion(tmp_path):
+    """A rack of 1 kg that falls turns a pinion of 0.1 m: a = g m / (m + I / r²)."""
+    shop = Shop()
+    pinion = shop.body("Pinion", shop.placed("Stand", **UP))
+    rack = shop.body("Rack", shop.placed("Rail", "[0.1 0 0]"), "sm_lib/Joints/Prismatic Joint")
+    shop.couple(f"{GEARS}Rack and Pinion\nConstraint", pinion, rack, PinionRadius="0.1")
+    _, result = ran(tmp_path, shop)
+    fall = -0.5 * 9.81 / (1 + 0.02 / 0.01) * result.times**2
+    np.testing.assert_allclose(result["q.Rack"], fall, atol=1e-3)
+    np.testing.assert_allclose(result["q.Pinion"], fall / 0.1, atol=0.05)  # about -y
+
+
+def test_a_lead_screw(tmp_path):
+    """A nut of 1 kg on a screw of 0.2 m a turn: its weight turns it."""
+    shop = Shop()
+    shop.body("Screw", shop.placed("Stand"), "sm_lib/Joints/Lead Screw\nJoint", Lead="200", LeadUnits="mm/rev")
+    _, result = ran(tmp_path, shop)
+    lead = 0.2 / (2 * np.pi)
+    fall = -0.5 * 9.81 / (1 + 0.02 / lead**2) * result.times**2
+    np.testing.assert_allclose(result["q.Screw_Pz"], fall, atol=1e-3 * abs(fall[-1]))
+    np.testing.assert_allclose(result["q.Screw_Rz"], fall / lead, atol=1e-3 * abs(fall[-1]) / lead)
+
+
+RATIOS = [  # kind, figures, pose of the follower's joint, how much base and follower count
+    ("Common Gear\nConstraint", {"GearType": "Internal", "BaseGearRadius": "0.1", "FollGearRadius": "0.4"},
+     {"at": "[0.3 0 0]"}, (0.1, -0.4)),
+    ("Bevel Gear\nConstraint", {"BaseGearRadius": "0.1", "FollGearRadius": "0.2"},
+     {"at": "[0.1 0 0.2]", "RotationMethod": "StandardAxis", "RotationStandardAxis": "+Y", "RotationAngle": "pi/2"},
+     (0.1, 0.2)),
+    ("Worm and Gear\nConstraint", {"WormRadius": "0.01", "GearRadius": "0.05", "WormLeadAngle": "atan(0.1)"},
+     {"at": "[0.06 0 0]", **UP}, (0.001, 0.05)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "figures", "place", "counts"), RATIOS)
+def test_ratios(tmp_path, kind, figures, place, counts):
+    """What the base turns by one, the follower turns by minus the ratio of what they count, but for the worm's hand."""
+    shop = Shop()
+    base, follower = shop.body("Base", shop.placed("Stand")), shop.body("Follower", shop.placed("Other", **place))
+    shop.couple(f"{GEARS}{kind}", base, follower, **figures)
+    (tree,) = read_simulink(write_model(tmp_path / "a.slx", shop)).trees
+    (ratios,) = tree.gears.values()
+    one, other = ratios.values()
+    assert abs(one / other) == pytest.approx(abs(counts[0] / counts[1]), rel=1e-6)
+    if "Worm" not in kind:
+        assert one / other == pytest.approx(counts[0] / counts[1], rel=1e-6) or "Bevel" in kind
+
+
+def test_a_planetary_gear_couples_three_joints(tmp_path):
+    """A planet that rolls in a ring of 0.3 m, on a carrier, about a sun of 0.1 m."""
+    shop = Shop()
+    sun, carrier = shop.body("Sun", shop.placed("Middle")), shop.body("Carrier", shop.placed("Centre"))
+    planet = shop.body("Planet", shop.placed("Pin", "[0.2 0 0]", carrier))
+    shop.couple(f"{GEARS}Common Gear\nConstraint", sun, planet, BaseGearRadius="0.1", FollGearRadius="0.1")
+    (tree,) = read_simulink(write_model(tmp_path / "a.slx", shop)).trees
+    (ratios,) = tree.gears.values()
+    by_name = {freedom.name: ratio / 0.1 for freedom, ratio in ratios.items()}
+    turned = (
+        by_name["Sun"] * 1.0 + by_name["Carrier"] * 1.0
+    )  # all together about the middle: the planet stays on its pin
+    assert turned == pytest.approx(0, abs=1e-6)
+    assert by_name["Planet"] / by_name["Sun"] == pytest.approx(1.0)
+
+
+def test_a_spring_between_two_bodies(tmp_path):
+    shop = Shop()
+    slide = "sm_lib/Joints/Prismatic Joint"
+    low, high = shop.body("Low", shop.placed("Down"), slide), shop.body("High", shop.placed("Above", "[0 0 1]"), slide)
+    shop.couple(f"{FORCES}Spring and\nDamper Force", low, high, NaturalLength="80", NaturalLengthUnits="cm",
+                SpringStiffness="200", SpringStiffnessUnits="N/m", DampingCoefficient="3")  # fmt: skip
+    imported, result = ran(tmp_path, shop)
+    assert imported.fidelity == "mechanics complete"
+
+    def rate(state):
+        pull = 200 * (state[1] - state[0] + 0.2) + 3 * (state[3] - state[2])
+        return [state[2], state[3], pull - 9.81, -pull - 9.81]
+
+    low, high, *_ = expected(result.times, rate, [0.0] * 4)
+    np.testing.assert_allclose(result["q.Low"], low, atol=1e-3)
+    np.testing.assert_allclose(result["q.High"], high, atol=1e-3)
+
+
+def crank(closing, **given):
+    """A crank of 0.3 m, a rod of 1 m and a slider, which the joint between slider and rail closes."""
+    shop = Shop()
+    joint = {"VelocityTargetSpecify": "on", "VelocityTargetValue": "3", "VelocityTargetValueUnits": "rad/s"}
+    before = shop.placed("Stand", **UP)
+    for name, length in (("Crank", "0.3"), ("Rod", "1"), ("Pin", "0")):
+        before = shop.body(name, before, **joint)
+        before, joint = shop.placed(f"{name} end", f"[{length} 0 0]", before), {}
+    along = {"RotationMethod": "StandardAxis", "RotationStandardAxis": "+Y", "RotationAngle": "pi/2"}
+    rail, carriage = shop.placed("Rail", **along), shop.placed("Carriage", "[0 0 0]", shop.placed(
+        "Back", "[0 0 0]", before, RotationMethod="StandardAxis", RotationStandardAxis="-X", RotationAngle="pi/2"),
+        **along)  # fmt: skip
+    slider = shop.block(closing, "Slider", **given)
+    shop.connect(rail, f"{slider}#lconn:1")
+    shop.connect(carriage, f"{slider}#rconn:1")
+    return shop, slider
+
+
+def test_a_slider_that_is_driven_closes_a_loop(tmp_path):
+    """All hinges are sensed, so the loop is closed by halves of a body that are welded together."""
+    shop, _ = crank("sm_lib/Joints/Prismatic Joint", DampingCoefficient="0.5")
+    shop.blocks = [block.replace("<InstanceData>", '<InstanceData><P Name="DampingCoefficient">1e-9</P>')
+                   if "Revolute" in block else block for block in shop.blocks]  # fmt: skip
+    imported, result = ran(tmp_path, shop)
+    assert any("two halves" in entry.text for entry in imported.report.of("repaired"))
+    angle = result["q.Crank"]
+    assert np.ptp(angle) > 1
+    place = 0.3 * np.cos(angle) + np.sqrt(1 - (0.3 * np.sin(angle)) ** 2)
+    np.testing.assert_allclose(result["q.Slider"], place, atol=1e-3)
+    (robot,) = imported.files.robots.values()
+    poses = body_poses(robot.tree, [result[f"q.{axis}"][-1] for axis in robot.axes.values()])
+    assert max(np.abs(closing.gap(poses)).max() for closing in robot.tree.closings) < 5e-4
+
+
+def test_a_rod_of_constant_length(tmp_path):
+    shop = Shop()
+    arm = shop.body("Arm", shop.placed("Stand", **UP), com="[0.3 0 0]")
+    weight = shop.body("Weight", shop.placed("Rail", "[0.3 0 -1]"), "sm_lib/Joints/Prismatic Joint")
+    shop.couple("sm_lib/Constraints/Distance\nConstraint", shop.placed("Tip", "[0.3 0 0]", arm), weight, Distance="1")
+    imported, result = ran(tmp_path, shop)
+    assert imported.fidelity == "mechanics complete"
+    angle, height = result["q.Arm"], result["q.Weight"] - 1
+    apart = np.hypot(0.3 * np.cos(angle) - 0.3, 0.3 * np.sin(angle) - height)
+    assert np.ptp(angle) > 1
+    np.testing.assert_allclose(apart, 1.0, atol=5e-4)
+
+
+def test_a_force_between_two_bodies(tmp_path):
+    """2 N push two sliders apart."""
+    shop = Shop()
+    slide = "sm_lib/Joints/Prismatic Joint"
+    low, high = shop.body("Low", shop.placed("Down"), slide), shop.body("High", shop.placed("Above", "[0 0 1]"), slide)
+    block = shop.couple(f"{FORCES}Internal Force", low, high)
+    force = shop.block("fl_lib/Physical Signals/Sources/PS Constant", "Push", constant="2")
+    shop.connect(f"{force}#rconn:1", f"{block}#lconn:2")
+    imported, result = ran(tmp_path, shop)
+    assert imported.fidelity == "mechanics complete"
+    for name, force in (("Low", -2), ("High", 2)):
+        np.testing.assert_allclose(result[f"q.{name}"], (force - 9.81) / 2 * result.times**2, atol=1e-3)
+
+
+def test_six_degrees_of_freedom_on_springs(tmp_path):
+    """A mass on a spring along z, as a suspension has it, swings about its rest; what it senses is its height."""
+    shop = Shop()
+    springs = {"PzSpringStiffness": "100", "PzDampingCoefficient": "1", "PzSensePosition": "on"}
+    shop.body("Body", shop.placed("Stand"), "sm_lib/Joints/6-DOF Joint", **springs)
+    imported, result = ran(tmp_path, shop)
+    assert not imported.report.of("dropped")
+    height, _ = expected(result.times, lambda s: [s[1], -100 * s[0] - s[1] - 9.81], [0, 0])
+    np.testing.assert_allclose(result["q.Body_Pz"], height, atol=2e-3)
+
+
+def test_a_crank_that_is_driven_starts_on_its_motion(tmp_path):
+    """A crank whose angle is 1 + 2 t moves the slider of its loop, which starts where and as fast as that asks for."""
+    shop, _ = crank("sm_lib/Joints/Prismatic Joint")
+    driven = '<P Name="MotionActuationMode">InputMotion</P><P Name="TorqueActuationMode">ComputedTorque</P>'
+    place = next(place for place, text in enumerate(shop.blocks) if 'Name="Crank"' in text)
+    shop.blocks[place] = shop.blocks[place].replace("<InstanceData>", f"<InstanceData>{driven}")
+    motion = shop.block("Ramp", "Motion", slope="2", start="0", InitialOutput="1")
+    into = shop.block(TO_PHYSICS, "In", Unit="rad")
+    shop.wire(f"{motion}#out:1", f"{into}#in:1")
+    shop.connect(f"{into}#rconn:1", f"{place + 1}#lconn:2")
+    imported, result = ran(tmp_path, shop)
+    assert imported.fidelity == "mechanics complete; 1 joint prescribed"
+    angle = 1 + 2 * result.times
+    np.testing.assert_allclose(result["q.Crank"], angle, atol=2e-3)
+    assert result["v.Crank"][0] == pytest.approx(2, rel=1e-3)
+    reach = np.sqrt(1 - (0.3 * np.sin(angle)) ** 2)
+    np.testing.assert_allclose(result["q.Slider"], 0.3 * np.cos(angle) + reach, atol=2e-3)
+    assert result["v.Slider"][0] == pytest.approx(-0.6 * np.sin(1) * (1 + 0.3 * np.cos(1) / reach[0]), rel=1e-2)

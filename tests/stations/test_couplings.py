@@ -1,0 +1,128 @@
+"""Gears, rods, welds and springs of a station against motions that are computed without it."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from simrob_drake import load_station, simulate
+from simrob_drake.errors import SimrobError
+
+LINK = """<link name="{name}"><inertial><origin xyz="{com}"/><mass value="{mass}"/>
+<inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+JOINT = """<joint name="{name}_joint" type="{type}"><parent link="base"/><child link="{name}"/><origin xyz="{at}"/>
+<axis xyz="{axis}"/><limit lower="-100" upper="100" effort="1000" velocity="100"/></joint>"""
+TIGHT = {"kind": "discrete", "scheme": "sap", "time_step": 1e-4}
+FREE = {"kp": 0.0, "ki": 0.0, "kd": 0.0}
+
+
+def station(folder, parts, **sections):
+    """Return a station of bodies on a base: for each name, its joint's type, place and axis, its mass, com, inertia."""
+    links = ["<link name='base'/>"]
+    for name, (kind, at, axis, mass, com, inertia) in parts.items():
+        links += [LINK.format(name=name, com=com, mass=mass, i=inertia)]
+        links += [JOINT.format(name=name, type=kind, at=at, axis=axis)]
+    (folder / "robot.urdf").write_text(f"<robot name='pair'>{''.join(links)}</robot>")
+    robot = {"urdf": str(folder / "robot.urdf"), **sections.pop("robot", {})}
+    content = {"robot": robot, "servo": FREE, "duration": 1.0, "gravity": 9.81, "solver": TIGHT, **sections}
+    import yaml
+
+    (folder / "station.yaml").write_text(yaml.safe_dump(content))
+    return load_station(folder / "station.yaml")
+
+
+ARM, WHEEL = ("revolute", "0 0 0", "0 1 0", 2.0, "0.3 0 0", 0.05), ("revolute", "1 0 0", "0 1 0", 1.0, "0 0 0", 0.02)
+
+
+def test_a_geared_pair_turns_as_one_inertia(tmp_path):
+    """An arm that falls drives a wheel of half its radius: (I1 + 4 I2) q1'' = m g c cos q1, and q2 = -2 q1."""
+    gears = {"mesh": {"kind": "gear", "ratios": {"arm_joint": 2, "wheel_joint": 1}}}
+    result = simulate(station(tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings=gears), progress=False)
+    inertia = 0.05 + 2.0 * 0.3**2 + 4 * 0.02
+
+    def motion(_, state):
+        return [state[1], 2.0 * 9.81 * 0.3 * np.cos(state[0]) / inertia]
+
+    expected = solve_ivp(motion, (0, 1), [0, 0], rtol=1e-10, atol=1e-12, t_eval=result.times).y[0]
+    np.testing.assert_allclose(result["q.arm_joint"], expected, atol=1e-3)
+    np.testing.assert_allclose(result["q.wheel_joint"], -2 * result["q.arm_joint"], atol=1e-4)
+
+
+def test_a_gear_keeps_the_posture_in_which_it_starts(tmp_path):
+    gears = {"gear": {"ratios": {"arm_joint": 1, "wheel_joint": 1}}}
+    start = {"initial_deg": {"arm_joint": 90, "wheel_joint": 30}}
+    config = station(tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings=gears, robot=start, duration=0.2)
+    result = simulate(config, progress=False)
+    assert result["q.arm_joint"] + result["q.wheel_joint"] == pytest.approx(np.full(21, np.deg2rad(120)), abs=1e-5)
+
+
+SLIDER = ("prismatic", "0 0 1", "0 0 1", 1.0, "0 0 0", 0.01)
+
+
+@pytest.mark.parametrize("solver", [TIGHT, {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-5}])
+def test_two_bodies_on_a_spring(tmp_path, solver):
+    """Two masses that slide, a spring with a damper between them: x'' = -k (x - l) / m - d x' / m of their distance."""
+    spring = {"spring": {"body": "low", "other": "high", "length": 0.8, "stiffness": 200.0, "damping": 3.0}}
+    low = ("prismatic", "0 0 0", "0 0 1", 2.0, "0 0 0", 0.01)
+    config = station(tmp_path, {"low": low, "high": SLIDER}, couplings=spring, gravity=0.0, solver=solver)
+    result = simulate(config, progress=False)
+
+    def motion(_, state):
+        pull = 200 * (state[1] - state[0] + 1 - 0.8) + 3 * (state[3] - state[2])
+        return [state[2], state[3], pull / 2.0, -pull / 1.0]
+
+    expected = solve_ivp(motion, (0, 1), [0.0] * 4, rtol=1e-10, atol=1e-12, t_eval=result.times).y
+    np.testing.assert_allclose(result["q.low_joint"], expected[0], atol=2e-4)
+    np.testing.assert_allclose(result["q.high_joint"], expected[1], atol=2e-4)
+
+
+def test_rods_and_welds_hold(tmp_path):
+    """A wheel drives a slider by a rod of 1 m; a second wheel is welded to the first one."""
+    parts = {
+        "wheel": ("revolute", "0 0 0", "0 1 0", 1.0, "0.1 0 0", 0.05), "slider": SLIDER,
+        "twin": ("revolute", "0 0.5 0", "0 1 0", 1.0, "0 0 0", 0.05),
+    }  # fmt: skip
+    held = {
+        "link": {"kind": "rod", "body": "wheel", "point": [0.3, 0, 0], "other": "slider",
+                 "length": float(np.hypot(0.3, 1.0))},
+        "shaft": {"kind": "weld", "body": "wheel", "other": "twin", "other_pose": [0, -0.5, 0, 0, 0, 0]},
+    }  # fmt: skip
+    result = simulate(station(tmp_path, parts, couplings=held), progress=False)
+    angle, height = result["q.wheel_joint"], 1 + result["q.slider_joint"]
+    assert np.ptp(angle) > 0.5
+    ends = np.column_stack([0.3 * np.cos(angle), -0.3 * np.sin(angle)])
+    apart = np.hypot(ends[:, 0], ends[:, 1] - height)
+    np.testing.assert_allclose(apart, np.hypot(0.3, 1.0), atol=2e-4)
+    np.testing.assert_allclose(result["q.twin_joint"], angle, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        {"kind": "ball", "body": "arm", "point": [0.3, 0, 0], "other_point": [0.3, 0, 0]},
+        {"kind": "ball", "body": "world", "point": [0.3, 0, 0], "other": "arm", "other_point": [0.3, 0, 0]},
+        {"kind": "rod", "body": "arm", "point": [0.3, 0, 0], "other_point": [0.3, 0, 0.5], "length": 0.5},
+        {"kind": "weld", "body": "arm"},
+    ],
+)
+def test_what_is_held_by_the_world_stays(tmp_path, held):
+    """An arm that would fall hangs on the world."""
+    result = simulate(station(tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings={"tie": held}), progress=False)
+    np.testing.assert_allclose(result["q.arm_joint"], 0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("coupling", "more", "told"),
+    [
+        ({"kind": "gear", "ratios": {"arm_joint": 1, "wheel_jiont": 1}}, {}, "wheel_joint"),
+        ({"kind": "gear", "ratios": {"arm_joint": 1, "wheel_joint": 1}},
+         {"solver": {"kind": "continuous"}}, "only discrete solvers hold couplings.tie"),
+        ({"kind": "rod", "body": "arm", "length": 0.5}, {}, r"couplings.tie.* 0\.5 m \(or rad\) off at the start"),
+        ({"kind": "ball", "body": "arm", "other": "wheel"}, {}, "1 m .* off at the start"),
+        ({"kind": "ball", "body": "arm", "other": "arm"}, {}, "another one than body"),
+        ({"kind": "spring", "body": "leg", "stiffness": 1.0}, {}, "leg"),
+        ({"kind": "spring", "body": "arm", "stiffness": 1.0}, {"mode": "kinematic"}, "kinematic"),
+    ],
+)  # fmt: skip
+def test_couplings_that_cannot_be(tmp_path, coupling, more, told):
+    with pytest.raises(SimrobError, match=told):
+        simulate(station(tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings={"tie": coupling}, **more), duration=0.01)
