@@ -4,7 +4,7 @@ The journal of a folder stays the only one: what Optuna looks at is made of its 
 """
 
 import warnings
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from simrob_drake.distributions import Choice, Distribution, Uniform
 from simrob_drake.extras import needed
 from simrob_drake.folders import writing
 from simrob_drake.tuning.measures import measured
@@ -49,20 +50,18 @@ def add_trials(found: Any, study: Study, records: Sequence[Record]) -> None:
     from optuna.trial import TrialState, create_trial
 
     known = {trial.user_attrs["trial"] for trial in found.get_trials(deepcopy=False)}
-    logs = {key for key in study.vary if getattr(study.vary[key], "log", False)}
-    kinds = _distributions([{key: record.rows[0].get(key) for key in study.vary} for record in records], logs)
+    many = len(study.cases(study.start, study.search))
+    kinds = _distributions(study.vary, [record.rows[0] for record in records])
     for record in records:
         if record.number in known:
             continue
         costs, over = study.mean(record.rows)
-        params = {key: _plain(value) for key in kinds if (value := record.rows[0].get(key)) is not None}
-        pruned = len(record.rows) < len(study.search.cases) * len(study.search.seeds)
+        pruned = len(record.rows) < many
         found.add_trial(
             create_trial(
                 state=TrialState.PRUNED if pruned else TrialState.COMPLETE,
                 values=None if pruned else costs.tolist(),
-                params=params,
-                distributions={key: kinds[key] for key in params},
+                **_parameters(kinds, record.rows[0]),
                 user_attrs={"trial": record.number, "runs": len(record.rows), **_means(record.rows)},
                 intermediate_values={len(record.rows): float(costs[0])} if pruned else {},
                 constraints={"limits": over} if study.limits or study.least else None,
@@ -70,14 +69,13 @@ def add_trials(found: Any, study: Study, records: Sequence[Record]) -> None:
         )
 
 
-def sweep_in_optuna(name: str, keys: Sequence[str], rows: Sequence[Row], *, logs: Collection[str] = ()) -> Any:
+def sweep_in_optuna(name: str, vary: Mapping[str, Distribution], rows: Sequence[Row]) -> Any:
     """Return the runs of a sweep that went to their ends as a study of Optuna, whose values are all measures.
 
     Args:
         name: what it is called.
-        keys: what varied.
+        vary: its keys and their distributions.
         rows: the runs.
-        logs: those of the keys that are spread by factors.
 
     Raises:
         SimrobError: the extra ``tune`` is missing.
@@ -87,11 +85,10 @@ def sweep_in_optuna(name: str, keys: Sequence[str], rows: Sequence[Row], *, logs
     found = _empty(name, names or ["nothing"], None)
     from optuna.trial import create_trial
 
-    kinds = _distributions([{key: row[key] for key in keys} for row in ended], logs)
+    kinds = _distributions(vary, ended)
     for row in ended if names else ():
-        params = {key: _plain(row[key]) for key in kinds}
         values = [row[name] for name in names]
-        found.add_trial(create_trial(values=values, params=params, distributions=kinds))
+        found.add_trial(create_trial(values=values, **_parameters(kinds, row)))
     return found
 
 
@@ -173,18 +170,25 @@ def _empty(name: str, values: Sequence[str], storage: Any) -> Any:
     return found
 
 
-def _distributions(rows: Sequence[Mapping[str, Any]], logs: Collection[str]) -> dict[str, Any]:
+def _distributions(vary: Mapping[str, Distribution], rows: Sequence[Row]) -> dict[str, Any]:
     """Return between which values each key varies: numbers lie in a range, others are a choice."""
     from optuna.distributions import CategoricalDistribution, FloatDistribution
 
     found: dict[str, Any] = {}
-    for key in dict.fromkeys(key for row in rows for key in row):
-        values = [row[key] for row in rows if row.get(key) is not None]
+    for key, one in vary.items():
+        values = [value for row in rows if (value := row.get(key)) is not None]
+        values = list(one.values) if isinstance(one, Choice) else values
         if values and all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
-            found[key] = FloatDistribution(min(values), max(values), log=key in logs)
+            found[key] = FloatDistribution(min(values), max(values), log=isinstance(one, Uniform) and one.log)
         elif values:
             found[key] = CategoricalDistribution(list(dict.fromkeys(map(_plain, values))))
     return found
+
+
+def _parameters(kinds: Mapping[str, Any], row: Row) -> dict[str, Any]:
+    """Return the values of a row, those that apply, and their distributions."""
+    params = {key: _plain(row[key]) for key in kinds if row.get(key) is not None}
+    return {"params": params, "distributions": {key: kinds[key] for key in params}}
 
 
 def _plain(value: Any) -> Any:

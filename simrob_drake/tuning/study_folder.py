@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -14,11 +15,13 @@ from simrob_drake.progress import progress_bar
 from simrob_drake.tuning.analysis import plots_there, save_plots, study_in_optuna
 from simrob_drake.tuning.engines import Engine, engine
 from simrob_drake.tuning.journal import ROWS, Journal, read_spec
+from simrob_drake.tuning.race import Race
+from simrob_drake.tuning.rollout import Case
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.search import Enough, search
 from simrob_drake.tuning.study import Conditions, Parameters, Study, named
 from simrob_drake.tuning.table import write_rows
-from simrob_drake.tuning.trial import Record, Row, killed, made, table
+from simrob_drake.tuning.trial import Record, Row, Trial, killed, made, table
 from simrob_drake.yaml_files import read_yaml
 
 STUDY, WINNER, TRIALS, FRONT, PROOF = "study.yaml", "winner.yaml", "trials.csv", "front.csv", "proof.csv"
@@ -157,7 +160,12 @@ class StudyFolder:
                 message = "holds trials of a search by other versions of packages; begin another study"
                 raise InvalidConfig(self.folder / ROWS, "", message)
         new = [parameters for number, parameters in parameters_of.items() if number not in self._tried]
-        runs = self._runs(workers, new, self.study.search)
+        trials: list[list[Any]] = self._cases(new, self.study.search)
+        if self.study.prune:
+            before = [cost[0] for number, (_, cost, _) in self._tried.items() if number <= self._started]
+            least = float(min(before, default=np.inf))
+            trials = [[Race(place, self.study, tuple(cases), least)] for place, cases in enumerate(trials, start=1)]
+        runs = _in_order(workers, trials)
         for number in parameters_of:
             if number not in self._tried:
                 rows = [row for record in next(runs) for row in record.rows]
@@ -169,24 +177,18 @@ class StudyFolder:
             self._started += 1
             yield
 
-    def _runs(self, workers: Engine, tried: list[Parameters], under: Conditions) -> Iterator[list[Record]]:
-        """Yield the records of all runs of each set of figures, in order, as they come."""
+    def _cases(self, tried: list[Parameters], under: Conditions) -> list[list[Case]]:
+        """Return the runs of each set of figures, all numbered from 1."""
         many = len(under.cases) * len(under.seeds)
-        cases = [self.study.cases(parameters, under, first=many * place + 1) for place, parameters in enumerate(tried)]
-        records: dict[int, Record] = {}
-        place = 0
-        for record in workers.outcomes(made, [case for some in cases for case in some], killed):
-            records[record.number] = record
-            while place < len(cases) and all(case.number in records for case in cases[place]):
-                yield [records[case.number] for case in cases[place]]
-                place += 1
+        return [self.study.cases(parameters, under, first=many * place + 1) for place, parameters in enumerate(tried)]
 
     def _columns(self, record: Record) -> Sequence[Row]:
         """Return what identifies the runs of a trial: its figures, and their seeds."""
         parameters = self.study.parameters_of(record.rows[0])
         if not parameters:
             return []
-        return [row for case in self.study.cases(parameters, self.study.search) for row in case.columns]
+        columns = [row for case in self.study.cases(parameters, self.study.search) for row in case.columns]
+        return columns[: len(record.rows)] if self.study.prune else columns
 
     def _of(self, record: Record) -> tuple[Parameters, Vector, float]:
         """Return the figures of a trial, what they cost, and by which part they break limits."""
@@ -195,7 +197,7 @@ class StudyFolder:
     def _proof(self, workers: Engine) -> list[Row]:
         if self.study.proof is None:
             return []
-        found = self._runs(workers, [self.study.start, self.best[0]], self.study.proof)
+        found = _in_order(workers, self._cases([self.study.start, self.best[0]], self.study.proof))
         return [
             {"of": of, **row, **named(self.study.judged(row)[0])}
             for of, records in zip(("start", "best"), found, strict=True)
@@ -204,8 +206,9 @@ class StudyFolder:
 
     def _write(self, proof: list[Row]) -> None:
         """Write what was found: all trials, those of the front, the winner, and the runs of the proof."""
+        runs = {one.number: {"runs": len(one.rows)} for one in self.journal.records if self.study.prune}
         tried = [
-            {"trial": number, **parameters, **named(costs), "over_limits": over}
+            {"trial": number, **parameters, **named(costs), "over_limits": over, **runs.get(number, {})}
             for number, (parameters, costs, over) in sorted(self._tried.items())
         ]
         write_rows(self.folder / TRIALS, tried)
@@ -218,3 +221,14 @@ class StudyFolder:
         winner = self.best[0]
         written_at_once(self.folder / WINNER, yaml.safe_dump(winner, sort_keys=False))
         Scene.of(self.study.station, {**self.study.overrides, **winner}).write(self.folder)
+
+
+def _in_order(workers: Engine, groups: Sequence[Sequence[Trial]]) -> Iterator[list[Record]]:
+    """Yield the records of each group of trials, in order, as they come; no two trials have one number."""
+    records: dict[int, Record] = {}
+    place = 0
+    for record in workers.outcomes(made, [trial for group in groups for trial in group], killed):
+        records[record.number] = record
+        while place < len(groups) and all(trial.number in records for trial in groups[place]):
+            yield [records[trial.number] for trial in groups[place]]
+            place += 1

@@ -14,6 +14,7 @@ import numpy as np
 import psutil
 import pytest
 from distributed import Client, LocalCluster
+from pyarrow import parquet
 
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
@@ -110,9 +111,13 @@ class TestFolder:
         alone = measures(simulate(load_station("double_pendulum", {**SHORT, "servo.kp": 40})))
         assert {name: rows[1][name] for name in alone} == alone
         assert float(table[1]["tracking_error"]) == alone["tracking_error"]
-        columns = pytest.importorskip("pyarrow.parquet").read_table(tmp_path / "sweep/sweep.parquet").to_pydict()
+        columns = parquet.read_table(tmp_path / "sweep/sweep.parquet").to_pydict()
         assert columns["tracking_error"] == [row["tracking_error"] for row in rows]
-        assert {file.name for file in (tmp_path / "sweep/plots").iterdir()} == {"over_servo.kp.png", "spread.png"}
+        assert {file.name for file in (tmp_path / "sweep/plots").iterdir()} == {
+            "over_servo.kp.png",
+            "spread.png",
+            "sensitivity.png",
+        }
 
     @pytest.mark.long
     def test_it_goes_on_where_it_was_killed(self, tmp_path):
