@@ -15,7 +15,7 @@ import pytest
 
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
-from simrob_drake.tuning import dashboard, study_folder
+from simrob_drake.tuning import dashboard, journal, study_folder, sweep_folder
 from simrob_drake.tuning.analysis import (
     add_trials,
     save_convergence,
@@ -30,6 +30,7 @@ from simrob_drake.tuning.rollout import Case
 from simrob_drake.tuning.study import Study
 from simrob_drake.tuning.study_folder import StudyFolder
 from simrob_drake.tuning.sweep import Sweep
+from simrob_drake.tuning.sweep_folder import SweepFolder
 from simrob_drake.tuning.trial import Record
 from tests.tuning.here import Here
 
@@ -40,6 +41,7 @@ ASKED = {
     "cost": {"tracking_error": 1},
     "search": {"cases": [{}, {"gravity": 1.62}, {"gravity": 15}]},
 }
+SWEEP = {"station": "double_pendulum", "overrides": ASKED["overrides"]}
 STUDY = Study(**ASKED, prune=True)
 
 
@@ -151,7 +153,7 @@ def test_a_port_that_is_taken_and_a_folder_of_nothing_are_told_in_a_line(tmp_pat
 
 @pytest.fixture
 def _here(monkeypatch):
-    """Let all runs be made in this process, without plots, and cost the less the nearer kp is to 300."""
+    """Let all runs be made in this process, and cost the less the nearer kp is to 300."""
 
     def measured(case):
         error = abs(np.log(case.overrides["servo.kp"] / 300)) + 1e-3 * case.overrides.get("gravity", 9.8)
@@ -159,7 +161,6 @@ def _here(monkeypatch):
 
     monkeypatch.setattr(Case, "measured", measured)
     monkeypatch.setattr(study_folder, "engine", lambda **_: Here())
-    monkeypatch.setattr(study_folder, "plots_there", lambda: False)
 
 
 @pytest.mark.usefixtures("_here")
@@ -174,12 +175,33 @@ def test_hopeless_trials_are_left_early_and_the_winner_is_the_same(tmp_path):
     assert found["whole"][0] == found["raced"][0]
     assert found["whole"][1] == 90
     assert found["raced"][1] < 60
-    journal = tmp_path / "raced" / ROWS
-    lines = journal.read_bytes().splitlines(keepends=True)
+    rows = tmp_path / "raced" / ROWS
+    lines = rows.read_bytes().splitlines(keepends=True)
     for kept in range(2, 30, 4):  # within batches, too
-        journal.write_bytes(b"".join(lines[:kept]) + lines[kept][:30])
+        rows.write_bytes(b"".join(lines[:kept]) + lines[kept][:30])
         StudyFolder.there(tmp_path / "raced").run(progress=False)
-        assert journal.read_bytes() == b"".join(lines)
+        assert rows.read_bytes() == b"".join(lines)
+
+
+def kept_plots(monkeypatch):
+    """Return a list of what is drawn, in place of drawing it."""
+    drawn = []
+    for module, names in ((study_folder, ["save_plots"]), (sweep_folder, ["save_sensitivity", "save_sweep_plots"])):
+        monkeypatch.setattr(module, "plots_there", lambda: True)
+        for name in names:
+            monkeypatch.setattr(module, name, lambda *given: drawn.append(given))
+    return drawn
+
+
+@pytest.mark.usefixtures("_here")
+def test_folders_end_with_their_plots(tmp_path, monkeypatch):
+    drawn = kept_plots(monkeypatch)
+    StudyFolder(tmp_path / "study", Study(**{**ASKED, "trials": 2, "search": {}})).run(progress=False)
+    monkeypatch.setattr(journal, "engine", lambda **_: Here())
+    SweepFolder(tmp_path / "sweep", Sweep(**{**SWEEP, "vary": {"servo.kp": "20,40"}})).run(progress=False)
+    (found, folder), _, (file, swept) = drawn
+    assert (folder, len(found.trials)) == (tmp_path / "study/plots", 2)
+    assert (file, len(swept.trials)) == (tmp_path / "sweep/plots/sensitivity.png", 2)
 
 
 @pytest.mark.parametrize(
