@@ -8,7 +8,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.blocks.joint_stops import add_joint_stops
+from simrob_drake.blocks.passive_joints import add_joint_stops
 from simrob_drake.blocks.references import add_reference, ramp
 from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_servos
 from simrob_drake.files import models_root

@@ -1,9 +1,9 @@
 """What callers give in Python, checked at the border: numbers, times, kinds of objects; and Drake's own refusals."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -113,3 +113,12 @@ def as_path(value: object, name: str) -> Path:
     if not str(found).isprintable():
         raise InvalidParameter(name, repr(str(found)), "a path that can be printed")
     return found
+
+
+def plain(value: Any) -> Any:
+    """Return a value with numpy's numbers and arrays as Python's own."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): plain(part) for key, part in value.items()}
+    return [plain(part) for part in value] if isinstance(value, (list, tuple)) else value

@@ -11,8 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from simrob_drake.robots.urdf import DRAKE
-from simrob_drake.robots.urdf_elements import MOMENTS, add_motor
+from simrob_drake.robots.urdf import DRAKE, MOMENTS, add_motor
 
 Numbers = Sequence[float]
 ZERO = (0.0, 0.0, 0.0)

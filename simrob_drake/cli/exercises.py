@@ -1,7 +1,5 @@
 """The command of the course: course list, start and check."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import isinf
 from pathlib import Path

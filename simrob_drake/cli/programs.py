@@ -77,7 +77,6 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
         SimrobError: what they cannot do; names the file and the move.
     """
     from simrob_drake.programs.arm import Workcell
-    from simrob_drake.programs.arm_program import rehearse
     from simrob_drake.programs.legged_robot import LeggedRobot
     from simrob_drake.programs.stages import stages_of_program
     from simrob_drake.programs.timeline import Timeline
@@ -88,7 +87,7 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
     if not of_arms(cell, program):
         stages_of_program(LeggedRobot(cell, program.robot), program, cell.config, file)
         return Finding("ok", "program", f"{moves} moves can be done" if moves else "its cells can be reached")
-    seen, time = rehearse(cell, program, file)
+    seen, time = cell.rehearse(program, file)
     if seen == moves:
         return Finding("ok", "program", f"{moves} entries can be done, in {time:.4g} s")
     message = f"{seen} of {moves} entries can be done, in {time:.4g} s; moves[{seen}] depends on where a piece falls"

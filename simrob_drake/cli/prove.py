@@ -1,7 +1,5 @@
 """The command that takes a winner through what it has never seen: prove."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any

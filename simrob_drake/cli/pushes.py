@@ -1,7 +1,5 @@
 """The command that measures how much a robot that walks withstands: pushes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any

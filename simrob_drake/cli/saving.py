@@ -13,7 +13,7 @@ from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.tables import cells_table, result_table
 from simrob_drake.folders import check_folder
 from simrob_drake.results.files import COMMANDS, SUMMARY, Saved, default_folder
-from simrob_drake.results.record.remarks import remarks_of
+from simrob_drake.results.record.summary import remarks_of
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig

@@ -1,7 +1,8 @@
-"""What `simrob import` and `simrob check` do with a Simulink model, and `simrob fmu`."""
+"""What `simrob import` and `simrob check` do with a Simulink model, `simrob fmu`, and `simrob serve`."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -51,6 +52,10 @@ Servos = Annotated[
 ]
 AllowLosses = Annotated[
     bool, typer.Option("--allow-losses", help="Exit with 0, not 4, though mechanics of a Simulink model are lost.")
+]
+Step = Annotated[
+    float | None,
+    typer.Option(help="Take steps of this length [s], the fastest way at a given communication step."),
 ]
 ModelSettings = Annotated[
     list[str] | None,
@@ -156,25 +161,60 @@ def fmu(
     station: StationArgument,
     out: Annotated[Path | None, typer.Option(help="FILE.fmu; STATION.fmu unless given.")] = None,
     set_: Settings = None,
-    step: Annotated[
-        float | None,
-        typer.Option(help="Take steps of this length [s], the fastest way at a given communication step."),
-    ] = None,
+    step: Step = None,
+    fmi: Annotated[int, typer.Option(help="Version of FMI: 2 or 3.")] = 2,
     force: Force = False,
 ) -> None:
-    """Write a station as an FMI 2.0 co-simulation unit, for Simulink, OpenModelica and others.
+    """Write a station as an FMI co-simulation unit, for Simulink, OpenModelica and others.
 
     For example:
 
         simrob fmu irb120_dynamic --step 1e-3 --out irb120.fmu
     """
-    from simrob_drake.simulink.fmi.unit import with_fixed_steps, write_fmu
+    from simrob_drake.simulink.fmi.unit import write_fmu
 
-    config = station_from(station, set_)
-    if step is not None:
-        config = with_fixed_steps(config, step)
+    config = _stepped(station, set_, step)
     target = out or Path(f"{config.name}.fmu")
-    console.print(f"unit    {write_fmu(config, target, force=force)}", soft_wrap=True, highlight=False)
+    file = write_fmu(config, target, version=fmi, force=force)
+    console.print(f"unit    {file}", soft_wrap=True, highlight=False)
+
+
+@with_mesh_path
+def serve(
+    station: StationArgument,
+    set_: Settings = None,
+    step: Step = None,
+    host: Annotated[
+        str, typer.Option(help="Where to listen; others than this computer reach it if it is not its own.")
+    ] = ("127.0.0.1"),
+    port: Annotated[int | None, typer.Option(min=0, max=65535, help="8300, or a free one, unless given.")] = None,
+) -> None:
+    """Let others step a station over TCP, as MATLAB on Windows; they need its token, of SIMROB_TOKEN or a random one.
+
+    For example:
+
+        simrob serve irb120_dynamic --step 1e-3
+    """
+    from simrob_drake.simulink.stepping import server
+
+    listening = server.StationServer(
+        _stepped(station, set_, step), host=host, port=port, token=os.environ.get(server.TOKEN_VARIABLE)
+    )
+    bound = listening.server_address[1]
+
+    def ready() -> None:
+        console.print(f"station {listening.config.name} at {host}, port {bound}", soft_wrap=True, highlight=False)
+        console.print(f"token   {listening.token}", soft_wrap=True, highlight=False)
+        console.print(f"client  {server.CLIENT}; end with Ctrl+C", soft_wrap=True, highlight=False)
+
+    server.serve(listening, ready)
+
+
+def _stepped(station: str, settings: list[str] | None, step: float | None) -> StationConfig:
+    from simrob_drake.simulink.stepping.station import with_fixed_steps
+
+    config = station_from(station, settings)
+    return config if step is None else with_fixed_steps(config, step)
 
 
 def _tell(model: SimulinkModel) -> None:
@@ -210,4 +250,4 @@ def compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Pat
         console.print(f"result   {out}", soft_wrap=True, highlight=False)
 
 
-COMMANDS: dict[str, Callable[..., Any]] = {"fmu": fmu}
+COMMANDS: dict[str, Callable[..., Any]] = {"fmu": fmu, "serve": serve}

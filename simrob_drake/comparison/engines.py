@@ -1,7 +1,5 @@
 """The engines that tell of a station's run: two schemes of Drake, MuJoCo, and inverse dynamics where it exists."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 

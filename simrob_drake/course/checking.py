@@ -1,7 +1,5 @@
 """Measure an answer to an exercise in a process of its own, with limits of time and memory."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

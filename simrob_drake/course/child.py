@@ -3,8 +3,6 @@
 It gets a job as a line of JSON, and answers with a line for each point. What the answer prints is let go.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import resource

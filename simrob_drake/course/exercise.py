@@ -1,7 +1,5 @@
 """An exercise of the course: a folder with its description, its templates and its checks."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Literal
 

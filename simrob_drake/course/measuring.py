@@ -1,7 +1,5 @@
 """What the checks of an exercise use: a value that was measured on an answer, and the bounds that it must keep."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import inf, isnan
 from types import ModuleType

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from pydrake.math import RigidTransform
 
 from simrob_drake.importer.repairs.names import FreeNames
-from simrob_drake.robots.urdf import name_of
-from simrob_drake.robots.urdf_elements import set_inertia, written
+from simrob_drake.robots.urdf import name_of, set_inertia, written
 
 ROOT = "robot_world"
 """The link that stands for the world."""

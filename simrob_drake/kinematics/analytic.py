@@ -7,16 +7,21 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.errors import InvalidParameter, UnknownName, angle, one_of
-from simrob_drake.frames import Vector
-from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.closed_form import BRANCHES, ELBOWS, SHOULDERS, WRISTS, ClosedForm, all_postures
+from simrob_drake.frames import Targets, Vector, pose_errors, pose_matrices, within
+from simrob_drake.kinematics.chain import Chain, Indices
+from simrob_drake.kinematics.closed_form import (
+    BRANCHES,
+    ELBOWS,
+    SHOULDERS,
+    WRISTS,
+    ClosedForm,
+    NoClosedForm,
+    SixAxisArm,
+    all_postures,
+)
 from simrob_drake.kinematics.constrained import ConstrainedSolver
 from simrob_drake.kinematics.incremental import IncrementalSolver
-from simrob_drake.kinematics.least_squares import fit_postures, within
-from simrob_drake.kinematics.numeric import NumericSolver
-from simrob_drake.kinematics.poses import Targets, pose_errors, pose_matrices
-from simrob_drake.kinematics.screws import Indices
-from simrob_drake.kinematics.six_axis_arm import NoClosedForm, SixAxisArm
+from simrob_drake.kinematics.numeric import NumericSolver, fit_postures
 from simrob_drake.kinematics.solver import (
     POSITION_TOLERANCE,
     ROTATION_TOLERANCE,

@@ -11,12 +11,10 @@ from pydrake.multibody.inverse_kinematics import InverseKinematics, OrientationC
 from pydrake.solvers import Constraint, IpoptSolver, MathematicalProgram, SnoptSolver, Solve, SolverOptions
 
 from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Vector, pose_errors, within
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.goals import ORIGIN, Goal, JointBounds, Setting, point_in_box
-from simrob_drake.kinematics.least_squares import within
 from simrob_drake.kinematics.numeric import random_postures
-from simrob_drake.kinematics.poses import pose_errors
 from simrob_drake.kinematics.solver import Solutions, Solver
 
 TargetKind = Literal["pose", "position", "free"]

@@ -11,14 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector, finite
+from simrob_drake.frames import Targets, Vector, finite, pose_matrices, within
 from simrob_drake.kinematics.analytic import AnalyticSolver
-from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.least_squares import COARSE, Flags, fit_postures, within
-from simrob_drake.kinematics.numeric import random_postures
-from simrob_drake.kinematics.poses import Targets, pose_matrices
-from simrob_drake.kinematics.screws import Indices
-from simrob_drake.kinematics.six_axis_arm import NoClosedForm
+from simrob_drake.kinematics.chain import Chain, Indices
+from simrob_drake.kinematics.closed_form import NoClosedForm
+from simrob_drake.kinematics.numeric import COARSE, Flags, fit_postures, random_postures
 from simrob_drake.kinematics.solver import TURN, nearest_turns
 
 _SIX = 6  # axes reach a pose in a finite number of ways

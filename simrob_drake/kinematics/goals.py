@@ -24,9 +24,8 @@ from pydrake.solvers import BoundingBoxConstraint, Constraint
 from pydrake.systems.framework import Context
 
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import POSE_SIZE, Vector
+from simrob_drake.frames import POSE_SIZE, Targets, Vector, one_pose
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.poses import Targets, one_pose
 
 ORIGIN = (0.0, 0.0, 0.0)
 HERE = (0.0,) * POSE_SIZE

@@ -3,10 +3,9 @@
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter, angle
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Vector, pose_errors, within
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.least_squares import Flags, within
-from simrob_drake.kinematics.poses import pose_errors
+from simrob_drake.kinematics.numeric import Flags
 from simrob_drake.kinematics.solver import Solutions, Solver, check_search, why_unreached
 
 _NEAR_SINGULAR = 0.02  # smallest singular value [m, rad] below which damping begins

@@ -16,8 +16,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.kinematics.chain import Chain, axes_and_points, joints_between
-from simrob_drake.kinematics.screws import Screws
+from simrob_drake.kinematics.chain import Chain, Screws, axes_and_points, joints_between
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel, load_robot
 from simrob_drake.robots.parse import held_robot

@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.errors import InvalidParameter, SimrobError, angle
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Targets, Vector, pose_matrices
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.poses import Targets, pose_matrices
 
 POSITION_TOLERANCE = 1e-6  # m: a tenth of the repeatability of a small arm, and fine enough for smooth paths
 ROTATION_TOLERANCE = 1e-5  # rad

@@ -14,7 +14,7 @@ from simrob_drake.mujoco.coordinates import turned
 from simrob_drake.parts.controllers.policy import Policy
 from simrob_drake.parts.sensors.encoders import Encoders
 from simrob_drake.parts.sensors.imu import Imu
-from simrob_drake.parts.sensors.sampled import rounded
+from simrob_drake.parts.sensors.sensor import rounded
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.config import StationConfig
 

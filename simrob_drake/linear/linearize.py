@@ -1,7 +1,5 @@
 """From a station to its linear model about a rest."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

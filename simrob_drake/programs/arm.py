@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import wraps
 from pathlib import Path
-from typing import Any, Literal, Unpack, cast
+from typing import Any, Concatenate, Literal, ParamSpec, Unpack, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -13,23 +15,55 @@ from simrob_drake.arguments import instance
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike
 from simrob_drake.kinematics.analytic import SolverLike
-from simrob_drake.programs.arm_geometry import ArmGeometry
-from simrob_drake.programs.arm_program import perform, rehearse
 from simrob_drake.programs.automatic import pace_of, run_cells
+from simrob_drake.programs.geometry import ArmGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kinds import move_from
-from simrob_drake.programs.moves.move import MOVE_TIME, Move
-from simrob_drake.programs.planner import Planner
+from simrob_drake.programs.moves.move import MOVE_TIME, Move, move_name, naming
+from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
+from simrob_drake.programs.moves.move_c import plan_move_c
+from simrob_drake.programs.moves.move_j import plan_move_j
+from simrob_drake.programs.moves.move_l import plan_move_l
+from simrob_drake.programs.moves.play import PlayMove
+from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.planning import Planning
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.recorded import STATION, RecordedStation
-from simrob_drake.programs.targets import PoseTargets, WorkObject
+from simrob_drake.programs.stages import check_takes_time
 from simrob_drake.programs.timeline import following
-from simrob_drake.programs.timing import How
 from simrob_drake.results.files import Saved
+from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.whole import joined
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
+
+P = ParamSpec("P")
+
+
+class Planner(Planning):
+    """Plans moves of one robot from where it is, with everything checked; nothing moves.
+
+    All moves begin at rest where the robot's reference is, and rest at their end; of several targets they rest at each
+    unless they have a ``zone``, but for those of ``move_abs_j`` and ``move_j``, which pass through smoothly unless
+    ``stop`` is set.
+    """
+
+    move_abs_j, move_j, move_l, move_c = plan_move_abs_j, plan_move_j, plan_move_l, plan_move_c
+
+    def __repr__(self) -> str:
+        """Say in one line whose moves it plans."""
+        return f"<Planner of {self.robot}: {self.chain!r}>"
+
+
+def _running(plan: Callable[Concatenate[Planning, P], Plan]) -> Callable[Concatenate[Arm, P], SimulationResult]:
+    """Return the method of an arm that runs what ``plan`` plans."""
+
+    @wraps(plan)
+    def run(arm: Arm, /, *targets: P.args, **how: P.kwargs) -> SimulationResult:
+        return arm.cell.run(plan(arm.plan, *targets, **how))
+
+    return run
 
 
 class Arm(ArmGeometry):
@@ -128,44 +162,16 @@ class Arm(ArmGeometry):
         Raises:
             SimrobError: it is wrong, or cannot be done.
         """
-        run = move_from(move).perform(
-            self.cell, self.name, lambda plans, duration: self.cell.run(*plans, duration=duration)
-        )
-        return cast(SimulationResult | None, run)
+        return cast(SimulationResult | None, move_from(move).perform(self.cell, self.name, self.cell.run_plans))
 
-    def move_abs_j(self, targets: npt.ArrayLike, *, stop: bool = False, **how: Unpack[How]) -> SimulationResult:
-        """Move the axes to a posture (n,), or through many (k, n) [rad or m]; see :meth:`Planner.move_abs_j`."""
-        return self.cell.run(self.plan.move_abs_j(targets, stop=stop, **how))
-
-    def move_j(
-        self,
-        targets: PoseTargets,
-        *,
-        wobj: WorkObject = None,
-        solver: SolverLike | None = None,
-        stop: bool = False,
-        **how: Unpack[How],
-    ) -> SimulationResult:
-        """Move the tool to poses the easiest way, straight in the joints; see :meth:`Planner.move_j`."""
-        return self.cell.run(self.plan.move_j(targets, wobj=wobj, solver=solver, stop=stop, **how))
-
-    def move_l(
-        self, targets: PoseTargets, *, wobj: WorkObject = None, solver: SolverLike | None = None, **how: Unpack[How]
-    ) -> SimulationResult:
-        """Move the tool along straight lines; see :meth:`Planner.move_l`."""
-        return self.cell.run(self.plan.move_l(targets, wobj=wobj, solver=solver, **how))
-
-    def move_c(
-        self,
-        via: PoseTargets,
-        targets: PoseTargets,
-        *,
-        wobj: WorkObject = None,
-        solver: SolverLike | None = None,
-        **how: Unpack[How],
-    ) -> SimulationResult:
-        """Move the tool along arcs of circles; see :meth:`Planner.move_c`."""
-        return self.cell.run(self.plan.move_c(via, targets, wobj=wobj, solver=solver, **how))
+    move_abs_j = _running(plan_move_abs_j)
+    """Move the axes to a posture (n,), or through many (k, n) [rad or m]; see :func:`plan_move_abs_j`."""
+    move_j = _running(plan_move_j)
+    """Move the tool to poses the easiest way, straight in the joints; see :func:`plan_move_j`."""
+    move_l = _running(plan_move_l)
+    """Move the tool along straight lines; see :func:`plan_move_l`."""
+    move_c = _running(plan_move_c)
+    """Move the tool along arcs of circles; see :func:`plan_move_c`."""
 
     def wait(self, duration: float) -> SimulationResult:
         """Hold the place for a time [s]; on a dynamic station the arm settles."""
@@ -302,13 +308,68 @@ class Workcell(RecordedStation):
         loaded, file = (program, "") if isinstance(program, Program) else (Program.load(program), str(program))
         trial = Workcell(self.config)
         trial.state = self.state
-        rehearse(trial, loaded, file)
+        trial.rehearse(loaded, file)
         config, state, entries = self.config, self.state, list(self.tape.entries)
         try:
             with following(self, loaded.grid, loaded.changes):
-                runs = perform(self, loaded, file)
+                runs = self._perform(loaded, file)
         except BaseException:
             self._change(config)
             self.state, self.tape.entries = state, entries
             raise
         return joined(runs, begun=(config, state), left=self.config, program=loaded.on(STATION).text())
+
+    def rehearse(self, program: Program, file: str = "") -> tuple[int, float]:
+        """Look whether arms can do a program, as far as that can be known without running it.
+
+        What a dynamic station does is known only once it is done. So this stands the robots where each move leads them,
+        without a simulation, and leaves them there; it ends before a move that depends on a piece that was let fall,
+        and before the station's own references.
+
+        Args:
+            program: what is to be done.
+            file: that it stands in, for messages.
+
+        Returns:
+            how many of the moves were looked at, and how long they take [s].
+
+        Raises:
+            InvalidParameter: a program without a move that takes time.
+            SimrobError: what cannot be done; names the move.
+        """
+        check_takes_time(program.moves, file or "the program", "one with moves, such as move_abs_j")
+        fallen, whole = set[str](), 0.0
+        for number, move in enumerate(program.moves):
+            if isinstance(move, PlayMove) or not fallen.isdisjoint(move.pieces()):
+                return number, whole
+            with naming(move_name(number, len(program.moves), file)):
+                whole += move.perform(self, program.robot, self._stand) or 0.0
+            fallen |= {name for name in self.config.free_pieces if name in move.pieces()}
+        return len(program.moves), whole
+
+    def _perform(self, program: Program, file: str) -> list[SimulationResult]:
+        """Do move after move, and return the runs; one that does not go to its end is the last."""
+        runs: list[SimulationResult] = []
+        for number, move in enumerate(program.moves):
+            with naming(move_name(number, len(program.moves), file)):
+                run = move.perform(self, program.robot, self.run_plans)
+            if run is not None:
+                runs.append(run)
+                if run.ending != "completed":
+                    break
+        return runs
+
+    def run_plans(self, plans: list[Plan], duration: float | None) -> SimulationResult:
+        """Run planned moves of a list, as :meth:`run` does, for a duration [s] if there is one."""
+        return self.run(*plans, duration=duration)
+
+    def _stand(self, plans: list[Plan], duration: float | None) -> float:
+        """Put robots where their moves lead them, and return how long the moves take [s]."""
+        self.check_together(*plans)
+        time = max(plan.duration for plan in plans) if duration is None else duration
+        at = {robot: self.reference(robot) for robot in self.config.robots}
+        at |= {plan.robot: plan.postures(np.array([min(time, plan.duration)]))[0] for plan in plans}
+        still = {robot: np.zeros_like(posture) for robot, posture in at.items()}
+        before = self.state or State(at, still, at)
+        self.state = replace(before, positions=at, velocities=still, references=at)
+        return time

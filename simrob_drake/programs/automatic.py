@@ -11,7 +11,7 @@ from simrob_drake.arguments import instance
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.controllers.sequencer import Cell, Pace, Sequencer
-from simrob_drake.programs.cell_robot import CellRobot
+from simrob_drake.programs.geometry import CellRobot
 from simrob_drake.programs.moves.joints import JointMove
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.sections import Positive, validated

@@ -1,6 +1,6 @@
-"""A move that is planned and checked."""
+"""A move that is planned, and whether a robot can do it: joint limits, speeds, accelerations, collisions."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -11,6 +11,14 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.errors import shortened
 from simrob_drake.frames import Vector
+from simrob_drake.kinematics.chain import Chain
+from simrob_drake.programs.errors import (
+    AccelerationLimitExceeded,
+    JointLimitExceeded,
+    PathCollision,
+    SpeedLimitExceeded,
+)
+from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.segments import Stretch, named_point, trajectory
 
 Check = Literal["nothing", "limits", "collision"]
@@ -97,3 +105,132 @@ def target_name(index: int, count: int) -> str:
 def look_times(duration: float, points: int) -> Vector:
     """Return the times (k,) [s] at which a move of so many points is looked at."""
     return np.linspace(0.0, duration, _LOOKS * max(points, 10) + 1)
+
+
+Naming = Callable[[float], tuple[int, str]]
+"""From a time [s] of a move to the number of its point and the point's name."""
+Remedy = Callable[[float, float], str]
+"""From how many times slower a move can be done, and in what time [s], to what its user may do about it."""
+TOUCH = 1e-3
+"""How deep shapes may be in each other before it counts [m]: what stands, or is held, touches."""
+
+_ROUNDING = 1e-9  # rad or m
+_MARGIN = 1.02  # of what messages propose
+
+
+def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming, hint: str = "") -> None:
+    """Check that all axes stay within their limits.
+
+    Args:
+        chain: whose limits count.
+        times: shape (k,) [s].
+        postures: at these times, shape (k, n).
+        named: how points are called.
+        hint: what the message ends with.
+
+    Raises:
+        JointLimitExceeded: names the first offending point.
+    """
+    beyond = np.maximum(chain.lower - postures, postures - chain.upper) > _ROUNDING
+    if not beyond.any():
+        return
+    row = int(np.argmax(beyond.any(axis=1)))
+    axis = int(np.argmax(beyond[row]))
+    number, name = named(float(times[row]))
+    value, revolute = float(postures[row, axis]), bool(chain.revolute[axis])
+    limits = f"beyond its limits of {shown(chain.lower[axis], revolute)} to {shown(chain.upper[axis], revolute)}"
+    text = f"{shown(value, revolute)}, {limits}{hint}"
+    raise JointLimitExceeded(name, chain.names[axis], point=number, time=float(times[row]), value=value, shown=text)
+
+
+def rate_ratio(trajectory: Trajectory, times: Vector, limits: Vector, order: int) -> float:
+    """Return the largest ratio of a joint's speed (order 1) or acceleration (2) to its limit (n,); up to 1 it can."""
+    return float((_rates(trajectory, times, order) / limits).max())
+
+
+def check_rates(
+    chain: Chain, trajectory: Trajectory, times: Vector, limits: Vector, order: int, named: Naming, remedy: Remedy
+) -> None:
+    """Check that no axis is faster than its limit, or sped up more.
+
+    Args:
+        chain: whose axes move.
+        trajectory: of the move.
+        times: at which it is looked at, shape (k,) [s].
+        limits: largest speeds or accelerations, shape (n,) [rad/s or m/s, rad/s² or m/s²].
+        order: 1 for speeds, 2 for accelerations.
+        named: how points are called.
+        remedy: what to do about it.
+
+    Raises:
+        SpeedLimitExceeded, AccelerationLimitExceeded: names the first offending point, and what would do.
+    """
+    rates = _rates(trajectory, times, order)
+    ratios = rates / limits
+    if ratios.max() <= 1 + _ROUNDING:
+        return
+    row = int(np.argmax((ratios > 1 + _ROUNDING).any(axis=1)))
+    axis = int(np.argmax(ratios[row]))
+    number, name = named(float(times[row]))
+    revolute, slower = bool(chain.revolute[axis]), _MARGIN * float(ratios.max()) ** (1 / order)
+    unit = "/s²" if order == 2 else "/s"
+    limit = f"beyond its limit of {shown(limits[axis], revolute)}{unit}"
+    kind = AccelerationLimitExceeded if order == 2 else SpeedLimitExceeded
+    raise kind(
+        name,
+        chain.names[axis],
+        point=number,
+        time=float(times[row]),
+        rate=float(rates[row, axis]),
+        duration=slower * float(times[-1]),
+        shown=f"{shown(rates[row, axis], revolute)}{unit}, {limit}; {remedy(slower, slower * times[-1])}",
+    )
+
+
+def _rates(trajectory: Trajectory, times: Vector, order: int) -> Vector:
+    rates: Vector = np.abs(np.asarray(trajectory.MakeDerivative(order).vector_values(times.tolist())).T)
+    return rates
+
+
+def shown(value: float, revolute: bool) -> str:
+    """Return a position or speed of an axis as messages show it: in degrees or metres."""
+    return f"{np.rad2deg(value):.1f} deg" if revolute else f"{value:.3f} m"
+
+
+def check_collisions(
+    model: StationModel,
+    robots: Mapping[str, Vector],
+    times: Vector,
+    named: Naming,
+    *,
+    touch: float = TOUCH,
+) -> None:
+    """Check that robots touch nothing on their way, and what they carry neither.
+
+    A robot and what it carries count as one, and pass through each other; so does what already touched at the
+    beginning, as a piece on its table. Meshes count as their convex hulls, so the holes of a half sphere are closed.
+
+    Args:
+        model: of the station, with collision shapes.
+        robots: postures (k, n) by robot at the times; robots that are left out stay where they are.
+        times: shape (k,) [s].
+        named: how points are called.
+        touch: how deep shapes may be in each other [m].
+
+    Raises:
+        PathCollision: names the first offending point, and what runs into what.
+    """
+    resting: set[frozenset[str]] = set()
+    for row, time in enumerate(times):
+        model.place_robots({name: postures[row] for name, postures in robots.items()})
+        found = [
+            (float(pair.depth), (model.owner(pair.id_A), model.owner(pair.id_B)))
+            for pair in model.query().ComputePointPairPenetration()
+            if pair.depth > touch
+        ]
+        if row == 0:
+            resting = {frozenset(bodies) for _, bodies in found}
+        for depth, bodies in sorted(found):  # through thin shapes depths are too large
+            if frozenset(bodies) not in resting:
+                number, name = named(float(time))
+                raise PathCollision(name, point=number, time=float(time), bodies=bodies, depth=depth)

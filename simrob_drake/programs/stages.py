@@ -17,7 +17,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.automatic import run_cells
 from simrob_drake.programs.gaits.registry import carries, first_gait, gaits_of
 from simrob_drake.programs.gaits.sequences import Posing
-from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of, targets_on
 from simrob_drake.programs.moves.kinds import LEG_KINDS
 from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming

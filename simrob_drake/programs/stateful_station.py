@@ -17,11 +17,10 @@ from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.programs.grasps import let_go, taken
 from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.planning import HasTool, WorkObject, pose_numbers
 from simrob_drake.programs.segments import Stretch, rest, trajectory, until
 from simrob_drake.programs.tape import Entry, Take, Tape, in_words, run_entry
-from simrob_drake.programs.targets import HasTool, WorkObject, pose_numbers
-from simrob_drake.programs.timed import run_timed
-from simrob_drake.programs.timeline import Timeline
+from simrob_drake.programs.timeline import Timeline, run_timed
 from simrob_drake.programs.together import check_moves
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.record.state import State, free_joint

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby, pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
 from pydrake.math import RigidTransform
 
-from simrob_drake.arguments import seconds
+from simrob_drake.arguments import plain, seconds
 from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.kinematics.analytic import SolverLike
+from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.planning import HasTool, Planning, PoseTargets, WorkObject, pose_numbers, row_numbers
 from simrob_drake.programs.segments import Stretch, trajectory
-from simrob_drake.programs.targets import WorkObject, pose_numbers
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import ReferenceLike, simulate
@@ -139,6 +141,47 @@ def _as_one(takes: list[Take], factor: float) -> Stage:
             motions.setdefault(robot, []).extend(stretch.at(begin, factor) for stretch in own)
         begin += factor * take.duration
     return {robot: trajectory(own) for robot, own in motions.items()}, begin
+
+
+def recorded(
+    plan: Plan,
+    key: str,
+    planning: Planning,
+    targets: PoseTargets,
+    how: Mapping[str, Any],
+    *,
+    wobj: WorkObject = None,
+    solver: SolverLike | None = None,
+    **more: Any,
+) -> Plan:
+    """Return a plan with the entry of a program's file that would make it again; with none where no file can say it.
+
+    Args:
+        plan: of a call from Python.
+        key: of the kind of move.
+        planning: what it was planned from.
+        targets: what the call was given, as all that follows.
+        how: likewise.
+        wobj: likewise.
+        solver: likewise.
+        more: ``stop`` or ``via``.
+    """
+    used = planning.solver if solver is None else solver
+    moved = None if wobj is None else planning.frame(wobj)
+    if not isinstance(used, str):
+        return replace(plan, entry=None, frame=moved)
+    frame: Any = None if isinstance(wobj, str) and wobj == WORLD else wobj
+    if isinstance(wobj, HasTool):
+        frame = getattr(wobj, "name", None)
+    elif frame is not None and not isinstance(frame, str):
+        frame = pose_numbers(frame)
+    content = {"targets": row_numbers(targets), "robot": planning.robot, **how, "wobj": frame, **more}
+    if "via" in more:
+        content["via"] = row_numbers(more["via"])
+    if used != "auto":
+        content["solver"] = used
+    made = {name: plain(value) for name, value in content.items() if value is not None}
+    return replace(plan, entry={key: made}, frame=moved)
 
 
 def run_entry(

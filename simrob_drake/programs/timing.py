@@ -11,8 +11,7 @@ from simrob_drake.blocks.cruise import LONGEST_RAMP, TimeLaw, cruise, cruise_in,
 from simrob_drake.blocks.references import PEAK
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, numbers
-from simrob_drake.programs.checks import rate_ratio
-from simrob_drake.programs.plan import Check, Plan
+from simrob_drake.programs.plan import Check, Plan, rate_ratio
 from simrob_drake.programs.segments import Segment, Stretch, by_law
 
 POINT_TIME = 0.1

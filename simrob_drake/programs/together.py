@@ -1,20 +1,117 @@
-"""Whether moves that are run at the same time, or postures, run into anything, and how far they stay from it."""
+"""Whether moves that are run at the same time, or postures, run into anything, and how far they stay from it.
 
-from collections.abc import Callable, Sequence
-from itertools import combinations
+And what each posture that brings an arm's tool to a pose means: torque to hold it, room to limits and around it.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.geometry import Role
 
 from simrob_drake.arguments import instance
 from simrob_drake.blocks.distance_sensor import Distances
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
+from simrob_drake.kinematics.every_branch import branches
 from simrob_drake.kinematics.numeric import random_postures
-from simrob_drake.programs.checks import check_collisions
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.plan import Plan, look_times
+from simrob_drake.programs.plan import Plan, check_collisions, look_times, shown
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """One posture of an arm, held at rest.
+
+    Attributes:
+        posture: shape (n,) [rad or m].
+        torque: that holds it with what the arm carries, shape (n,) [N·m or N].
+        load: the largest share that is of an axis's limit, and the axis; above 1 it is more than the servo gives.
+        room: the least distance of an axis to its limits [rad or m], and the axis; below 0 it is beyond them.
+        collision: what would be in what; empty if nothing is.
+        gap: the least distance of the arm and what it carries to anything else [m], below 0 in it, and of what to
+            what; infinite with nothing around.
+    """
+
+    posture: Vector
+    torque: Vector
+    load: tuple[float, str]
+    room: tuple[float, str]
+    collision: str
+    gap: tuple[float, str, str]
+
+    @classmethod
+    def of(
+        cls, chain: Chain, posture: Vector, torque: Vector, limit: Vector, collision: str, gap: tuple[float, str, str]
+    ) -> "Branch":
+        """Return what a posture (n,) means that takes so much torque (n,), of a limit (n,)."""
+        loads = np.abs(torque) / limit
+        rooms = np.minimum(posture - chain.lower, chain.upper - posture)
+        most, least = int(np.argmax(loads)), int(np.argmin(rooms))
+        load, room = (float(loads[most]), chain.names[most]), (float(rooms[least]), chain.names[least])
+        return cls(posture, torque, load, room, collision, gap)
+
+    @property
+    def usable(self) -> bool:
+        """Whether the arm can stand so."""
+        return self.load[0] <= 1.0 and self.room[0] >= 0.0 and not self.collision
+
+
+@dataclass(frozen=True, eq=False)
+class Branches:
+    """All postures of an arm for a pose, usable ones first; as text a table, in which a star tells these."""
+
+    chain: Chain
+    found: tuple[Branch, ...]
+
+    @classmethod
+    def of(
+        cls,
+        chain: Chain,
+        target: Vector,
+        start: npt.ArrayLike,
+        held: Mapping[str, npt.ArrayLike],
+        meaning: Callable[[Vector], Branch],
+    ) -> "Branches":
+        """Return all postures for a target (1, 4, 4), with axes held at one position or each of several."""
+        positions = instance(held, "held", Mapping, "a mapping of axes to positions [rad or m]").values()
+        values = [np.ravel(value).tolist() or [value] for value in positions]
+        ways = [dict(zip(held, row, strict=True)) for row in product(*values)]
+        rows = np.concatenate([branches(chain, target, start, way)[0] for way in ways])
+        return cls(chain, tuple(sorted(map(meaning, rows), key=lambda branch: not branch.usable)))
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    def __iter__(self) -> Iterator[Branch]:
+        return iter(self.found)
+
+    def __getitem__(self, index: int) -> Branch:
+        return self.found[index]
+
+    def __repr__(self) -> str:
+        """Return the table."""
+        if not self.found:
+            return "no posture reaches the pose"
+        turns = dict(zip(self.chain.names, self.chain.revolute.tolist(), strict=True))
+        rows = [["", *turns, "of the torque limit", "room to a limit", "gap", "would be in"]]
+        for branch in self.found:
+            postures = (shown(value, turn) for value, turn in zip(branch.posture + 0.0, turns.values(), strict=True))
+            load, room = (
+                f"{100 * branch.load[0]:.0f} % {branch.load[1]}",
+                shown(branch.room[0], turns[branch.room[1]]),
+            )
+            distance, nearest, other = branch.gap
+            gap = f"{1e3 * distance:.0f} mm {nearest} to {other}" if other else ""
+            rows.append(["*" * branch.usable, *postures, load, f"{room} {branch.room[1]}", gap, branch.collision])
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        return "\n".join("  ".join(map(str.rjust, row, widths)).rstrip() for row in rows)
+
+    __str__ = __repr__
+
 
 _LOOKS = 6  # postures of chance that tell which distances change at all
 _SAME = 1e-6  # m

@@ -16,8 +16,20 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector
-from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, mass_of, name_of, outward, root_link
-from simrob_drake.robots.urdf_elements import add_frame, moments_of, place, pose_of, set_inertia
+from simrob_drake.robots.urdf import (
+    MOVABLE_JOINTS,
+    add_frame,
+    joints_at,
+    link_of,
+    mass_of,
+    moments_of,
+    name_of,
+    outward,
+    place,
+    pose_of,
+    root_link,
+    set_inertia,
+)
 
 _USUAL = re.compile(r"tool|tcp|flange|attachment|end_?effector|(^|_)ee(_|f?$)|tip|grasp", re.IGNORECASE)
 """Names that published robots give to the place of the tool."""

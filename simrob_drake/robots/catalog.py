@@ -18,8 +18,7 @@ from simrob_drake.files import ROBOT_FILE, models_root, robot_files
 from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
 from simrob_drake.robots.bodies import links_without_inertia, tool_links
-from simrob_drake.robots.dh import DhTable, described_by_table
-from simrob_drake.robots.dh_urdf import dh_robot
+from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.drives import Drives, joint_friction, set_drives
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.urdf import (
@@ -113,7 +112,11 @@ class RobotModel(Strict):
     @model_validator(mode="before")
     @classmethod
     def _of_table(cls, content: Any) -> Any:
-        return described_by_table(content)
+        return (
+            described_by_table(content)
+            if isinstance(content, dict) and isinstance(content.get("dh"), dict)
+            else content
+        )
 
     @model_validator(mode="after")
     def _one_origin(self) -> RobotModel:

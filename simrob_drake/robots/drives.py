@@ -8,8 +8,7 @@ from pydantic import Field
 from pydrake.math import RigidTransform
 
 from simrob_drake.robots.axis_map import AxisValues, every_axis
-from simrob_drake.robots.urdf import DRAKE, copied, name_of
-from simrob_drake.robots.urdf_elements import add_joint, child_of, set_inertia, written
+from simrob_drake.robots.urdf import DRAKE, add_joint, child_of, copied, name_of, set_inertia, written
 from simrob_drake.sections import Number, Strict
 
 PLAY = "_play"

@@ -15,9 +15,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.robots.solids import Solid
-from simrob_drake.robots.urdf import name_of
-from simrob_drake.robots.urdf_elements import add_contact, add_solid
+from simrob_drake.robots.urdf import Solid, add_contact, add_solid, name_of
 from simrob_drake.sections import NotNegative, Positive, Strict, Triple
 
 

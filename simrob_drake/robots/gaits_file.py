@@ -1,7 +1,5 @@
 """The file `gaits.yaml` beside a robot's `robot.yaml`: all by which it walks, a section for each kind of gait."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

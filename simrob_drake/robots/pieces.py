@@ -18,14 +18,15 @@ from pydrake.math import RigidTransform
 from simrob_drake.errors import InvalidModel, UnknownName
 from simrob_drake.files import PIECE_FILE, models_root, piece_files
 from simrob_drake.frames import pose_from_transform, transform_from_pose
-from simrob_drake.robots.solids import Solid, solid_inertia
-from simrob_drake.robots.urdf import mesh_file
-from simrob_drake.robots.urdf_elements import (
+from simrob_drake.robots.solids import solid_inertia
+from simrob_drake.robots.urdf import (
+    Solid,
     add_colour,
     add_contact,
     add_frame,
     add_joint,
     add_solid,
+    mesh_file,
     pose_of,
     set_inertia,
 )

@@ -6,24 +6,15 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Convex, Mesh, ReadObjToTriangleSurfaceMesh, Shape
-from pydrake.math import RigidTransform
+from pydrake.geometry import Convex, Mesh, ReadObjToTriangleSurfaceMesh
 from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
+from simrob_drake.robots.urdf import Solid
 
 _NOTHING = 1e-12
 """Products of inertia smaller than this part of the largest moment are rounding."""
-
-
-@dataclass(frozen=True)
-class Solid:
-    """A body somewhere: one of Drake's shapes, or a mesh file with a scale."""
-
-    pose: RigidTransform
-    shape: Shape | Path
-    scale: float = 1.0
 
 
 @dataclass(frozen=True)

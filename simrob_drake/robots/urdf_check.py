@@ -14,14 +14,16 @@ from simrob_drake.errors import InvalidModel
 from simrob_drake.robots.urdf import (
     DRAKE,
     LIMITED_JOINTS,
+    MOMENTS,
     MOVABLE_JOINTS,
     copied,
+    impossible,
     link_of,
     mass_of,
+    moments_of,
     name_of,
     read_urdf,
 )
-from simrob_drake.robots.urdf_elements import MOMENTS, impossible, moments_of
 
 NUMBER_COUNTS = {
     **dict.fromkeys(("xyz", "rpy", "size"), (3,)),

@@ -14,9 +14,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.progress import note, progress_bar
 from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import FAILED
-from simrob_drake.results.record.signals import Sampler, sampled
+from simrob_drake.results.record.signals import Sampler, Watch, cut_at_stop, sampled
 from simrob_drake.results.record.state import State
-from simrob_drake.results.record.watch import Watch, cut_at_stop
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.pace import PaceWatch
 from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted

@@ -16,8 +16,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
+from simrob_drake.results.record.signals import Watch
 from simrob_drake.results.record.state import State
-from simrob_drake.results.record.watch import Watch
 from simrob_drake.simulation.flight import Flight
 from simrob_drake.simulation.pace import creeping
 from simrob_drake.stations.closed import ClosedStation

@@ -10,8 +10,8 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Pass
 from simrob_drake.blocks.actuator_servo import add_actuator_servos
 from simrob_drake.blocks.admittance import add_admittance
 from simrob_drake.blocks.external_force import add_external_force
-from simrob_drake.blocks.joint_stops import add_joint_stops
 from simrob_drake.blocks.model_torque import add_computed_torque, add_feedforward, add_model_torque
+from simrob_drake.blocks.passive_joints import add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_saturation, add_servos
 from simrob_drake.blocks.wiring import fed, joined, mapped, summed
 from simrob_drake.frames import Vector

@@ -20,7 +20,7 @@ from pydrake.multibody.tree import FixedOffsetFrame, Joint, JointActuatorIndex, 
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.actuator_servo import set_actuators
-from simrob_drake.blocks.joint_friction import set_friction
+from simrob_drake.blocks.passive_joints import set_friction
 from simrob_drake.errors import InvalidModel, InvalidParameter
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.parts.site import WORLD, ResolvedRobot, StationPlant, StationRobot

@@ -13,7 +13,7 @@ from simrob_drake.blocks.wiring import fed, summed
 from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.lifetime import release
 from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks
-from simrob_drake.parts.controllers.layers import add_loops
+from simrob_drake.parts.controllers.loop import add_loops
 from simrob_drake.parts.controllers.own import add_own_blocks, wire_own_blocks, with_driven
 from simrob_drake.parts.forces.force import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor

@@ -13,10 +13,9 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.programs.arm import Arm, Workcell
 from simrob_drake.programs.program import Program
-from simrob_drake.programs.timed import USER
-from simrob_drake.programs.timeline import GRID, Change, PushNow, Timeline
+from simrob_drake.programs.timeline import GRID, USER, Change, PushNow, Timeline
 from simrob_drake.programs.whole_program import perform
-from simrob_drake.results.animation.ghosts import ghosts
+from simrob_drake.results.animation.drawn import ghosts
 from simrob_drake.results.animation.live import StationView
 from simrob_drake.results.animation.pictures import save_film_strip
 from simrob_drake.results.block_diagram.picture import station_svg

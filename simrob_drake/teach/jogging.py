@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from typing import Any
 
-from simrob_drake.arguments import whole
+from simrob_drake.arguments import plain, whole
 from simrob_drake.errors import InvalidParameter, SimrobError, one_of
 from simrob_drake.programs.moves.kinds import KINDS
-from simrob_drake.programs.moves.move import Move, plain
+from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.program import Program
 from simrob_drake.teach.move_runner import MoveRunner

@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from typing import Any, cast
 
+from simrob_drake.arguments import plain
 from simrob_drake.errors import InvalidParameter, SimrobError, quoted
 from simrob_drake.programs.moves.joints import JointMove, move_of
-from simrob_drake.programs.moves.move import MOVE_TIME, plain
+from simrob_drake.programs.moves.move import MOVE_TIME
 from simrob_drake.programs.stages import step_moves
 from simrob_drake.programs.timeline import Change
 from simrob_drake.sections import validated

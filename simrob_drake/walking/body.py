@@ -1,7 +1,5 @@
 """A robot's kinematics for its walk: its centre of mass, its feet, and the legs that put them somewhere."""
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """What a walk is asked for: by hand, by another block, by a table or by a path, and within what the legs can follow."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from math import degrees, isfinite, radians

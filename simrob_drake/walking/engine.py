@@ -1,7 +1,5 @@
 """The walking engine: from a command, and what the robot does, to a posture at each sample; in three parts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from simrob_drake.frames import Vector

@@ -1,7 +1,5 @@
 """What a walking robot does, from what is measured of it: the planner's feedback."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

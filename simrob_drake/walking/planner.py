@@ -6,8 +6,6 @@ place and time of the landing (:mod:`steps`), and the reference of the centre of
 what is estimated, so that the joints do not push against a fall but step after it. A step ends when the foot touches.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

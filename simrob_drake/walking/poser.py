@@ -1,7 +1,5 @@
 """The posture of a robot for a moment of its walk: the legs put the feet where they shall be."""
 
-from __future__ import annotations
-
 import math
 from cmath import exp as turned_by
 from collections.abc import Sequence

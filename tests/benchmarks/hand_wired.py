@@ -11,7 +11,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import apply_solver, load_station
 from simrob_drake.blocks.actuator_servo import add_actuator_servos
-from simrob_drake.blocks.joint_stops import add_joint_stops
+from simrob_drake.blocks.passive_joints import add_joint_stops
 from simrob_drake.blocks.references import add_reference
 from simrob_drake.blocks.servo import ServoSignals, add_servos
 from simrob_drake.stations.plant import add_plant

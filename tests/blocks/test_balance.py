@@ -8,8 +8,7 @@ from pydrake.math import RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station
-from simrob_drake.parts.controllers.balance import Answer, StandingBalance
-from simrob_drake.parts.controllers.capture_step import StepChooser, Stepping
+from simrob_drake.parts.controllers.balance import Answer, CaptureStep, StandingBalance, StepChooser, Stepping, Strategy
 from simrob_drake.parts.controllers.support import Balanced, Support
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.station import compose
@@ -110,8 +109,9 @@ def test_a_foot_that_is_lifted_is_as_high_as_its_lowest_point(stood):
 
 
 def answer(**changed):
-    figures = {"measures": "forward", "moves": np.array([0.5, -1.0]), "beyond": 0.02, "full": 0.06, "lead": None}
-    return Answer(**{**figures, "rise": 0.05, "release": 0.2, **changed})
+    moves = changed.pop("moves", np.array([0.5, -1.0]))
+    figures = {"measures": "forward", "moves_deg": {"axis": 1.0}, "beyond": 0.02, "full": 0.06}
+    return Answer(Strategy(**{**figures, "rise": 0.05, "release": 0.2, **changed}), moves)
 
 
 @pytest.mark.parametrize(
@@ -160,9 +160,11 @@ def test_offsets_grow_and_go_back_no_faster_than_they_may_and_add_up():
 
 
 def stepping(**changed):
-    figures = {"measures": "forward", "foot": 1, "beyond": 0.05, "full": 0.1, "least": 0.2, "lead": None}
-    moves = {"lift": np.array([0.3, 0.0]), "reach": np.array([0.4, -0.6])}
-    return Stepping(**{**figures, **moves, "duration": 0.1, "settle": 0.05, "stance": 0.5, **changed})
+    lift, reach = changed.pop("lift", np.array([0.3, 0.0])), changed.pop("reach", np.array([0.4, -0.6]))
+    figures = {"measures": "forward", "foot": "second", "beyond": 0.05, "full": 0.1, "least": 0.2}
+    times = {"duration": 0.1, "settle": 0.05, "stance": 0.5}
+    moves = {key: {"axis": 1.0} for key in ("lift_deg", "reach_deg")}
+    return Stepping(CaptureStep(**{**figures, **times, **moves, **changed}), 1, lift, reach)
 
 
 def stands(error, lifted=0.02):

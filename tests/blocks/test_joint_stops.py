@@ -8,7 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from simrob_drake.blocks.joint_stops import add_joint_stops
+from simrob_drake.blocks.passive_joints import add_joint_stops
 
 AddPendulum = Callable[..., MultibodyPlant]
 

@@ -8,7 +8,7 @@ from pydrake.multibody.tree import JacobianWrtVariable
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.kinematics import Chain, UnsupportedChain
-from simrob_drake.kinematics.six_axis_arm import SixAxisArm
+from simrob_drake.kinematics.closed_form import SixAxisArm
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes

@@ -6,9 +6,8 @@ from pydrake.math import RigidTransform
 from scipy.spatial.transform import Rotation
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import poses_from_matrices, transform_from_pose
+from simrob_drake.frames import poses_from_matrices, rotation_vectors, transform_from_pose
 from simrob_drake.kinematics import pose_errors, pose_matrices
-from simrob_drake.kinematics.poses import rotation_vectors
 
 VECTORS = np.random.default_rng(1).uniform(-1.5, 1.5, (50, 6))
 MATRICES = np.array([transform_from_pose(vector).GetAsMatrix4() for vector in VECTORS])

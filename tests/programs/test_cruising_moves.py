@@ -7,7 +7,7 @@ from simrob_drake import SimrobError, Workcell
 from simrob_drake.blocks.references import hermite, hermite_samples
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.programs.errors import AccelerationLimitExceeded, SpeedLimitExceeded
-from simrob_drake.programs.zones import zone_size
+from simrob_drake.programs.segments import zone_size
 from tests.programs.conftest import DOWN, HOME
 
 CORNERS = np.array([[0.05, 0.1, 0.05], [0.15, 0.1, 0.05], [0.15, 0.2, 0.05], [0.05, 0.2, 0.05]])  # m, on the table

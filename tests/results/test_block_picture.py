@@ -25,9 +25,8 @@ from simrob_drake.results.block_diagram.drawing import Drawing
 from simrob_drake.results.block_diagram.graph import BlockGraph
 from simrob_drake.results.block_diagram.layout import Layout, text_width
 from simrob_drake.results.block_diagram.picture import save_block_picture, station_dot, station_svg
-from simrob_drake.results.block_diagram.reading import read_blocks
+from simrob_drake.results.block_diagram.reading import dot_text, mermaid_text, read_blocks
 from simrob_drake.results.block_diagram.routing import Routing
-from simrob_drake.results.block_diagram.texts import dot_text, mermaid_text
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names

@@ -8,8 +8,7 @@ from pydrake.geometry import Role
 
 from simrob_drake import load_station
 from simrob_drake.programs.model import StationModel
-from simrob_drake.results.animation.drawn import commands, draw_geometry
-from simrob_drake.results.animation.ghosts import ghosts
+from simrob_drake.results.animation.drawn import commands, draw_geometry, ghosts
 from simrob_drake.results.animation.scene import ViewedStation
 
 

@@ -15,7 +15,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from simrob_drake import build_station, load_station, simulate, simulate_diagram
 from simrob_drake.errors import OutputError, UnknownName
 from simrob_drake.frames import transform_from_xyz_quaternion
-from simrob_drake.results.plots import tool_plots
+from simrob_drake.results.plots import joint_plots
 from simrob_drake.results.plots.files import save_plots
 from simrob_drake.results.plots.grid import Curve, Plot, Stack, grid_figure
 from simrob_drake.results.plots.joint_plots import side_groups
@@ -170,7 +170,7 @@ def test_the_tool_is_shown_with_its_reference_and_what_it_misses(result, drawn):
 )
 def test_angles_of_the_reference_are_those_nearest_to_the_tools(reached, shown):
     """Of all Rz, Ry, Rx of one orientation: else the error would jump by 180 degrees where Ry goes through 90."""
-    found = np.rad2deg(tool_plots._nearest(*np.deg2rad([[[1.0, 80.0, 2.0]], [reached]])))
+    found = np.rad2deg(joint_plots._nearest(*np.deg2rad([[[1.0, 80.0, 2.0]], [reached]])))
     np.testing.assert_allclose(found, [shown])
     one, same = (RollPitchYaw(*np.deg2rad(angles[::-1])).ToRotationMatrix() for angles in ((1, 80, 2), shown))
     assert one.IsNearlyEqualTo(same, 1e-12)

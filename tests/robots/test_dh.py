@@ -12,8 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from simrob_drake.errors import InvalidConfig, InvalidModel
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.robots.catalog import load_robot, load_robot_file, robot_names
-from simrob_drake.robots.dh import DhTable
-from simrob_drake.robots.dh_urdf import dh_robot
+from simrob_drake.robots.dh import DhTable, dh_robot
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.robots.urdf_check import check_urdf

@@ -215,14 +215,23 @@ def test_a_force_between_two_bodies(tmp_path):
 
 
 def test_six_degrees_of_freedom_on_springs(tmp_path):
-    """A mass on a spring along z, as a suspension has it, swings about its rest; what it senses is its height."""
+    """A mass on a spring along z swings, pushed along x by a signal, held along y by a stop."""
     shop = Shop()
-    springs = {"PzSpringStiffness": "100", "PzDampingCoefficient": "1", "PzSensePosition": "on"}
-    shop.body("Body", shop.placed("Stand"), "sm_lib/Joints/6-DOF Joint", **springs)
+    given = {"PzSpringStiffness": "100", "PzDampingCoefficient": "1", "PzSensePosition": "on",
+             "PxTorqueActuationMode": "InputTorque", "PyLowerLimitSpecify": "on", "PyLowerLimitBound": "0.01",
+             "PyLowerLimitStiffness": "50"}  # fmt: skip
+    shop.body("Body", shop.placed("Stand"), "sm_lib/Joints/6-DOF Joint", **given)
+    joint = next(place + 1 for place, text in enumerate(shop.blocks) if 'Name="Body"' in text)
+    force = shop.block("fl_lib/Physical Signals/Sources/PS Constant", "Push", constant="2")
+    shop.connect(f"{force}#rconn:1", f"{joint}#lconn:2")
     imported, result = ran(tmp_path, shop)
-    assert not imported.report.of("dropped")
+    assert imported.fidelity == "mechanics complete"
     height, _ = expected(result.times, lambda s: [s[1], -100 * s[0] - s[1] - 9.81], [0, 0])
-    np.testing.assert_allclose(result["q.Body_Pz"], height, atol=2e-3)
+    aside, _ = expected(result.times, lambda s: [s[1], 50 * max(0.01 - s[0], 0)], [0, 0])
+    x, y, z = (result[f"frame.Body.{axis}"] for axis in "xyz")
+    np.testing.assert_allclose(z, height, atol=2e-3)
+    np.testing.assert_allclose(x, result.times**2, atol=2e-3)
+    np.testing.assert_allclose(y, aside, atol=2e-3)
 
 
 def test_a_crank_that_is_driven_starts_on_its_motion(tmp_path):
@@ -243,3 +252,20 @@ def test_a_crank_that_is_driven_starts_on_its_motion(tmp_path):
     reach = np.sqrt(1 - (0.3 * np.sin(angle)) ** 2)
     np.testing.assert_allclose(result["q.Slider"], 0.3 * np.cos(angle) + reach, atol=2e-3)
     assert result["v.Slider"][0] == pytest.approx(-0.6 * np.sin(1) * (1 + 0.3 * np.cos(1) / reach[0]), rel=1e-2)
+
+
+def test_a_floating_robot_whose_joints_are_moved_falls(tmp_path):
+    """It is no held puppet: it falls by its weight, and its joint goes along its motion."""
+    shop = Shop()
+    body = shop.body("Body", shop.placed("Stand"), "sm_lib/Joints/6-DOF Joint", mass="5", inertia="0.5")
+    motion = {"MotionActuationMode": "InputMotion", "TorqueActuationMode": "ComputedTorque"}
+    arm = shop.body("Arm", shop.placed("Shoulder", "[0 0 0.2]", body), **motion)
+    wanted, into = shop.block("Sin", "Wave", Amplitude="0.3", Frequency="4"), shop.block(TO_PHYSICS, "In", Unit="rad")
+    shop.wire(f"{wanted}#out:1", f"{into}#in:1")
+    joint = next(place + 1 for place, text in enumerate(shop.blocks) if 'Name="Arm"' in text)
+    shop.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    assert arm
+    imported, result = ran(tmp_path, shop)
+    assert imported.fidelity == "mechanics complete; 1 joint prescribed"
+    np.testing.assert_allclose(result["q.Arm"], 0.3 * np.sin(4 * result.times), atol=2e-3)
+    np.testing.assert_allclose(result["base.z"] - result["base.z"][0], -9.81 / 2 * result.times**2, atol=5e-3)

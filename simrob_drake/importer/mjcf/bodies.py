@@ -16,7 +16,7 @@ from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.trees import ROOT, add_between
-from simrob_drake.robots.urdf_elements import add_frame, add_joint, set_inertia, text
+from simrob_drake.robots.urdf import add_frame, add_joint, set_inertia, text
 
 _FREE, _BALL, _SLIDE = range(3)  # mjtJoint
 

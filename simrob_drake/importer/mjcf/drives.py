@@ -9,8 +9,7 @@ import numpy as np
 
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.trees import HOME, KD, KP, add_note
-from simrob_drake.robots.urdf import DRAKE, name_of
-from simrob_drake.robots.urdf_elements import add_motor, written
+from simrob_drake.robots.urdf import DRAKE, add_motor, name_of, written
 
 _FREE, _BALL = 0, 1  # mjtJoint
 _IN_JOINT, _IN_PARENT, _TENDON = 0, 1, 3  # mjtTrn

@@ -25,9 +25,8 @@ from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import OutsideBorder
 from simrob_drake.importer.reading.child import ChildFailed, in_child
 from simrob_drake.importer.reading.xml_file import included, xml_element
-from simrob_drake.robots.urdf import MOST_TAGS
+from simrob_drake.robots.urdf import MOST_TAGS, text
 from simrob_drake.robots.urdf_check import numbers_in
-from simrob_drake.robots.urdf_elements import text
 
 TIME_LIMIT = 120.0
 """Of a compilation [s]."""

@@ -13,8 +13,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.shape_elements import PLAIN
-from simrob_drake.robots.urdf import DRAKE
-from simrob_drake.robots.urdf_elements import add_colour, place, text, written
+from simrob_drake.robots.urdf import DRAKE, add_colour, place, text, written
 
 _PLANE, _HILLS, _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = range(8)  # mjtGeom
 _FRICTION = 1.0  # of a geom that does not tell it

@@ -9,8 +9,7 @@ from typing import Literal
 import numpy as np
 
 from simrob_drake.importer.options import ImportOptions, ImportReport
-from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, name_of, outward, root_link
-from simrob_drake.robots.urdf_elements import pose_of
+from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, name_of, outward, pose_of, root_link
 
 FLOATING_MARK = "simrob_base"
 """Attribute of a robot from the repair of its joints to the choice of its base: a floating joint held its root."""

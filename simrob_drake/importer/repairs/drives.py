@@ -15,6 +15,8 @@ from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.robots.urdf import (
     DRAKE,
     MOVABLE_JOINTS,
+    add_motor,
+    child_of,
     doubtful_efforts,
     joints_at,
     link_of,
@@ -22,9 +24,10 @@ from simrob_drake.robots.urdf import (
     movable_joints,
     name_of,
     outward,
+    pose_of,
     root_link,
+    written,
 )
-from simrob_drake.robots.urdf_elements import add_motor, child_of, pose_of, written
 
 SIMPLE = "SimpleTransmission"
 

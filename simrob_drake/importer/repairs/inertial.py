@@ -11,9 +11,8 @@ from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 
 from simrob_drake.frames import Vector
 from simrob_drake.importer.repairs.numbers import number
-from simrob_drake.robots.urdf import DRAKE
+from simrob_drake.robots.urdf import DRAKE, MOMENTS, impossible, moments_of, pose_of, set_inertia
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, shape_defect
-from simrob_drake.robots.urdf_elements import MOMENTS, impossible, moments_of, pose_of, set_inertia
 
 ROUNDING = 1e-3
 """Moments that miss what a body can have by less than this part of the largest are rounded ones, and are mended."""

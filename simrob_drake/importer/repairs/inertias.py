@@ -22,8 +22,7 @@ from simrob_drake.importer.repairs.inertial import (
     write_inertia,
 )
 from simrob_drake.robots.bodies import bodies, carriers
-from simrob_drake.robots.urdf import link_of, mass_of, name_of, root_link
-from simrob_drake.robots.urdf_elements import pose_of, set_moments
+from simrob_drake.robots.urdf import link_of, mass_of, name_of, pose_of, root_link, set_moments
 
 _HEAVIEST = 20_000.0  # kg/m³, as tungsten and gold
 _LIGHTEST = 1.0  # kg/m³, as air

@@ -12,8 +12,18 @@ from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.importer.repairs.structure import drop_lost_frames
-from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, joints_at, link_of, movable_joints, name_of
-from simrob_drake.robots.urdf_elements import child_of, place, pose_of, written
+from simrob_drake.robots.urdf import (
+    DRAKE,
+    MOVABLE_JOINTS,
+    child_of,
+    joints_at,
+    link_of,
+    movable_joints,
+    name_of,
+    place,
+    pose_of,
+    written,
+)
 
 _TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")
 _OF_OTHER_FORMATS = ("revolute2", "screw", "ball", "universal", "gearbox", "spherical", "cylindrical")

@@ -4,8 +4,7 @@ import xml.etree.ElementTree as ET
 
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.names import free_name
-from simrob_drake.robots.urdf import DRAKE, name_of
-from simrob_drake.robots.urdf_elements import add_colour, text
+from simrob_drake.robots.urdf import DRAKE, add_colour, name_of, text
 
 DEFAULT_RGBA = [0.7, 0.7, 0.7, 1.0]
 """Of a material that is not defined: a light grey."""

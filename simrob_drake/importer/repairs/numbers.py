@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 from simrob_drake.errors import shortened
 from simrob_drake.importer.options import ImportReport
-from simrob_drake.robots.urdf import DRAKE, name_of
+from simrob_drake.robots.urdf import DRAKE, MOMENTS, name_of
 from simrob_drake.robots.urdf_check import NUMBER, NUMBER_COUNTS
-from simrob_drake.robots.urdf_elements import MOMENTS
 
 LARGEST = 1e30
 """Larger figures count as infinite: no length, mass or torque is near it, and their squares would overflow."""

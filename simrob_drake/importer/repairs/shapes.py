@@ -31,8 +31,7 @@ from simrob_drake.importer.repairs.shape_elements import (
     set_shape,
     shapes_of,
 )
-from simrob_drake.robots.urdf import DRAKE, drop_collision, name_of
-from simrob_drake.robots.urdf_elements import add_colour, place, pose_of, text
+from simrob_drake.robots.urdf import DRAKE, add_colour, drop_collision, name_of, place, pose_of, text
 
 
 def import_shapes(

@@ -16,9 +16,8 @@ from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.sdf.frames import MODEL, SCOPE, WORLD, Frames, named, own_pose
 from simrob_drake.importer.sdf.shapes import add_inertia, add_shapes
 from simrob_drake.importer.trees import ROOT, add_between
-from simrob_drake.robots.urdf import DRAKE, name_of
+from simrob_drake.robots.urdf import DRAKE, add_frame, add_joint, add_motor, name_of, text
 from simrob_drake.robots.urdf_check import numbers_in
-from simrob_drake.robots.urdf_elements import add_frame, add_joint, add_motor, text
 
 _MOVING = ("revolute", "continuous", "prismatic", "ball", "universal", "revolute2", "screw")
 _AXES = {"universal": ("axis", "axis2"), "revolute2": ("axis", "axis2"), "ball": ("x", "y", "z")}

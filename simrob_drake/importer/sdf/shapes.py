@@ -9,9 +9,8 @@ from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.materials import DEFAULT_RGBA
 from simrob_drake.importer.repairs.shape_elements import PLAIN
 from simrob_drake.importer.sdf.frames import own_pose
-from simrob_drake.robots.urdf import DRAKE, name_of
+from simrob_drake.robots.urdf import DRAKE, MOMENTS, add_colour, name_of, place, text
 from simrob_drake.robots.urdf_check import numbers_in
-from simrob_drake.robots.urdf_elements import MOMENTS, add_colour, place, text
 
 _SIZES = {
     "box": ("box", {"size": "size"}),

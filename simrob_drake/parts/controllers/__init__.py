@@ -1,12 +1,12 @@
 """Loops around the servos: the kinds of controller that a station file can name."""
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydrake.systems.framework import LeafSystem
-
-from simrob_drake.parts.controllers.loop import LoopSection, Reader
+from simrob_drake.parts.controllers.loop import flows_of, loops_of, readers_of
+from simrob_drake.parts.controllers.own import own_blocks
 from simrob_drake.parts.kinds import Kinds
+
+__all__ = ["KINDS", "ControllerConfig", "Controllers", "flows_of", "loops_of", "own_blocks", "readers_of"]
 
 KINDS = Kinds(
     __name__,
@@ -54,24 +54,3 @@ else:
     ControllerConfig = Annotated[Any, KINDS]
 
 Controllers = Annotated[dict[str, ControllerConfig], KINDS.names_are_kinds]
-
-
-def loops_of(controllers: Controllers) -> dict[str, LoopSection]:
-    """Return those controllers that are loops of the package's, by name."""
-    return {name: section for name, section in controllers.items() if isinstance(section, LoopSection)}
-
-
-def flows_of(controllers: Controllers) -> "dict[str, SignalFlow]":
-    """Return those controllers that are signal flows, by name."""
-    return {name: section for name, section in controllers.items() if section.kind == "signal_flow"}
-
-
-def readers_of(controllers: Controllers) -> dict[str, Reader]:
-    """Return those controllers that are of the package's, and tell what they read and drive, by name."""
-    return {**loops_of(controllers), **flows_of(controllers)}
-
-
-def own_blocks(controllers: Controllers) -> Mapping[str, LeafSystem]:
-    """Return the blocks of those that are the user's own, made anew, by name."""
-    own = {name: section for name, section in controllers.items() if section.kind == "own"}
-    return {name: section.block(f"controllers.{name}") for name, section in own.items()}

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -27,11 +27,98 @@ from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.parts.controllers.capture_step import CaptureStep, StepChooser, Stepping
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.support import Balanced, Direction, Support, rotation_of
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.sections import NotNegative, Number, Positive, Strict
+
+_TOUCHES = 0.003
+"""How high above the lowest foot another still touches the floor, since servos and contacts give way [m]."""
+_REACHED = 0.7
+"""Part of a step after which the foot is as far as it goes, and only comes down."""
+
+
+class CaptureStep(Strict):
+    """Set a foot where the robot falls, once its capture point leaves the feet, and stand there."""
+
+    measures: Direction
+    """Where the error counts, as in a strategy: ahead, behind, or to one side."""
+    foot: str
+    """Link of the foot that is lifted."""
+    beyond: Positive
+    """The error from which on it steps [m]."""
+    full: Positive
+    """The error for which it reaches as far as ``reach_deg``; for less by so much less [m]."""
+    least: NotNegative = 0.0
+    """The least part of that that it reaches."""
+    lead: NotNegative | None = None
+    """What the velocity counts for [s]; 1/ω unless given, which makes the error that of the capture point."""
+    duration: Positive
+    """How long the foot is in the air [s]."""
+    settle: Positive = 0.3
+    """How long the legs then take to their new posture [s]."""
+    stance: Annotated[Number, Field(ge=0, le=1)] = 1.0
+    """Part of its reach that the leg which stands takes while the foot is in the air; the rest as they settle."""
+    lift_deg: dict[str, Number] = Field(min_length=1)
+    """How far axes are moved in the middle of the step, to lift the foot, by name [deg]."""
+    reach_deg: dict[str, Number] = Field(min_length=1)
+    """How far axes are moved once the foot is down, by name [deg]."""
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """A step with the place of its foot among the feet, and its moves in radians, shape (n,)."""
+
+    section: CaptureStep
+    foot: int
+    lift: Vector
+    reach: Vector
+
+    def part(self, balanced: Balanced) -> float:
+        """Return what part of its reach is called for."""
+        section = self.section
+        return min(max(balanced.error(section.measures, section.lead) / section.full, section.least), 1.0)
+
+    def swung(self, time: float, part: float) -> Vector:
+        """Return how far the axes are moved at a time of the step, of which it takes one."""
+        ahead = min(time / _REACHED, 1.0)
+        return (
+            math.sin(math.pi * time) * self.lift
+            + part * ahead * ahead * (3 - 2 * ahead) * np.where(self.lift, 1.0, self.section.stance) * self.reach
+        )
+
+
+class StepChooser:
+    """Which of several steps a robot takes: one, and it stays there."""
+
+    def __init__(self, steps: Sequence[Stepping], period: float) -> None:
+        """Take the steps that it may take, and the time between samples [s]."""
+        self._steps, self._period = steps, period
+
+    def next(self, state: Vector, moved: Vector, balanced: Balanced) -> tuple[Vector, Vector]:
+        """Return what follows of a step's state and of how far axes are moved.
+
+        Args:
+            state: which step it is (from 1, 0 for none), its time (1 once the foot is down) and its part, shape (3,).
+            moved: shape (n,) [rad].
+            balanced: how the robot stands.
+        """
+        which, time, part = int(state[0]), float(state[1]), float(state[2])
+        if not which:
+            sections = [step.section for step in self._steps]
+            errors = (balanced.error(own.measures, own.lead) > own.beyond for own in sections)
+            which = next((number for number, far in enumerate(errors, 1) if far), 0)
+            if not which:
+                return state, moved
+        step = self._steps[which - 1]
+        if time < 1:
+            time, part = min(time + self._period / step.section.duration, 1.0), max(part, step.part(balanced))
+            moved = step.swung(time, part)
+            if time > 0.5 and balanced.lifted[step.foot] < _TOUCHES:
+                time = 1.0  # what is lifted still is let down slowly, or the leg would kick
+        else:
+            moved = moved + min(self._period / step.section.settle, 1.0) * (part * step.reach - moved)
+        return np.array([which, time, part]), moved
 
 
 class Strategy(Strict):
@@ -115,17 +202,18 @@ class Balance(LoopSection):
         assert robot.feet is not None  # check() has asked
         feet = list(robot.feet.links)
 
-        def values_of(section: str, strategy: Strict) -> dict[str, Any]:
-            """Return the figures of a strategy or a step, with moves in radians for all axes."""
-            values = strategy.model_dump()
-            for name in [name for name in values if name.endswith("_deg")]:
-                moves = robot.model.axis_vector(values.pop(name), f"{key}.{section}.{name}")
-                values[name.removesuffix("_deg")] = robot.model.user_units * moves
-            return values
+        def moves(name: str, degrees: dict[str, float]) -> Vector:
+            """Return the moves of a strategy or a step, in radians for all axes."""
+            return robot.model.user_units * robot.model.axis_vector(dict(degrees), f"{key}.{name}")
 
-        answers = [Answer(**values_of(f"strategies.{name}", each)) for name, each in self.strategies.items()]
-        stepping = [values_of(f"steps.{name}", each) for name, each in self.steps.items()]
-        steps = [Stepping(**{**each, "foot": feet.index(each["foot"])}) for each in stepping]
+        answers = [
+            Answer(each, moves(f"strategies.{name}.moves_deg", each.moves_deg))
+            for name, each in self.strategies.items()
+        ]
+        steps = []
+        for name, each in self.steps.items():
+            lift, reach = (moves(f"steps.{name}.{part}", getattr(each, part)) for part in ("lift_deg", "reach_deg"))
+            steps.append(Stepping(each, feet.index(each.foot), lift, reach))
         return StandingBalance(
             period=1 / self.rate,
             support=Support(robot, math.radians(self.facing_deg)),
@@ -138,24 +226,21 @@ class Balance(LoopSection):
 
 @dataclass(frozen=True)
 class Answer:
-    """A strategy in figures: as :class:`Strategy`, with how far the axes move in radians, shape (n,)."""
+    """A strategy, with how far the axes move in radians, shape (n,)."""
 
-    measures: Direction
+    section: Strategy
     moves: Vector
-    beyond: float
-    full: float
-    lead: float | None
-    rise: float
-    release: float
 
     def part(self, balanced: Balanced) -> float:
         """Return what part of the full answer is called for, -1 to 1."""
-        along = balanced.error(self.measures, self.lead)
-        return math.copysign(min(max(abs(along) - self.beyond, 0.0) / (self.full - self.beyond), 1.0), along)
+        section = self.section
+        along = balanced.error(section.measures, section.lead)
+        beyond = max(abs(along) - section.beyond, 0.0)
+        return math.copysign(min(beyond / (section.full - section.beyond), 1.0), along)
 
     def next(self, before: float, desired: float, period: float) -> float:
         """Return the part a period [s] after another, as near to what is wanted as it can be by then."""
-        duration = self.rise if abs(desired) > abs(before) else self.release
+        duration = self.section.rise if abs(desired) > abs(before) else self.section.release
         step = period / duration if duration > 0 else math.inf
         return min(max(desired, before - step), before + step)
 

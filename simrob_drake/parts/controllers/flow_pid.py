@@ -1,7 +1,5 @@
 """The PID controller of a signal flow, as Simulink's block is: filtered derivative, limits, anti-windup."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Annotated, Literal
 

@@ -13,8 +13,6 @@ has it, and not turned, with the Jacobian J at that posture:
     \end{pmatrix} .
 """
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Sequence
 from typing import Annotated, ClassVar, Literal

@@ -1,7 +1,5 @@
 """Where the end of a limb is, seen from the root of its robot: by the screws of its joints, from numbers alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -10,8 +10,6 @@ To give way is to move the reference of an axis by x so that the torque of its s
 far as that lets it: :math:`x \leftarrow x + \mathrm{clip}(-x, (-L - \tau)/k_p, (L - \tau)/k_p)`.
 """
 
-from __future__ import annotations
-
 import math
 import weakref
 from collections.abc import Sequence

@@ -7,22 +7,98 @@ An axis of weight :math:`w_i` moves by :math:`\Delta q_i = w_i u`, with the u of
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import ClassVar, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
+from pydrake import symbolic
 from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import SymbolicVectorSystem
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
+from simrob_drake.parts.controllers.flow_block import chosen, largest, least
 from simrob_drake.parts.controllers.loop import LoopSection, Wired
-from simrob_drake.parts.controllers.pi_law import MEMORY, PLAIN, PiLaw
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.sections import NotNegative, Number, Positive
 from simrob_drake.signals import Signal
+
+MEMORY = ("integral", "asked", "effort", "number", "held", "begun")
+"""What the law remembers: x, what is asked for, u, the number of the target, how long it has been asked for [s], and
+whether there was a sample before; all zero at the start."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PiLaw:
+    r"""How far an axis of weight 1 moves, said once for plain numbers and for expressions that need no Python.
+
+    With the error e of a quantity against what is asked for, which goes to its targets one after the other,
+
+    .. math:: u = \mathrm{clip}\bigl(k_p e + x\bigr), \qquad \dot x = k_i e,
+
+    where x stands still while u is at its limit, or at its fastest, and e would drive it on.
+
+    Attributes:
+        period: between samples [s].
+        targets: values of the quantity, one after the other.
+        hold: how long each is asked for, from when its ramp ends [s].
+        speed: of what is asked for, on its way there [1/s].
+        gains: kp [rad per unit] and ki [rad/s per unit].
+        limit: how far it moves [rad].
+        fastest: how fast [rad/s].
+    """
+
+    period: float
+    targets: Sequence[float]
+    hold: float = math.inf
+    speed: float = math.inf
+    gains: tuple[float, float]
+    limit: float
+    fastest: float
+
+    def next(self, measured: Any, memory: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
+        """Return the memory after a sample, by names, and the target: of numbers or of expressions alike."""
+        number, held, setpoint, before = (memory[name] for name in ("number", "held", "asked", "effort"))
+        if len(self.targets) > 1:
+            due = held >= self.hold
+            number = chosen(due, least(number + 1.0, len(self.targets) - 1.0), number)
+            held = chosen(due, 0.0, held)
+        target = self.targets[0]
+        for place, value in enumerate(self.targets[1:], 1):
+            target = chosen(number >= place, value, target)
+        if math.isinf(self.speed):
+            setpoint = target
+        else:
+            step, setpoint = self.speed * self.period, chosen(memory["begun"] > 0.5, setpoint, measured)
+            setpoint = least(largest(target, setpoint - step), setpoint + step)
+        held = chosen(setpoint == target, held + self.period, 0.0)
+        error, (kp, ki), step = setpoint - measured, self.gains, self.fastest * self.period
+        grown = memory["integral"] + ki * error * self.period
+        desired = kp * error + grown
+        effort = least(least(largest(largest(desired, before - step), -self.limit), before + step), self.limit)
+        integral = chosen((desired - effort) * error <= 0, grown, memory["integral"])  # else it would wind up
+        values = (integral, setpoint, effort, number, held, 1.0)
+        return dict(zip(MEMORY, values, strict=True)), target
+
+    def system(self) -> SymbolicVectorSystem:
+        """Return it as a block of Drake's: in the quantity (1), out u and e (2)."""
+        measured, error = symbolic.Variable("measured"), symbolic.Variable("error")
+        memory = {name: symbolic.Variable(name) for name in MEMORY}
+        known = {name: symbolic.Expression(variable) for name, variable in memory.items()}
+        new, _ = self.next(symbolic.Expression(measured), known)
+        zero = symbolic.Expression(0.0)
+        dynamics = [zero + value for value in (*new.values(), new["asked"] - measured)]
+        return SymbolicVectorSystem(
+            input=[measured],
+            state=[*memory.values(), error],
+            dynamics=dynamics,
+            output=[known["effort"], symbolic.Expression(error)],
+            time_period=self.period,
+        )
 
 
 class Objective(LoopSection):
@@ -205,7 +281,7 @@ class WeightedObjective(SampledBlock):
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return how far the axes are to be moved now."""
         measured = read["measured"].item()
-        new, target = self._law.next(measured, {name: memory[name].item() for name in MEMORY}, PLAIN)
+        new, target = self._law.next(measured, {name: memory[name].item() for name in MEMORY})
         moved: Changes = {**new, "offset": self._weights * new["effort"], "error": new["asked"] - measured}
         return {**moved, **self._posture_now(memory, read, measured - target)}
 

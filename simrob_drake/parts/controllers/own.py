@@ -77,6 +77,12 @@ class OwnController(Strict):
         )
 
 
+def own_blocks(controllers: Mapping[str, Any]) -> Mapping[str, LeafSystem]:
+    """Return the blocks of those that are the user's own, made anew, by name."""
+    own = {name: section for name, section in controllers.items() if section.kind == "own"}
+    return {name: section.block(f"controllers.{name}") for name, section in own.items()}
+
+
 def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dict[str, LeafSystem]:
     """Return blocks by name: their own, else that of their class in small letters.
 

@@ -3,8 +3,6 @@
 The thesis's automatic controller of joint positions (p. 98 to 102): the robot sets the time, not the program.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import ClassVar, Literal, Self
 

@@ -1,7 +1,5 @@
 """A control law as a net of blocks between what is measured and the torques."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError

@@ -3,8 +3,6 @@
 The thesis proposes it for four legs (p. 120): a foot sphere that, on touching, holds what was applied last.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal

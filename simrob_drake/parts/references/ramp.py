@@ -9,7 +9,7 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import ramp
 from simrob_drake.frames import Vector
-from simrob_drake.parts.references.move import ToOnePosture
+from simrob_drake.parts.references.reference import ToOnePosture
 from simrob_drake.sections import NotNegative
 
 

@@ -15,8 +15,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.frames import Vector
-from simrob_drake.parts.sensors.sampled import SampledSensor, normal, rounded
-from simrob_drake.parts.sensors.sensor import axis_names
+from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names, normal, rounded
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.sections import Integer, NotNegative
 from simrob_drake.signals import Panel, Signal
@@ -44,15 +43,7 @@ class Encoders(SampledSensor):
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``position.<sensor>`` and ``velocity.<sensor>`` (n) [rad and rad/s, or m and m/s]."""
         robot = site.robot(self.robot)
-        block = JointEncoders(
-            size=len(robot.axes),
-            period=1 / self.rate,
-            delay=self.late_samples,
-            resolution=robot.model.user_units * self.resolution_deg,
-            noise=robot.model.user_units * self.noise_deg,
-            smoothing=self.smoothing,
-            seed=self.seed,
-        )
+        block = JointEncoders(self, robot.model.user_units)
         signals = {}
         for output, suffix in (("position", ""), ("velocity", "/s")):
             names = axis_names(output, name, robot.axes)
@@ -73,39 +64,20 @@ class JointEncoders(SampledBlock):
         out ``position`` (n) [rad], ``velocity`` (n) [rad/s]; zero speed at the first sample.
     """
 
-    def __init__(
-        self,
-        *,
-        size: int,
-        period: float,
-        delay: int = 0,
-        resolution: Vector,
-        noise: Vector,
-        smoothing: float = 0.0,
-        seed: int = 0,
-    ) -> None:
-        """Make the block.
-
-        Args:
-            size: n, of axes.
-            period: T, between samples [s].
-            delay: by how many samples it tells them late.
-            resolution: of each axis, shape (n,) [rad]; 0 for none.
-            noise: standard deviation of each position, shape (n,) [rad].
-            smoothing: Ts, of the speeds [s].
-            seed: of the noise.
-        """
+    def __init__(self, section: Encoders, units: Vector) -> None:
+        """Make the block of a section, for n axes whose users' units are so large in SI, shape (n,)."""
+        size, period = len(units), 1 / section.rate
         memory = {"position": np.zeros(size), "velocity": np.zeros(size), "count": np.zeros(1)}
         super().__init__(
             period=period,
             reads={"position": size},
             memory=memory,
             gives=("position", "velocity"),
-            delay=delay,
+            delay=section.late_samples,
             at_once=True,
         )
-        self._resolution, self._noise, self.seed = resolution, noise, seed
-        self._share = period / (period + smoothing)
+        self._resolution, self._noise = units * section.resolution_deg, units * section.noise_deg
+        self._share, self.seed = period / (period + section.smoothing), section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return what the encoders tell now."""

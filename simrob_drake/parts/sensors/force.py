@@ -5,26 +5,35 @@ A sample tells :math:`\hat f_k = \mathrm{round}(f_k + n_k)`, as many samples lat
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, model_validator
 from pydrake.geometry import GeometryId
+from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer
 
-from simrob_drake.blocks.contacts import ContactReader, ForceSensor
+from simrob_drake.blocks.contacts import ContactReader, Contacts, ForceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.parts.sensors.momentum_balance import MomentumBalance
-from simrob_drake.parts.sensors.sampled import normal, rounded
-from simrob_drake.parts.sensors.sensor import ShapeSensor, axis_names, check_contact, sampled, sensor_label
+from simrob_drake.parts.sensors.sensor import (
+    ShapeSensor,
+    axis_names,
+    check_contact,
+    normal,
+    rounded,
+    sampled,
+    sensor_label,
+)
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, check_frame, frame_of, shapes_of
 from simrob_drake.sections import Integer, NotNegative
-from simrob_drake.signals import Signal, sensor_panel
+from simrob_drake.signals import Recorded, Signal, sensor_panel
 
 _CONTACTS = "contacts"
 
@@ -112,14 +121,7 @@ class Force(ShapeSensor):
         """Return what the sensor tells of a wrench (6)."""
         if self.rate is None or not self._errs:
             return sampled(builder, name, wrench, self.rate)
-        block = MeasuredWrench(
-            period=1 / self.rate,
-            delay=round(self.delay * self.rate),
-            resolution=np.repeat([self.resolution, self.moment_resolution], 3),
-            noise=np.repeat([self.noise, self.moment_noise], 3),
-            seed=self.seed,
-        )
-        return fed(builder, name, block, wrench)
+        return fed(builder, name, MeasuredWrench(self, self.rate), wrench)
 
     def _tangential(self, site: Site, shape: GeometryId) -> Tangential:
         if site.station.scheme != "cenic":
@@ -138,21 +140,15 @@ class MeasuredWrench(SampledBlock):
         out ``wrench`` (6), likewise.
     """
 
-    def __init__(self, *, period: float, delay: int, resolution: Vector, noise: Vector, seed: int) -> None:
-        """Make the block.
-
-        Args:
-            period: between samples [s].
-            delay: by how many samples it tells them late.
-            resolution: of each figure, shape (6,) [N and N·m]; 0 for none.
-            noise: standard deviation of each, shape (6,), likewise.
-            seed: of the noise.
-        """
+    def __init__(self, section: Force, rate: float) -> None:
+        """Make the block of a section that takes so many samples a second [Hz]."""
         memory = {"wrench": np.zeros(6), "count": np.zeros(1)}
+        delay = round(section.delay * rate)
         super().__init__(
-            period=period, reads={"wrench": 6}, memory=memory, gives=("wrench",), delay=delay, at_once=True
+            period=1 / rate, reads={"wrench": 6}, memory=memory, gives=("wrench",), delay=delay, at_once=True
         )
-        self._resolution, self._noise, self.seed = resolution, noise, seed
+        self._resolution = np.repeat([section.resolution, section.moment_resolution], 3)
+        self._noise, self.seed = np.repeat([section.noise, section.moment_noise], 3), section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return what the sensor tells now."""
@@ -167,3 +163,97 @@ def _contacts(builder: DiagramBuilder, site: Site) -> OutputPort:
         fed(builder, _CONTACTS, ContactReader(), site.plant.plant.get_contact_results_output_port())
         site.draw_nothing(_CONTACTS)
     return builder.GetSubsystemByName(_CONTACTS).get_output_port()
+
+
+_NO_LOAD = 1e-9  # N
+
+
+class MomentumBalance:
+    r"""What one sensor has of the friction on its model under the scheme ``cenic``, from its balance of momentum.
+
+    The mean force of all contacts on a model over a step is :math:`\bar f = (P_1 - P_0)/h - m g` with its momentum P at
+    the ends of the step. Drake's contact results give the parts along the normals; what is left across them goes to a
+    sensor in proportion to its share of all that is pressed on the model: one foot of two cannot be told otherwise.
+    What sensors have in common, contacts and momenta, is worked out once a run: it lies in the run's memo.
+    """
+
+    def __init__(
+        self, site: Site, frame: Frame, body: Collection[GeometryId], other: Collection[GeometryId] | None
+    ) -> None:
+        """Look at the forces of ``other`` shapes, all unless given, on those of ``body``, in the axes of a frame."""
+        self._plant, self._state = site.plant.plant, site.state
+        self._contacts = site.plant.plant.get_contact_results_output_port()
+        self._frame, self._body, self._other = frame, set(body), None if other is None else set(other)
+        plant, inspector = self._plant, site.plant.scene_graph.model_inspector()
+        self._instance = plant.GetBodyFromFrameId(inspector.GetFrameId(next(iter(self._body)))).model_instance()
+        bodies = [plant.get_body(index) for index in plant.GetBodyIndices(self._instance)]
+        self._shapes = {shape for part in bodies for shape in plant.GetCollisionGeometriesForBody(part)}
+
+    def with_friction(self, recorded: Recorded, times: Vector, forces: Vector) -> Vector:
+        """Return forces along the normals at times (m,) [s] with the sensor's share of those across, (m, 3) [N]."""
+        if len(recorded.step_times) < 2:
+            return forces
+        contacts, rows = self._all_contacts(recorded, times)
+        across = self._across(self._totals(recorded, times), contacts, rows)
+        turns = np.empty((len(times), 3, 3))
+        context = self._plant.CreateDefaultContext()
+        for row, state in enumerate(recorded.sample([self._state], times)[0]):
+            self._plant.SetPositionsAndVelocities(context, state)
+            turns[row] = self._frame.CalcPoseInWorld(context).rotation().matrix()
+        return np.asarray(forces + np.einsum("mji,mj->mi", turns, across))
+
+    def _all_contacts(self, recorded: Recorded, times: Vector) -> tuple[Contacts, npt.NDArray[np.intp]]:
+        """Return the contacts of all times, and to which time each of them belongs, shape (k,)."""
+        key = ("contacts", times.tobytes())
+        if key not in recorded.memo:
+            moments: Sequence[Contacts] = [Contacts.of(found) for found in recorded.sample([self._contacts], times)[0]]
+            rows = np.repeat(range(len(times)), [len(each.pairs) for each in moments])
+            recorded.memo[key] = Contacts.together(moments), rows
+        contacts: tuple[Contacts, npt.NDArray[np.intp]] = recorded.memo[key]
+        return contacts
+
+    def _across(self, totals: Vector, contacts: Contacts, rows: npt.NDArray[np.intp]) -> Vector:
+        """Return the sensor's share of what is across the normals, shape (m, 3) [N], in the world's axes.
+
+        ``totals`` are of all forces on the sensor's model, shape (m, 3) [N]; ``rows`` (k,) tells to which time each
+        contact belongs.
+        """
+
+        def summed(values: Vector) -> Vector:
+            return np.asarray(np.bincount(rows, values, len(totals)), dtype=float)
+
+        senses = contacts.senses(self._shapes)
+        normals = senses[:, np.newaxis] * contacts.normal_forces
+        sizes = np.linalg.norm(normals, axis=1)
+        pressed, here = summed(sizes), summed(sizes * np.abs(contacts.senses(self._body, self._other)))
+        normal = np.column_stack([summed(column) for column in normals.T])
+        loaded = (pressed > _NO_LOAD)[:, np.newaxis]
+        along = np.divide(
+            normal, np.linalg.norm(normal, axis=1, keepdims=True), out=np.zeros_like(normal), where=loaded
+        )
+        across = totals - (totals * along).sum(axis=1, keepdims=True) * along
+        share = np.divide(here, pressed, out=np.zeros_like(here), where=loaded[:, 0])
+        return np.asarray(share[:, np.newaxis] * across)
+
+    def _totals(self, recorded: Recorded, times: Vector) -> Vector:
+        """Return the mean force of all contacts on the model over the steps around ``times``, shape (m, 3) [N]."""
+        key = ("contact force", int(self._instance), times.tobytes())
+        if key not in recorded.memo:
+            recorded.memo[key] = self._mean_contact_forces(recorded, times)
+        totals: Vector = recorded.memo[key]
+        return totals
+
+    def _mean_contact_forces(self, recorded: Recorded, times: Vector) -> Vector:
+        plant, knots = self._plant, recorded.step_times
+        context = plant.CreateDefaultContext()
+        ends = np.clip(np.searchsorted(knots, times, side="left"), 1, len(knots) - 1)
+        steps = np.unique(np.append(ends, ends - 1))
+        (states,) = recorded.sample([self._state], knots[steps])
+        momenta = np.empty((len(knots), 3))
+        for step, state in zip(steps, states, strict=True):
+            plant.SetPositionsAndVelocities(context, state)
+            momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, [self._instance], np.zeros(3))
+            momenta[step] = momentum.translational()
+        rates = (momenta[ends] - momenta[ends - 1]) / (knots[ends] - knots[ends - 1])[:, np.newaxis]
+        weight = plant.CalcTotalMass(context, [self._instance]) * plant.gravity_field().gravity_vector()
+        return np.asarray(rates - weight)

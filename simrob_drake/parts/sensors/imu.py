@@ -20,8 +20,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.frames import transform_from_xyz_quaternion, xyz_quaternion_from_transform
-from simrob_drake.parts.sensors.sampled import SampledSensor, normal
-from simrob_drake.parts.sensors.sensor import axis_names
+from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names, normal
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.sections import Integer, NotNegative
@@ -61,15 +60,7 @@ class Imu(SampledSensor):
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``specific_force.<sensor>`` (3) [m/s²], ``angular_velocity`` (3) [rad/s] and ``orientation`` (4)."""
         frame = self._frame_name(site.station, f"sensors.{name}")
-        block = InertialUnit(
-            plant=site.plant.plant,
-            frame=frame_of(site.plant, frame),
-            period=1 / self.rate,
-            delay=self.late_samples,
-            seed=self.seed,
-            noise=(self.accelerometer_noise, self.gyroscope_noise),
-            bias=(self.accelerometer_bias, self.gyroscope_bias),
-        )
+        block = InertialUnit(self, site.plant.plant, frame_of(site.plant, frame))
         signals = {}
         for part, (axes, unit) in _PARTS.items():
             names, quantity = axis_names(part, name, axes), part.replace("_", " ")
@@ -96,30 +87,10 @@ class InertialUnit(SampledBlock):
         ``orientation`` (4): of the frame in the world, qw qx qy qz.
     """
 
-    def __init__(
-        self,
-        *,
-        plant: MultibodyPlant,
-        frame: Frame,
-        period: float,
-        delay: int = 0,
-        seed: int = 0,
-        noise: tuple[float, float] = (0.0, 0.0),
-        bias: tuple[float, float] = (0.0, 0.0),
-    ) -> None:
-        """Make the block.
-
-        Args:
-            plant: finalized; it need not be part of the diagram.
-            frame: of the plant.
-            period: T, between samples [s].
-            delay: by how many samples it tells them late.
-            seed: of noise and biases.
-            noise: standard deviations of a sample of the accelerometer [m/s²] and the gyroscope [rad/s].
-            bias: standard deviations of their constant errors, likewise.
-        """
+    def __init__(self, section: Imu, plant: MultibodyPlant, frame: Frame) -> None:
+        """Make the block of a section, for a frame of a finalized plant, which need not be part of the diagram."""
         super().__init__(
-            period=period,
+            period=1 / section.rate,
             reads={"state": plant.num_multibody_states()},
             memory={
                 "specific_force": np.zeros(3),
@@ -129,13 +100,15 @@ class InertialUnit(SampledBlock):
                 "count": np.zeros(1),
             },
             gives=list(_PARTS),
-            delay=delay,
+            delay=section.late_samples,
             at_once=True,
         )
         self._plant, self._frame = weakref.proxy(plant), frame.index()
         self._gravity = plant.gravity_field().gravity_vector()
         self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
-        self.seed, self._noise, self._bias = seed, np.repeat(noise, 3), np.repeat(bias, 3)
+        self.seed = section.seed
+        self._noise = np.repeat([section.accelerometer_noise, section.gyroscope_noise], 3)
+        self._bias = np.repeat([section.accelerometer_bias, section.gyroscope_bias], 3)
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return force and rates by the motion since the last sample."""

@@ -37,8 +37,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
-from simrob_drake.parts.sensors.sampled import SampledSensor
-from simrob_drake.parts.sensors.sensor import axis_names
+from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings, named
 from simrob_drake.sections import Boolean, Positive
 from simrob_drake.signals import Panel, Signal

@@ -1,15 +1,21 @@
-"""What the kinds of sensor share."""
+"""What the kinds of sensor share; samples are taken while stepping where something reads them, else afterwards."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache, partial
 from typing import Any
 
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+import numpy as np
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ZeroOrderHold
 
 from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.site import Surroundings
-from simrob_drake.sections import Positive, Strict
+from simrob_drake.frames import Vector
+from simrob_drake.lifetime import release_with
+from simrob_drake.parts.site import Site, StationRobot, Surroundings
+from simrob_drake.sections import Boolean, NotNegative, Positive, Strict
+from simrob_drake.signals import Compute, Recorded, Signal
 
 
 class Sensor(Strict):
@@ -66,3 +72,111 @@ def axis_names(signal: str, sensor: str, axes: Sequence[str] = "xyz") -> tuple[s
 def sensor_label(kind: str, name: str, rate: float | None = None) -> str:
     """Return what a sensor's block says in the picture."""
     return f"{kind}\n{name}" + (", sampled" if rate is not None else "")
+
+
+class SampledSensor(Sensor):
+    """What sensors whose block has one periodic discrete update share."""
+
+    rate: Positive = 200.0
+    """Samples a second [Hz]."""
+    in_loop: Boolean = False
+    """Sample while stepping, so that blocks can read it; otherwise it is computed after the run and costs nothing."""
+
+    delay: NotNegative = 0.0
+    """How late its figures are told [s], to the nearest sample."""
+
+    @property
+    def late_samples(self) -> int:
+        """By how many samples its figures are late."""
+        return round(self.delay * self.rate)
+
+    @property
+    def stepped(self) -> bool:
+        """Whether it samples while stepping."""
+        return self.in_loop
+
+    def _give(
+        self,
+        builder: DiagramBuilder,
+        site: Site,
+        name: str,
+        *,
+        block: LeafSystem,
+        title: str,
+        inputs: Mapping[str, OutputPort | Compute],
+        signals: Mapping[str, Signal],
+        robot: StationRobot | None = None,
+    ) -> None:
+        """Add the outputs ``<port>.<sensor>`` of a block, or what computes them after the run.
+
+        ``inputs`` tells, by the names of the block's ports, what they read: ports, or after the run what gives it
+        then; ``signals`` what its outputs are.
+        """
+        if self.in_loop:
+            builder.AddNamedSystem(f"sensor.{name}", block)
+            site.draw(f"sensor.{name}", "sensor", sensor_label(title, name), robot)
+            for port, source in inputs.items():
+                assert isinstance(source, OutputPort)  # what is read while stepping samples then, too
+                builder.Connect(source, block.GetInputPort(port))
+        else:
+            release_with(site.plant.plant, block)
+        for port, signal in signals.items():
+            if self.in_loop:
+                output = f"{port}.{name}"
+                site.add(output, block.GetOutputPort(port), replace(signal, output=output))
+            else:
+                compute = partial(_after_the_run, block=block, inputs=inputs, output=port)
+                site.later[f"{port}.{name}"] = compute
+                site.signals.append(replace(signal, compute=compute))
+
+
+@lru_cache(maxsize=16)  # the bias of a sensor is drawn at each of its samples
+def normal(seed: int, number: int, size: int) -> Vector:
+    """Return figures (size,) of the standard normal distribution; a generator each, so that nothing remembers one."""
+    return np.random.default_rng([seed, number]).standard_normal(size)
+
+
+def rounded(values: Vector, resolution: Vector) -> Vector:
+    """Return values (k,) rounded to steps of a resolution each, shape (k,); 0 leaves one as it is."""
+    step = np.where(resolution > 0, resolution, 1.0)
+    return np.where(resolution > 0, np.round(values / step) * step, values)
+
+
+def _after_the_run(
+    recorded: Recorded, times: Vector, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute], output: str
+) -> Vector:
+    """Return an output of a block at the last sample before each of the times (m,) [s], shape (m, size)."""
+    if block not in recorded.memo:
+        recorded.memo[block] = replayed(recorded, block=block, inputs=inputs)
+    period, rows = recorded.memo[block]
+    return np.asarray(rows[output][np.clip((times / period + 1e-9).astype(int), 0, len(rows[output]) - 1)])
+
+
+def replayed(
+    recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]
+) -> tuple[float, dict[str, Vector]]:
+    """Let a sampled block go through a run that is over, as it would have while stepping.
+
+    The block is part of no diagram.
+
+    Returns:
+        the time between samples [s], and each output at each sample, shape (k, size).
+    """
+    period = block.GetUniquePeriodicDiscreteUpdateAttribute().period_sec()
+    ticks = period * np.arange(int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1)
+    ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}
+    values = dict(zip(ports, recorded.sample(list(ports.values()), ticks), strict=True))
+    before = np.maximum(ticks - period, 0.0)  # while stepping, sensors that sample together see each other's last
+    values |= {name: source(recorded, before) for name, source in inputs.items() if not isinstance(source, OutputPort)}
+    context = block.CreateDefaultContext()
+    outputs = [block.get_output_port(index) for index in range(block.num_output_ports())]
+    rows = {port.get_name(): np.empty((len(ticks), port.size())) for port in outputs}
+    for tick, time in enumerate(ticks):
+        context.SetTime(time)
+        for name, row in values.items():
+            block.GetInputPort(name).FixValue(context, row[tick])
+        update = block.EvalUniquePeriodicDiscreteUpdate(context)
+        context.get_mutable_discrete_state().SetFrom(update)
+        for port in outputs:
+            rows[port.get_name()][tick] = port.Eval(context)
+    return period, rows

@@ -1,7 +1,5 @@
 """What every kind of gait declares, and what several have in common."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self

@@ -9,7 +9,7 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
-from simrob_drake.kinematics.least_squares import fit_postures
+from simrob_drake.kinematics.numeric import fit_postures
 from simrob_drake.programs.gaits.feet import Foot
 from simrob_drake.robots.catalog import RobotModel
 

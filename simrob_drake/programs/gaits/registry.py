@@ -3,8 +3,6 @@
 Each is made for one kind of feet, and carries on others as large.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

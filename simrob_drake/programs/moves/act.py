@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import planned_gait
-from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.moves.walk import GaitMove
 from simrob_drake.stations.config import StationConfig
 

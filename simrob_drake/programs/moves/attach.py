@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import ClassVar
 
-from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.programs.moves.move import ArmStation, Move, Outlook, Run, Stage, naming
 from simrob_drake.sections import Pose

@@ -12,7 +12,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import finite
 from simrob_drake.parts.controllers.walk import Walk
 from simrob_drake.programs.gaits.motion import short_steps
-from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.sections import Boolean, Duration, Number

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.programs.errors import JointLimitExceeded
-from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.move import MOVE_TIME, ArmStation, Move, Outlook, Run, Stage, checked
 from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
 from simrob_drake.robots.catalog import RobotModel
@@ -48,7 +48,7 @@ class JointMove(Move):
         posture = planning.start.copy()
         for place, position in targets_on(planning.model, self.target_deg, "the target").items():
             posture[place] = position
-        return run([plan_move_abs_j(planning, posture, {"duration": self.duration})], None)
+        return run([plan_move_abs_j(planning, posture, duration=self.duration)], None)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check the targets; moves of joints that follow each other are made one stage of by who runs them."""

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Iterable
 from typing import Annotated, Any, ClassVar, Self, cast
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from simrob_drake.kinematics.analytic import SolverLike, SolverName
-from simrob_drake.parts.site import WORLD
-from simrob_drake.programs.moves.move import ArmStation, Move, Run, plain
+from simrob_drake.kinematics.analytic import SolverName
+from simrob_drake.programs.moves.move import ArmStation, Move, Run
 from simrob_drake.programs.plan import Check, Plan
 from simrob_drake.programs.planning import Planning
-from simrob_drake.programs.targets import HasTool, PoseTargets, WorkObject, pose_numbers, row_numbers
 from simrob_drake.programs.timing import How, Profile
 from simrob_drake.sections import Duration, Integer, Number, Pose, Positive, Strict
 
@@ -108,44 +105,3 @@ class ToolMotion(Strict):
     unless given. With the robot's own name that is where its reference has the tool."""
     solver: SolverName | None = None
     """Of the inverse kinematics; `auto` unless given."""
-
-
-def recorded(
-    plan: Plan,
-    key: str,
-    planning: Planning,
-    targets: PoseTargets,
-    how: Mapping[str, Any],
-    *,
-    wobj: WorkObject = None,
-    solver: SolverLike | None = None,
-    **more: Any,
-) -> Plan:
-    """Return a plan with the entry of a program's file that would make it again; with none where no file can say it.
-
-    Args:
-        plan: of a call from Python.
-        key: of the kind of move.
-        planning: what it was planned from.
-        targets: what the call was given, as all that follows.
-        how: likewise.
-        wobj: likewise.
-        solver: likewise.
-        more: ``stop`` or ``via``.
-    """
-    used = planning.solver if solver is None else solver
-    moved = None if wobj is None else planning.frame(wobj)
-    if not isinstance(used, str):
-        return replace(plan, entry=None, frame=moved)
-    frame: Any = None if isinstance(wobj, str) and wobj == WORLD else wobj
-    if isinstance(wobj, HasTool):
-        frame = getattr(wobj, "name", None)
-    elif frame is not None and not isinstance(frame, str):
-        frame = pose_numbers(frame)
-    content = {"targets": row_numbers(targets), "robot": planning.robot, **how, "wobj": frame, **more}
-    if "via" in more:
-        content["via"] = row_numbers(more["via"])
-    if used != "auto":
-        content["solver"] = used
-    made = {name: plain(value) for name, value in content.items() if value is not None}
-    return replace(plan, entry={key: made}, frame=moved)

@@ -9,7 +9,6 @@ from functools import cache, reduce
 from operator import or_
 from typing import Annotated, Any, ClassVar, Protocol, TypeAlias, TypeVar
 
-import numpy as np
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -22,10 +21,10 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from simrob_drake.arguments import LONGEST, SHORTEST
+from simrob_drake.arguments import LONGEST, SHORTEST, plain
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import PoseLike
-from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import Planning
 from simrob_drake.results.result import SimulationResult
@@ -221,15 +220,6 @@ def checked(kind: type[Kind], /, **content: Any) -> Kind:
         key = ".".join(str(part) for part in finding["loc"])
         otherwise = "a finite number [deg]" if key.startswith("target_deg") else "a text"
         raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, otherwise)) from problem
-
-
-def plain(value: Any) -> Any:
-    """Return a value with numpy's numbers and arrays as Python's own."""
-    if isinstance(value, (np.generic, np.ndarray)):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): plain(part) for key, part in value.items()}
-    return [plain(part) for part in value] if isinstance(value, (list, tuple)) else value
 
 
 def move_name(number: int, count: int, file: str = "") -> str:

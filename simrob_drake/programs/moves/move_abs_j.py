@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import ClassVar
+from typing import ClassVar, Unpack
 
 import numpy.typing as npt
 
 from simrob_drake.arguments import truth
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.programs.moves.motion import ArmMotion, recorded
+from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import POINTS, Planning, degrees_hint, grouped, points_of, zone_of
 from simrob_drake.programs.segments import joint_segment, joint_way
+from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How
 from simrob_drake.sections import Boolean
 
@@ -29,11 +30,17 @@ class MoveAbsJ(ArmMotion):
 
     def plan(self, planning: Planning) -> Plan:
         """Return the move, planned."""
-        return plan_move_abs_j(planning, self.rows(planning), self.how, stop=self.stop)
+        return plan_move_abs_j(planning, self.rows(planning), stop=self.stop, **self.how)
 
 
-def plan_move_abs_j(planning: Planning, targets: npt.ArrayLike, how: How, *, stop: bool = False) -> Plan:
-    """Plan it from Python; see :meth:`simrob_drake.programs.planner.Planner.move_abs_j`."""
+def plan_move_abs_j(planning: Planning, targets: npt.ArrayLike, *, stop: bool = False, **how: Unpack[How]) -> Plan:
+    """Plan a move to one posture (n,) or through many (k, n) [rad or m].
+
+    Raises:
+        InvalidParameter: targets of a wrong shape, or a duration that cannot be.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
+            point.
+    """
     rows = planning.chain.postures(targets, "targets")
     points, zone = points_of(how, POINTS), zone_of(how, len(rows))
     if truth(stop, "stop") and zone:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Unpack
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import Arc, stacked, turn
 from simrob_drake.kinematics.analytic import SolverLike
-from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion, recorded
+from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion
 from simrob_drake.programs.plan import Plan, target_name
-from simrob_drake.programs.planning import ARC_POINTS, Planning, points_of
-from simrob_drake.programs.targets import PoseTargets, WorkObject, places
+from simrob_drake.programs.planning import ARC_POINTS, Planning, PoseTargets, WorkObject, places, points_of
+from simrob_drake.programs.segments import Way
+from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How
-from simrob_drake.programs.zones import Way
 
 
 class MoveC(ToolMotion, ArmMotion):
@@ -27,19 +27,34 @@ class MoveC(ToolMotion, ArmMotion):
 
     def plan(self, planning: Planning) -> Plan:
         """Return the move, planned."""
-        return plan_move_c(planning, self.via, self.rows(planning), self.how, wobj=self.wobj, solver=self.solver)
+        return plan_move_c(planning, self.via, self.rows(planning), wobj=self.wobj, solver=self.solver, **self.how)
 
 
 def plan_move_c(
     planning: Planning,
     via: PoseTargets,
     targets: PoseTargets,
-    how: How,
     *,
     wobj: WorkObject = None,
     solver: SolverLike | None = None,
+    **how: Unpack[How],
 ) -> Plan:
-    """Plan it from Python; see :meth:`simrob_drake.programs.planner.Planner.move_c`."""
+    """Plan a move that leads the tool centre point along arcs of circles.
+
+    Args:
+        planning: what the move starts from.
+        via: a place (3,) on the arc, or one for each of several arcs (k, 3); of poses only the place counts.
+        targets: where each arc ends: places (3,) or (k, 3) that keep the orientation, or poses that turn the tool.
+        wobj: the work object in whose frame they are.
+        solver: of the inverse kinematics.
+        how: see :class:`How`; ``points`` are 20 unless given.
+
+    Raises:
+        InvalidParameter: points that lie on one line, or another number of them than of targets.
+        Unreachable, BrokenPath: names the point, why, and how near the best posture comes.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
+            point.
+    """
     inverse, points = planning.inverse(solver), points_of(how, ARC_POINTS)
     middles = places(via, planning.frame(wobj), "via")
     poses = planning.poses(targets, wobj)

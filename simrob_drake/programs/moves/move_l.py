@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from functools import partial
 from itertools import pairwise
-from typing import ClassVar
+from typing import ClassVar, Unpack
 
 import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import poses as poses_between
 from simrob_drake.kinematics.analytic import SolverLike
-from simrob_drake.programs.moves.motion import ArmMotion, ToolMotion, recorded
+from simrob_drake.programs.moves.motion import ArmMotion, ToolMotion
 from simrob_drake.programs.plan import Plan
-from simrob_drake.programs.planning import POINTS, Planning, points_of
-from simrob_drake.programs.targets import PoseTargets, WorkObject
+from simrob_drake.programs.planning import POINTS, Planning, PoseTargets, WorkObject, points_of
+from simrob_drake.programs.segments import Way
+from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How
-from simrob_drake.programs.zones import Way
 
 
 class MoveL(ToolMotion, ArmMotion):
@@ -27,18 +27,31 @@ class MoveL(ToolMotion, ArmMotion):
 
     def plan(self, planning: Planning) -> Plan:
         """Return the move, planned."""
-        return plan_move_l(planning, self.rows(planning), self.how, wobj=self.wobj, solver=self.solver)
+        return plan_move_l(planning, self.rows(planning), wobj=self.wobj, solver=self.solver, **self.how)
 
 
 def plan_move_l(
     planning: Planning,
     targets: PoseTargets,
-    how: How,
     *,
     wobj: WorkObject = None,
     solver: SolverLike | None = None,
+    **how: Unpack[How],
 ) -> Plan:
-    """Plan it from Python; see :meth:`simrob_drake.programs.planner.Planner.move_l`."""
+    """Plan a move that leads the tool centre point along straight lines, turning about one axis on each.
+
+    Args:
+        planning: what the move starts from.
+        targets: poses of the tool in the work object's frame, or places (3,) or (k, 3) that keep its orientation.
+        wobj: the work object.
+        solver: of the inverse kinematics.
+        how: see :class:`How`.
+
+    Raises:
+        Unreachable, BrokenPath: names the point, why, and how near the best posture comes.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
+            point.
+    """
     inverse, points = planning.inverse(solver), points_of(how, POINTS)
     poses = planning.poses(targets, wobj)
     ways = [_line(begin, end) for begin, end in pairwise([planning.pose, *poses])]

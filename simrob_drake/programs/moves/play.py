@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.move import ArmStation, Move, Outlook, Run, Stage
 from simrob_drake.sections import Duration
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from typing import ClassVar
 
 from simrob_drake.parts.site import WORLD
+from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.grasps import let_go
-from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.moves.move import ArmStation, Move, Outlook, Run, Stage, naming
 from simrob_drake.sections import Boolean

@@ -10,8 +10,8 @@ from typing import Annotated, ClassVar
 from pydantic import ConfigDict, Field
 
 from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait
-from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, Outlook, Stage, naming
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.sections import Number

@@ -1,4 +1,7 @@
-"""What Drake's Meshcat draws, as commands to its page; Meshcat's own server is open for moments and to no browser."""
+"""What Drake's Meshcat draws, as commands to its page; and robots drawn translucent at other postures beside it.
+
+Meshcat's own server is open for moments and to no browser.
+"""
 
 import logging
 import re
@@ -19,7 +22,9 @@ from pydrake.geometry import (
 )
 
 from simrob_drake.frames import Vector
+from simrob_drake.results import colours
 from simrob_drake.results.animation.camera import FIELD_OF_VIEW, Camera
+from simrob_drake.results.animation.scene import ViewedStation
 from simrob_drake.results.colours import PATHS, rgb
 from simrob_drake.results.record.run import RecordedRun
 
@@ -122,3 +127,49 @@ def look(meshcat: Meshcat, camera: Camera) -> None:
     """Put the camera of a Meshcat window in its place."""
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=float(np.rad2deg(FIELD_OF_VIEW))))
     meshcat.SetCameraPose(camera.eye, camera.target)
+
+
+GHOSTS = "/drake/ghosts"
+"""Where in Meshcat's tree they hang."""
+SHOWN = "/drake/station"
+"""Where what they are copies of does."""
+GOOD, BAD = (colours.GOOD, 0.3), (colours.BAD, 0.12)
+"""Colour and opacity of a posture that the robot can take, and of one that it cannot."""
+
+_PLAIN = 0.6  # opacity of a marked one
+
+
+def ghosts(
+    scene: ViewedStation, robot: str, postures: Sequence[Vector], good: Sequence[bool], marked: int | None = None
+) -> list[Command]:
+    """Return what makes the view of a station show a robot, and what it carries, at postures (n,) [rad or m].
+
+    In place of the ghosts that were there. The window copies what it shows already, so that nothing is sent twice.
+
+    Args:
+        scene: the station as it is shown.
+        robot: its name.
+        postures: of the ghosts, each (n,); none takes all away.
+        good: whether the robot can take each.
+        marked: the number of one that is drawn less faint.
+    """
+    own, plant = scene.station.robots[robot].instance, scene.plant
+    inspector = scene.station.scene_graph.model_inspector()
+    moving = [
+        frame
+        for frame in inspector.GetAllFrameIds()
+        if (body := plant.GetBodyFromFrameId(frame)) is not None
+        and body.model_instance() == own
+        and not plant.IsAnchored(body)
+        and inspector.NumGeometriesForFrameWithRole(frame, Role.kIllustration)
+    ]
+    found: list[Command] = [{"type": "delete", "path": GHOSTS}]
+    for number, (posture, can) in enumerate(zip(postures, good, strict=True)):
+        scene.place_robots({robot: posture})
+        colour, opacity = GOOD if can else BAD
+        looks = {"color": colour, "opacity": _PLAIN if number == marked else opacity}
+        for path, matrix in placed(scene.query(), moving):
+            ghost = f"{GHOSTS}/{number}/{path}"
+            found.append({"type": "copy", "path": ghost, "source": f"{SHOWN}/{path}", **looks})
+            found.append({"type": "set_transform", "path": ghost, "matrix": matrix})
+    return found

@@ -8,8 +8,8 @@ from math import fsum
 
 from simrob_drake.results.block_diagram.graph import ROLES, BlockGraph, DrawnBlock
 from simrob_drake.results.block_diagram.layout import CELL, LINE, ROW, Layout, Placed, text_width
+from simrob_drake.results.block_diagram.reading import COLOURS, TITLES, WIRE
 from simrob_drake.results.block_diagram.routing import Lines, Point, Routing
-from simrob_drake.results.block_diagram.texts import COLOURS, TITLES, WIRE
 
 _FONT = "Helvetica, Arial, 'DejaVu Sans', sans-serif"
 _EDGE, _HEADER, _LEGEND, _FONT_SIZE = 12.0, 44.0, 26.0, 11.0

@@ -7,8 +7,7 @@ from itertools import accumulate
 from math import fsum
 from statistics import fmean
 
-from simrob_drake.results.block_diagram.flow import columns_of, nets_of
-from simrob_drake.results.block_diagram.graph import BARS, BlockGraph, DrawnBlock
+from simrob_drake.results.block_diagram.graph import BARS, BlockGraph, DrawnBlock, columns_of, nets_of
 
 LINE, ROW, CELL = 13.0, 14.0, 8.0
 """Heights of a line of text, of a port in its bar, and what a cell of a block has beside its text [px]."""

@@ -11,8 +11,7 @@ from simrob_drake.files import diagrams_root
 from simrob_drake.folders import replaced_at_once
 from simrob_drake.results.block_diagram.drawing import Drawing
 from simrob_drake.results.block_diagram.graph import BlockGraph
-from simrob_drake.results.block_diagram.reading import read_blocks
-from simrob_drake.results.block_diagram.texts import dot_text, mermaid_text
+from simrob_drake.results.block_diagram.reading import dot_text, mermaid_text, read_blocks
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names

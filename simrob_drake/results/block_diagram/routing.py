@@ -8,7 +8,7 @@ from math import fsum
 from statistics import fmean
 from typing import NamedTuple
 
-from simrob_drake.results.block_diagram.flow import Net
+from simrob_drake.results.block_diagram.graph import Net
 from simrob_drake.results.block_diagram.layout import PITCH, ROW, Layout, Placed, text_width
 
 Point = tuple[float, float]

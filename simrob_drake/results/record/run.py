@@ -1,7 +1,5 @@
 """What was recorded of a run: signals, how it ended and how fast it was."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property

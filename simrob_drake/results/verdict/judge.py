@@ -1,14 +1,138 @@
-"""The criteria by which every run is judged: a further one is an entry here, and its bound in ``VerdictConfig``."""
+"""The criteria by which runs are judged, of axes and of all else: a further one is an entry here.
+
+Its bound stands in ``VerdictConfig``.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from simrob_drake.frames import Vector
+from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.verdict.criterion import Criterion, Measured
-from simrob_drake.results.verdict.motion import MOTION, largest
 from simrob_drake.results.verdict.verdict import Measure, Verdict
+
+if TYPE_CHECKING:
+    from simrob_drake.results.record.run import RecordedRun
+
+_AT_LIMIT = 0.999  # part of a limit of torque
+_WENT_ON = "completed", "monitor"
+"""How runs end at whose end axes should be where they are asked to be."""
+
+
+class _Axes(NamedTuple):
+    """What was measured of the axes of a robot: values (n,), their times (n,) or None, and the limits of shares."""
+
+    values: Vector
+    times: Vector | None = None
+    limits: Vector = np.zeros(0)
+    limit_units: tuple[str, ...] = ()
+
+
+def _of_each_robot(
+    measure: Callable[[RecordedRun, StationRobot], _Axes | None],
+) -> Callable[[RecordedRun], Measured | None]:
+    """Return what measures the axes of all robots."""
+
+    def of_run(run: RecordedRun) -> Measured | None:
+        found = [(robot, measure(run, robot)) for robot in run.plant.robots.values()]
+        known = [(robot, axes) for robot, axes in found if axes is not None]
+        if not known:
+            return None
+        times, limits = ([getattr(axes, key) for _, axes in known] for key in ("times", "limits"))
+        return Measured(
+            [f"{robot.prefix}{axis}" for robot, _ in known for axis in robot.axes],
+            np.concatenate([axes.values for _, axes in known]),
+            None if times[0] is None else np.concatenate(times),
+            [slides for robot, _ in known for slides in robot.model.prismatic],
+            (np.concatenate(limits), [unit for _, axes in known for unit in axes.limit_units]),
+        )
+
+    return of_run
+
+
+def largest(values: Vector, times: Vector) -> tuple[Vector, Vector]:
+    """Return the largest of each column of values (m, k), and when it was so: (k,) each. What is no number is none."""
+    found = np.fmax.reduce(values, axis=0)
+    return found, times[(values == found).argmax(axis=0)]
+
+
+def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
+    """Return how far the axes of a robot were from their reference, shape (m, n) [rad or m]."""
+    if run.config.mode == "kinematic":  # there they are where they are asked to be
+        return None
+    return np.asarray(np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name)))
+
+
+@_of_each_robot
+def _final_error(run: RecordedRun, robot: StationRobot) -> _Axes | None:
+    errors = _errors(run, robot)
+    return None if errors is None or run.ending not in _WENT_ON else _Axes(errors[-1])
+
+
+@_of_each_robot
+def _largest_error(run: RecordedRun, robot: StationRobot) -> _Axes | None:
+    errors = _errors(run, robot)
+    return None if errors is None else _Axes(*largest(errors, run.times))
+
+
+@_of_each_robot
+def _beyond_stop(run: RecordedRun, robot: StationRobot) -> _Axes:
+    lower, upper = robot.model.axis_limits
+    position = run.axes("q", robot.name)
+    return _Axes(*largest(np.maximum(lower - position, position - upper), run.times))
+
+
+def _torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
+    return np.asarray(np.abs(run.axes("tau", robot.name)) / robot.gains.torque_limit)
+
+
+@_of_each_robot
+def _torque_share(run: RecordedRun, robot: StationRobot) -> _Axes:
+    units = tuple(robot.model.effort_units)
+    return _Axes(*largest(_torque_shares(run, robot), run.times), robot.gains.torque_limit, units)
+
+
+@_of_each_robot
+def _torque_time(run: RecordedRun, robot: StationRobot) -> _Axes:
+    return _Axes((_torque_shares(run, robot) > _AT_LIMIT).mean(axis=0))
+
+
+def _speed_shares(run: RecordedRun, robot: StationRobot) -> Vector:
+    return np.asarray(np.abs(run.axes("v", robot.name)) / robot.model.speed_limits)
+
+
+@_of_each_robot
+def _speed_share(run: RecordedRun, robot: StationRobot) -> _Axes:
+    units = tuple(f"{unit.si}/s" for unit in robot.model.units)
+    return _Axes(*largest(_speed_shares(run, robot), run.times), robot.model.speed_limits, units)
+
+
+@_of_each_robot
+def _speed_time(run: RecordedRun, robot: StationRobot) -> _Axes:
+    return _Axes((_speed_shares(run, robot) > 1.0).mean(axis=0))
+
+
+MOTION = (
+    Criterion("final_error", "rad", "final error", "{of} ended {value} off what was asked", _final_error),
+    Criterion("largest_error", "rad", "largest error", "{of} was {value} off what was asked{when}", _largest_error),
+    Criterion("beyond_stop", "rad", "beyond a stop", "{of} was pressed {value} beyond its range{when}", _beyond_stop),
+    Criterion("torque_share", "1", "torque", "{of} needed {value} of its torque, {amount},{when}", _torque_share),
+    Criterion(
+        "torque_time", "1", "at the limit of torque",
+        "{of} was at its limit of torque for {value} of the run", _torque_time, per_time=True,
+    ),
+    Criterion("speed_share", "1", "speed", "{of} moved at {value} of its speed, {amount},{when}", _speed_share),
+    Criterion(
+        "speed_time", "1", "beyond that of speed",
+        "{of} was beyond its limit of speed for {value} of the run", _speed_time, per_time=True,
+    ),
+)  # fmt: skip
+"""The criteria of axes."""
 
 
 def _below_floor(run: RecordedRun) -> Measured | None:

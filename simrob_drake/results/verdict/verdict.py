@@ -1,7 +1,5 @@
 """The verdict on a run or a program: its figures, what passes a bound, and both in words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

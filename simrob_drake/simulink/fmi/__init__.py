@@ -1,1 +1,1 @@
-"""Stations as Functional Mock-up Units (FMI 2.0, co-simulation)."""
+"""Stations as Functional Mock-up Units (FMI 2.0 and 3.0, co-simulation)."""

@@ -1,126 +1,131 @@
-"""A station as the slave class that pythonfmu wraps; each unit is a class of its own made of this one."""
+"""A station as the object that the libraries of pythonfmu and pythonfmu3 call; each unit has a class of its own of it.
+
+Both libraries load a module of Python in the unit, make one object an instance, and call its methods by name.
+"""
 
 from __future__ import annotations
 
 import ctypes
-from functools import partial
+import json
 from pathlib import Path
-from typing import Any
-from xml.etree.ElementTree import Element as XmlElement
-from xml.etree.ElementTree import SubElement
-
-from pythonfmu import Boolean, DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real, String
-from pythonfmu.enums import Fmi2Status
+from typing import Any, NamedTuple
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.simulink.fmi.unit import Element, StepFailed, SteppedStation
+from simrob_drake.simulink.fmi.description import MESSAGE, STOPPED, TIME, variables_of
+from simrob_drake.simulink.stepping.station import StepFailed, SteppedStation
 
 STATION_FILE = "station.yaml"
-
-_BASES = {
-    "1": {},
-    "m": {"m": "1"},
-    "m/s": {"m": "1", "s": "-1"},
-    "rad": {"rad": "1"},
-    "rad/s": {"rad": "1", "s": "-1"},
-    "rad/s2": {"rad": "1", "s": "-2"},
-    "m/s2": {"m": "1", "s": "-2"},
-    "N": {"kg": "1", "m": "1", "s": "-2"},
-    "N.m": {"kg": "1", "m": "2", "s": "-2"},
-}
-"""Units of the variables by their SI bases."""
+_OK, _WARNING, _ERROR = 0, 1, 3
 
 
-class StationSlave(Fmi2Slave):
-    """A station of FMI: inputs and outputs are its ports, an element each, named ``<port>.<axis or element>``."""
+class Message(NamedTuple):
+    """A line for the log of whoever runs the unit."""
 
-    def __init__(self, **kwargs: Any) -> None:
-        super().__init__(**kwargs)
-        self._station = SteppedStation(Path(self.resources) / STATION_FILE)
-        self.description = self._station.config.description
-        self.default_experiment = DefaultExperiment(
-            start_time=0.0, stop_time=self._station.config.duration, step_size=1e-3
-        )
-        self._units: dict[str, str] = {}
+    status: int
+    category: str
+    msg: str
+    debug: bool = False
+
+
+class StepResult(NamedTuple):
+    """What became of a step: false is an error to FMI 2.0, and 3.0 reads the status."""
+
+    status: int
+    terminateSimulation: bool = False  # noqa: N815  # as FMI 3.0 calls it
+
+    def __bool__(self) -> bool:
+        """Tell whether the step was taken."""
+        return self.status == _OK
+
+
+class Fmi2Slave:
+    """A station of FMI; the name is that by which pythonfmu finds it."""
+
+    def __init__(self, *, resources: str, **_: Any) -> None:
+        self._station = SteppedStation(Path(resources) / STATION_FILE)
+        self._names = [variable.name for variable in variables_of(self._station)]
         self._refused: dict[str, str] = {}
-        for element in self._station.inputs:
-            setter = partial(self._set, element)
-            self._register(Real(element.name, causality=Fmi2Causality.input, setter=setter), element)
-        for element in self._station.outputs:
-            if element.name in self._units:
-                continue  # the reference is an input, too
-            self._register(Real(element.name, causality=Fmi2Causality.output), element)
-        for variable in (
-            Boolean("stopped", getter=lambda: bool(self._station.stopped), **_DISCRETE),
-            String("message", getter=lambda: self._station.stopped, **_DISCRETE),
-        ):
-            self.register_variable(variable, nested=False)
+        self._messages: list[Message] = []
+        self._offset: float | None = None
 
-    def _register(self, variable: Any, element: Element) -> None:
-        variable.getter = partial(self._station.get, element)
-        self.register_variable(variable, nested=False)
-        self._units[element.name] = element.unit
+    def setup_experiment(self, start_time: float) -> None:
+        """Begin; the station's own time is 0 then."""
 
-    def _set(self, element: Element, value: float) -> None:
-        """Set an input; one that cannot be makes the next step an error, and not the unit unusable."""
-        try:
-            self._station.set(element, value)
-            self._refused.pop(element.name, None)
-        except SimrobError as problem:
-            self._refused[element.name] = str(problem)
+    def enter_initialization_mode(self) -> None:
+        """Parameters may be set now."""
 
-    def do_step(self, current_time: float, step_size: float) -> bool:
+    def exit_initialization_mode(self) -> None:
+        """Parameters stay as they are from now on; what they cannot be is told by the first step."""
+
+    def terminate(self) -> None:
+        """Nothing is left to do."""
+
+    def do_step(self, current_time: float, step_size: float) -> StepResult:
         """Go on by a step; where that cannot be, the reason is logged and the step is an error."""
-        if self._refused:
-            self.log("; ".join(self._refused.values()), Fmi2Status.error)
-            return False
+        if self._offset is None:
+            self._offset = current_time - self._station.time
         try:
-            self._station.advance(current_time + step_size)
+            if self._refused:
+                raise StepFailed("; ".join(self._refused.values()))
+            self._station.advance(current_time - self._offset + step_size)
         except (StepFailed, SimrobError) as problem:
-            self.log(str(problem), Fmi2Status.error)
-            return False
+            self._messages.append(Message(_ERROR, "logStatusError", str(problem)))
+            return StepResult(_ERROR)
         if self._station.stopped:
-            self.log(self._station.stopped, Fmi2Status.warning)
-        return True
+            self._messages.append(Message(_WARNING, "logStatusWarning", self._station.stopped))
+        return StepResult(_OK, bool(self._station.stopped))
+
+    def get_real(self, references: list[int]) -> list[float]:
+        """Return numbers; of a station that cannot be built as its parameters say, those without them."""
+        return [self._get(self._names[reference]) for reference in references]
+
+    def _get(self, name: str) -> float:
+        if name == TIME:
+            return self._station.time + (self._offset or 0.0)
+        try:
+            return self._station.get(name)
+        except SimrobError:  # which the step will tell
+            return 0.0
+
+    def set_real(self, references: list[int], values: list[float]) -> None:
+        """Set inputs and parameters; one that cannot be makes the next step an error, and not the unit unusable."""
+        for reference, value in zip(references, values, strict=True):
+            name = self._names[reference]
+            try:
+                self._station.set(name, value)
+                self._refused.pop(name, None)
+            except SimrobError as problem:
+                self._refused[name] = str(problem)
+
+    get_float64, set_float64 = get_real, set_real
+
+    def get_boolean(self, references: list[int]) -> list[bool]:
+        """Return whether a monitor ended the run."""
+        return [self._names[reference] == STOPPED and bool(self._station.stopped) for reference in references]
+
+    def get_string(self, references: list[int]) -> list[str]:
+        """Return why a monitor ended the run."""
+        return [self._station.stopped if self._names[reference] == MESSAGE else "" for reference in references]
+
+    def _get_log_queue(self) -> list[Message]:
+        return self._messages
 
     def _get_fmu_state(self) -> dict[str, Any]:
-        return self._station.state()
+        return {**self._station.state(), "offset": self._offset}
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        self._offset = state["offset"]
         self._station.put(state)
 
-    def to_xml(self, model_options: dict[str, str] | None = None) -> XmlElement:
-        """Return the model description, with units."""
-        root: XmlElement = super().to_xml({**(model_options or {}), **_ABILITIES})
-        definitions = XmlElement("UnitDefinitions")
-        for unit in sorted(set(self._units.values())):
-            SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", _BASES.get(unit, {}))
-        root.insert(1, definitions)
-        structure = root.find("ModelStructure")
-        outputs = structure.find("Outputs") if structure is not None else None
-        if structure is not None and outputs is not None:
-            unknowns = SubElement(structure, "InitialUnknowns")
-            for output in outputs:
-                SubElement(unknowns, "Unknown", index=output.get("index", ""))
-        for variable in root.iter("ScalarVariable"):
-            real = variable.find("Real")
-            if real is not None:
-                real.set("unit", self._units[variable.get("name", "")])
-        return root
+    @staticmethod
+    def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:
+        return json.dumps(state).encode()
 
-
-MOST_INSTANCES = 100_000
-"""Of one unit in one process."""
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> dict[str, Any]:
+        return dict(json.loads(state))
 
 
 def keep(namespace: dict[str, Any]) -> None:
-    """Keep the variables of a unit's module alive.
-
-    pythonfmu gives back one reference too many to them for every instance, and the second would find them gone.
-    """
-    for _ in range(MOST_INSTANCES):
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(namespace))
-
-
-_DISCRETE = {"causality": Fmi2Causality.output, "variability": Fmi2Variability.discrete}
-_ABILITIES = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
+    """Keep the variables of a unit's module: pythonfmu runs it for every instance, and lets it go once too often."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(namespace))

@@ -199,6 +199,25 @@ class Freedom:
     stop: tuple[float, float] | None = None
 
 
+@dataclass(frozen=True)
+class Pull:
+    """What acts along or about one axis of the base of a floating joint.
+
+    Attributes:
+        place: 0 to 2 of a force along x, y, z; 3 to 5 of a torque about them.
+        port: the left port of its signal; 0 without.
+        stiffness, rest, damping: of its spring and damper.
+        stops: of a force, a place beyond which a spring pushes back, which way (1 up, -1 down), and how stiff it is.
+    """
+
+    place: int
+    port: int
+    stiffness: float
+    rest: float
+    damping: float
+    stops: tuple[tuple[float, float, float], ...] = ()
+
+
 @dataclass(eq=False)
 class Joint:
     """A joint block.
@@ -212,6 +231,7 @@ class Joint:
         inputs: which freedom an input port drives, and how: by the number of the left port.
         outputs: which freedom an output port senses, and what of it: by the number of the right port.
         senses: of a floating joint, which parts of a frame sensor a right port hands out; none of what is not measured.
+        pulls: what acts on the follower of a floating joint, and backwards on its base.
         screw: how much each freedom counts in a sum of positions that is 0; empty without.
     """
 
@@ -223,6 +243,7 @@ class Joint:
     inputs: dict[int, tuple[Freedom, str]] = field(default_factory=dict)
     outputs: dict[int, tuple[Freedom, str]] = field(default_factory=dict)
     senses: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    pulls: list[Pull] = field(default_factory=list)
     screw: dict[Freedom, float] = field(default_factory=dict)
 
 
@@ -236,7 +257,8 @@ def read_joint(node: Node) -> Joint:
         raise node.refusal(f"is in the mode {node.text('JointMode')}; only Normal is read")
     joint = Joint(node)
     kinds = PRIMITIVES[node.kind]
-    if node.kind == "6-DOF Joint" and not _is_held(node):
+    moved = any(node.text(f"{kind}MotionActuationMode") == "InputMotion" for kind in kinds)
+    if node.kind == "6-DOF Joint" and not moved:
         _read_floating(node, joint)
         return joint
     left, right = 2, 2
@@ -264,16 +286,6 @@ def read_joint(node: Node) -> Joint:
     if node.kind == SCREW:
         _read_screw(node, joint)
     return joint
-
-
-def _is_held(node: Node) -> bool:
-    """Tell whether a joint of six degrees of freedom does more than leave them free: springs, stops, motors."""
-    return any(
-        "Input" in node.text(f"{kind}TorqueActuationMode") + node.text(f"{kind}MotionActuationMode")
-        or any(node.is_on(f"{kind}{end}LimitSpecify") for end in ("Lower", "Upper"))
-        or any(node.matrix(f"{kind}{name}", "0").any() for name in ("SpringStiffness", "DampingCoefficient"))
-        for kind in PRIMITIVES["6-DOF Joint"]
-    )  # fmt: skip
 
 
 def _read_screw(node: Node, joint: Joint) -> None:
@@ -377,9 +389,41 @@ def _read_floating(node: Node, joint: Joint) -> None:
     if node.is_on("SphVelocityTargetSpecify"):
         rates = node.numbers("SphVelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
         joint.start_speed[3:] = turn @ rates if node.text("SphVelocityTargetInFollowerFrame", "on") == "on" else rates
+    joint.pulls = _pulls(node)
     port = 2
     for kind in PRIMITIVES[node.kind]:
         for sensed, parts in _FLOATING_SENSED[kind].items():
             if node.is_on(f"{kind}{sensed}"):
                 joint.senses[port] = parts
                 port += 1
+
+
+def _pulls(node: Node) -> list[Pull]:
+    """Return what acts in a joint that leaves all free, along its base's axes: signals, springs, dampers, stops."""
+    pulls, port = [], 2
+    for place, kind in enumerate(("Px", "Py", "Pz")):
+        driven = node.text(f"{kind}TorqueActuationMode") == "InputTorque"
+        stiffness = node.number(f"{kind}SpringStiffness", unit="N/m")
+        damping = node.number(f"{kind}DampingCoefficient", unit="N*s/m")
+        stops = []
+        for end, way in (("Lower", 1.0), ("Upper", -1.0)):
+            if node.is_on(f"{kind}{end}LimitSpecify"):
+                bound = node.number(f"{kind}{end}LimitBound", unit="m")
+                stops.append((bound, way, node.number(f"{kind}{end}LimitStiffness", "1e4", unit="N/m")))
+        if stops:
+            node.findings.report.add(
+                "approximated", node.path, f"its stops along {kind[1]} are springs without dampers"
+            )
+        if driven or stiffness or damping or stops:
+            rest = node.number(f"{kind}EquilibriumPosition", unit="m") if stiffness else 0.0
+            pulls.append(Pull(place, port if driven else 0, stiffness, rest, damping, tuple(stops)))
+        port += driven
+    turning = node.number("SphDampingCoefficient", unit="N*m*s/rad")
+    for place, axis in enumerate(("X", "Y", "Z")):
+        driven = node.is_on(f"SphActuateTorque{axis}")
+        if driven or turning:
+            pulls.append(Pull(3 + place, port if driven else 0, 0.0, 0.0, turning))
+        port += driven
+    if node.number("SphSpringStiffness", unit="N*m/rad"):
+        node.findings.report.add("lost", node.path, "its spring against turning")
+    return pulls

@@ -7,10 +7,11 @@ import numpy as np
 from pydantic import TypeAdapter
 from pydrake.math import RigidTransform
 
+from simrob_drake.errors import SimrobError
 from simrob_drake.importer.options import EntryKind
 from simrob_drake.parts.controllers.flow_block import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
-from simrob_drake.simulink.mechanics.bodies import BETWEEN, PUSH, Bodies, Coupling, RigidPart
+from simrob_drake.simulink.mechanics.bodies import BETWEEN, PUSH, Bodies, Coupling, Link, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom, Joint
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied
@@ -31,6 +32,7 @@ from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9
 _INSTANT, _HARD = 1e-6, 1.0
+_PLACES = 3
 AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
 """What checks a block as it stands in a station's file."""
 
@@ -84,7 +86,10 @@ def begin_on_motions(laws: dict[Freedom, Law]) -> None:
     """Let joints whose motion is given start on it, at its speed, before all that other joints ask for."""
     for freedom, law in laws.items():
         if freedom.driven == "motion" and law.reference is not None and of_time(law.reference):
-            before, after = (_at(law.reference, time) for time in (0.0, _INSTANT))
+            try:
+                before, after = (_at(law.reference, time) for time in (0.0, _INSTANT))
+            except (SimrobError, ValueError, ArithmeticError):  # what writes the law tells it
+                continue
             freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
             freedom.start_counts = freedom.speed_counts = _HARD
 
@@ -95,8 +100,10 @@ def _at(value: Value, time: float) -> float:
     for term, factor in terms_of(value).items():
         own = time if term.kind == "time" else 1.0
         if isinstance(term.of, Primitive):
-            block = AS_WRITTEN.validate_python({"kind": term.of.kind, **term.of.parameters})
-            own = block.output(time, block.start, [_at(one, time) for one in term.of.inputs()])[term.index]
+            inputs = [_at(one, time) for one in term.of.inputs()]
+            written = {"kind": term.of.kind, **term.of.parameters, **({"of": [{}] * len(inputs)} if inputs else {})}
+            block = AS_WRITTEN.validate_python(written)
+            own = block.output(time, block.start, inputs)[term.index]
         total += factor * float(own)
     return total
 
@@ -234,7 +241,40 @@ def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
     for coupling in bodies.couplings:
         if coupling.node.kind == BETWEEN:
             pushes += _apart(tracer, coupling)
+    for link in bodies.links:
+        if link.joint.pulls:
+            pushes += _pulled(tracer, link)
     return pushes
+
+
+def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
+    """Return what signals, springs and dampers of a floating joint do to its follower, and to a base that can move."""
+    node, wrench = link.joint.node, np.zeros(6).astype(object)
+    for pull in link.joint.pulls:
+        place, speed = (
+            _sensed(node, pull.place % _PLACES),
+            _sensed(node, pull.place + 7),
+        )  # of a torque it has no spring
+        if pull.port and (values := tracer.physical(node, "lconn", pull.port)) is not None:
+            wrench[pull.place] += values.ravel()[0]
+        elif pull.port:
+            node.findings.report.add("lost", node.path, "its force input is not connected: nothing drives it")
+        wrench[pull.place] -= pull.stiffness * (place - pull.rest) + pull.damping * speed
+        for bound, way, stiffness in pull.stops:
+            wrench[pull.place] += way * stiffness * applied("max", 0.0, way * (bound - place))
+    force, torque = wrench[:_PLACES], wrench[_PLACES:]
+    turn = orientation(node).T
+    pushes = [ExternalForce(node, link.follower, link.in_follower, list(turn.dot(force)), list(turn.dot(torque)), True)]
+    if not link.base.grounded:
+        arm = [_sensed(node, index) for index in range(_PLACES)]
+        moment = [torque[i] + arm[i - 2] * force[i - 1] - arm[i - 1] * force[i - 2] for i in range(_PLACES)]
+        pushes.append(ExternalForce(node, link.base, link.in_base, list(-1.0 * force), [-one for one in moment], True))
+    return pushes
+
+
+def _sensed(node: Node, part: int) -> Form:
+    """Return a part of what a frame sensor of a block measures."""
+    return Form({Term("sensed", node, part): 1.0})
 
 
 def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
@@ -246,7 +286,7 @@ def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
     if values is None:
         node.findings.report.add("lost", node.path, "its force input is not connected: nothing drives it")
         return []
-    line = [Form({Term("sensed", node, index): 1.0}) for index in range(3)]
+    line = [_sensed(node, index) for index in range(_PLACES)]
     length = applied("sqrt", sum((part * part for part in line), start=0.0))
     pull: Signal = signal([values.ravel()[0] * (part / length) for part in line])
     ends = (coupling.base, coupling.in_base, -1.0 * pull), (

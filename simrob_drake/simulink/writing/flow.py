@@ -291,7 +291,7 @@ def frame_sensors(model: SimulinkModel, files: StationFiles, turn: RigidTransfor
     """Return a model's Transform Sensors; ``turn`` places its world in ours."""
     found = FrameSensors({}, {})
     sensing = {push.node for push in model.pushes if push.senses}
-    sensing |= {link.joint.node for link in model.bodies.links if link.joint.senses}
+    sensing |= {link.joint.node for link in model.bodies.links if link.joint.senses or link.joint.pulls}
     for node in model.expanded.nodes:
         if (node.kind == SENSOR or node in sensing) and node.block.commented == "off":
             _take(node, found, model, files, turn, names)

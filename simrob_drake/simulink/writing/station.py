@@ -34,6 +34,7 @@ _SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
     "loops": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},  # 1 ms would lose some % of energy in 10 s
+    "walkers": {"kind": "discrete", "scheme": "sap", "time_step": 5e-4},  # whose joints are moved along given motions
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
 }
 
@@ -188,7 +189,7 @@ class StationWriter:
         flows, _ = flows_of(self._model, self._files, sensors, seen.measured, self._turn)
         content: dict[str, Any] = {"controllers": flows} if flows else {}
         content["solver"] = self._solver(robots)
-        moved = any(freedom.driven == "motion" for robot in self._files.robots.values() for freedom in robot.axes)
+        moved = any(map(_is_moved, self._files.robots.values()))
         if (flows or moved) and "accuracy" in content["solver"]:
             longest = 0.02 if self._touching.ends else 0.005  # limits of a law are found within a step
             content["solver"] = content["solver"] | {"accuracy": 1e-4, "max_step": longest}
@@ -209,7 +210,8 @@ class StationWriter:
                 "repaired", "station", f"kinematic: these links weigh nothing: {', '.join(weightless[:5])}"
             )
             return True
-        return driven == {"motion"} and not self._files.free
+        stand = all(robot.tree.root.grounded for robot in self._files.robots.values())
+        return driven == {"motion"} and stand and not self._files.free
 
     def _robot(self, name: str, robot: RobotFile, duration: float, kinematic: bool) -> dict[str, Any]:
         folder = self._folder / name
@@ -313,7 +315,14 @@ class StationWriter:
             return _SOLVERS["pieces"]
         if any(robot.tree.closings or robot.tree.gears for robot in self._files.robots.values()):
             return _SOLVERS["loops"]
+        if any(not robot.tree.root.grounded and _is_moved(robot) for robot in self._files.robots.values()):
+            return _SOLVERS["walkers"]
         return _SOLVERS["feet"] if self._touching.ends else _SOLVERS["arm"]
+
+
+def _is_moved(robot: RobotFile) -> bool:
+    """Tell whether a motion is the input of one of its joints."""
+    return any(freedom.driven == "motion" for freedom in robot.axes)
 
 
 def _together(trees: list[Tree]) -> list[Tree]:

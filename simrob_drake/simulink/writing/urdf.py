@@ -16,7 +16,7 @@ from simrob_drake.files import PIECE_FILE
 from simrob_drake.frames import Vector, pose_from_transform
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.options import ImportReport
-from simrob_drake.robots.urdf_elements import add_colour, add_joint, add_motor, place, set_inertia, text
+from simrob_drake.robots.urdf import add_colour, add_joint, add_motor, place, set_inertia, text
 from simrob_drake.simulink.mechanics.bodies import PUSH, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import load_mesh, write_obj

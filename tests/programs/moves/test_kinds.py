@@ -73,7 +73,7 @@ class Circle(ToolMotion, ArmMotion):
 
     def plan(self, planning):
         home = planning.pose[:3, 3].tolist()
-        return plan_move_l(planning, [self.rows(planning), home], self.how)
+        return plan_move_l(planning, [self.rows(planning), home], **self.how)
 
 
 def test_a_kind_from_outside_runs_as_those_of_the_package_do():

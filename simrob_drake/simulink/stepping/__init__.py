@@ -1,0 +1,1 @@
+"""Stations that are stepped from outside: their numbers by name, their parameters, and a server."""

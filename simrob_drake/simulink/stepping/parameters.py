@@ -1,0 +1,145 @@
+"""What of a station can be set before it begins: gains, masses, pushes and other numbers of its file."""
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.robots.urdf import mass_of, name_of
+from simrob_drake.sections import Strict, field_texts
+from simrob_drake.simulink.stepping.elements import legal
+from simrob_drake.simulink.values.units import UnknownUnit, parse_unit
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import ONLY_ROBOT, with_settings
+from simrob_drake.stations.resolve import resolve
+
+_GAINS = {"kp": "{effort}/{si}", "ki": "{effort}/({si}·s)", "kd": "{effort}·s/{si}", "torque_limit": "{effort}"}
+_OF_COMPUTED_TORQUE = {"kp": "1/s²", "kd": "1/s", "torque_limit": "{effort}"}
+"""Gains and their units."""
+_SECTIONS = ("forces", "controllers", "contact", "floor")
+"""Sections whose numbers are parameters."""
+_LONGEST = 9
+"""Entries that a list of such numbers has."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a station's file.
+
+    Attributes:
+        name: by its key, as ``servo.kp.joint_1`` or ``forces.push.force[1]``, as FMI has names.
+        way: to it in the station's file.
+        start: its value where it is not set.
+        unit: of SI, or ``deg``.
+    """
+
+    name: str
+    way: tuple[str, ...]
+    start: float
+    unit: str
+
+
+def parameters_of(config: StationConfig) -> dict[str, Parameter]:
+    """Return what of a dynamic station can be set, by name.
+
+    These are the gains of each axis, by how much links are heavier, the masses of pieces, gravity, and the numbers of
+    forces, controllers, contact and floor.
+    """
+    station = resolve(config)
+    found = [one for robot in station.robots.values() for one in _of_robot(config, robot)]
+    for name, piece in station.pieces.items():
+        if config.pieces[name].density is None and piece.model.mass > 0:
+            found += _numbers(float(piece.model.mass), ("pieces", name, "mass"), "kg")
+    found += _numbers(float(config.gravity), ("gravity",), "m/s²")
+    for section in _SECTIONS:
+        found += _numbers(getattr(config, section), (section,), "1")
+    return {parameter.name: parameter for parameter in found}
+
+
+def with_parameters(config: StationConfig, values: Mapping[Parameter, float]) -> StationConfig:
+    """Return a station with other values of some parameters.
+
+    Raises:
+        InvalidConfig: a value that cannot be.
+    """
+    settings: dict[str, Any] = {}
+    for parameter, value in values.items():
+        match parameter.way:
+            case "robots", robot, "servo", gain, axis:
+                servo = settings.setdefault(_key(config, robot, "servo"), _servo_by_axis(config, robot))
+                servo[gain][axis] = value
+            case "robots", robot, "mass_factors", link:
+                settings.setdefault(_key(config, robot, "mass_factors"), {})[link] = value
+            case way:
+                settings[".".join(way)] = value
+    return with_settings(config, settings, "parameters")
+
+
+def _key(config: StationConfig, robot: str, section: str) -> str:
+    only = list(config.robots) == [ONLY_ROBOT]
+    return f"{ONLY_ROBOT}.{section}" if only else f"robots.{robot}.{section}"
+
+
+def _units(config: StationConfig, robot: str) -> Mapping[str, str]:
+    return _OF_COMPUTED_TORQUE if config.servo_of(robot).law == "computed_torque" else _GAINS
+
+
+def _servo_by_axis(config: StationConfig, robot: str) -> dict[str, Any]:
+    """Return a robot's servo section with all gains by axis; they may be those of all robots, or of its own file."""
+    resolved = resolve(config).robots[robot]
+    gains, axes = resolved.gains, resolved.axes
+    by_axis = {
+        gain: {axis: value for axis, value in zip(axes, getattr(gains, gain).tolist(), strict=True) if value < math.inf}
+        for gain in _units(config, robot)
+    }
+    return config.servo_of(robot).model_dump(mode="json", exclude_none=True) | by_axis
+
+
+def _of_robot(config: StationConfig, robot: ResolvedRobot) -> Iterator[Parameter]:
+    for gain, unit in _units(config, robot.name).items():
+        for axis, known, value in zip(robot.axes, robot.model.units, getattr(robot.gains, gain), strict=True):
+            way = ("robots", robot.name, "servo", gain, axis)
+            yield from _numbers(float(value), way, unit.format(effort=known.effort, si=known.si), robot.prefix)
+    stated = config.robots[robot.name].mass_factors
+    for link in (name_of(link) for link in robot.model.element.iterfind("link") if mass_of(link) > 0):
+        to_link = ("robots", robot.name, "mass_factors", link)
+        yield from _numbers(float(stated.get(link, 1.0)), to_link, "1", robot.prefix)
+
+
+def _numbers(value: Any, way: tuple[str, ...], unit: str, prefix: str = "") -> Iterator[Parameter]:
+    """Yield the numbers in a section, a list, or a number, with units as the texts below the keys have them."""
+    if isinstance(value, Strict):
+        texts = field_texts(type(value))
+        for field, info in type(value).model_fields.items():
+            yield from _numbers(getattr(value, field), (*way, info.alias or field), _unit(field, texts.get(field, "")))
+    elif isinstance(value, Mapping):
+        for key, inner in value.items():
+            if "." not in str(key):
+                yield from _numbers(inner, (*way, str(key)), unit)
+    elif isinstance(value, Sequence) and not isinstance(value, str) and len(value) <= _LONGEST:
+        for index, inner in enumerate(value):
+            yield from _numbers(inner, (*way, str(index)), unit)
+    elif isinstance(value, float) and math.isfinite(value):
+        own = way[2:] if way[0] == "robots" else way
+        yield Parameter(legal(prefix + ".".join(own)), way, value, unit)
+
+
+def _unit(field: str, text: str) -> str:
+    """Return the unit that a text has in brackets, the first of several: ``[N·m/rad, or N/m where it slides]``."""
+    if field.endswith("_deg"):
+        return "deg"
+    found = re.search(r"\[([^],;]+)", text)
+    try:
+        if found:
+            parse_unit(plain_unit(found[1]))
+            return found[1]
+    except UnknownUnit:
+        pass
+    return "1"
+
+
+def plain_unit(unit: str) -> str:
+    """Return a unit in letters that programs take: ``N·m/rad²`` is ``N*m/rad^2``."""
+    return unit.replace("·", "*").replace("²", "^2").replace("³", "^3")
