@@ -51,9 +51,10 @@ def learn(env: str, folder: Path, *, algorithm: str, steps: int, seed: int, work
 def layers(model: Any) -> tuple[list[tuple[Vector, Vector]], str, str]:
     """Return the layers of a model's mean action, the function between them, and that at the end."""
     if isinstance(model, PPO):
-        parts, activation, last = [*model.policy.mlp_extractor.policy_net, model.policy.action_net], "Tanh", "Identity"
+        parts, last = [*model.policy.mlp_extractor.policy_net, model.policy.action_net], "Identity"
     else:
-        parts, activation, last = [*model.actor.latent_pi, model.actor.mu], "Relu", "Tanh"
+        parts, last = [*model.actor.latent_pi, model.actor.mu], "Tanh"
+    activation = type(parts[1]).__name__.capitalize()  # as ONNX calls it: Tanh, Relu, Elu
     linear = [part for part in parts if isinstance(part, nn.Linear)]
     return [(part.weight.detach().numpy(), part.bias.detach().numpy()) for part in linear], activation, last
 

@@ -59,9 +59,10 @@ def walked(walk: Walk) -> Walk:
     """Walk. The policy is the station's own: nothing is asked of it from outside."""
     made, draw = episode(walk.station, walk.condition), np.random.default_rng(walk.seed)
     seeds = draw.integers(2**31, size=len(made.seeds)).tolist()
-    made.begin(seeds=seeds, away=np.deg2rad(NOISE_DEG) * draw.standard_normal(len(made.robot.axes)))
+    away = np.deg2rad(NOISE_DEG) * draw.standard_normal(len(made.robot.axes))
+    made.begin(seeds=seeds, start=np.clip(made.robot.initial + away, *made.robot.model.axis_limits))
     while not made.ended and made.time < LONG - made.period / 2:
-        made.advance(np.zeros(made.policy.acts))
+        made.advance(None)
     ahead, aside, _ = made.moment(goal=np.zeros(3), desired_speed=np.inf, yields=0.0).place.round(3).tolist()
     return replace(walk, ahead=ahead, aside=aside, lasted=round(made.time, 2), ended=made.ended)
 

@@ -38,8 +38,10 @@ class Contacts:
     normals: Vector
 
     @classmethod
-    def of(cls, results: ContactResults) -> Contacts:
-        """Return the contacts of Drake's contact results."""
+    def of(cls, results: ContactResults | Contacts) -> Contacts:
+        """Return the contacts of Drake's contact results; those of another engine are contacts already."""
+        if isinstance(results, Contacts):
+            return results
         pairs, rows = [], []
         for index in range(results.num_point_pair_contacts()):
             info = results.point_pair_contact_info(index)

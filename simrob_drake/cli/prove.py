@@ -25,7 +25,7 @@ def prove(
     scheduler: Scheduler = None,
     force: Force = False,
 ) -> int:
-    """Run a winner, and where its search began, under doubts: pushes, masses, friction, floor, noise, other solvers.
+    """Run a winner, and where its search began, under doubts: pushes, masses, moves, gains, solvers ...
 
     A page with table, plots and the conclusion in words comes of it. One that was interrupted goes on when it is given
     again with the same --out.

@@ -74,11 +74,12 @@ def tune(
 def _tell(place: StudyFolder, proof: list[Row]) -> None:
     """Show the best figures, and what the proof says of them and of where the search began."""
     from simrob_drake.tuning.conclusion import cost_columns
+    from simrob_drake.tuning.study import in_table
 
     parameters, cost = place.best
     table = Table("key", "start", "best", box=None, pad_edge=False)
     for key, value in parameters.items():
-        table.add_row(key, f"{place.study.start[key]:.5g}", f"{value:.5g}")
+        table.add_row(key, in_table(place.study.start.get(key)), in_table(value))
     for before, after in zip(place.trials[0][1], cost, strict=True):
         table.add_row("cost", f"{before:.5g}", f"{after:.5g}")
     if len(cost) > 1:
@@ -96,8 +97,12 @@ def _tell(place: StudyFolder, proof: list[Row]) -> None:
             mean(found) if (found := [row[name] for row in rows if row.get(name) is not None]) else None
             for rows in (start, best)
         )
-        shown = ["–" if value is None else f"{value:.5g}" for value in (before, after)]
-        table.add_row(name, *shown, f"{after / before:.2f}" if before and after and before * after > 0 else "")
+        table.add_row(
+            name,
+            in_table(before),
+            in_table(after),
+            f"{after / before:.2f}" if before and after and before * after > 0 else "",
+        )
     console.print(table)
 
 

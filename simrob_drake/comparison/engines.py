@@ -14,7 +14,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.whole_program import run_whole
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
+from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, MujocoSolver, SolverConfig
 
 MUJOCO_STEP = 1e-3
 """Of MuJoCo's coarser run [s]."""
@@ -71,14 +71,14 @@ def _engines(config: StationConfig) -> Iterator[tuple[str, Callable[[str], Accou
         yield "Drake, inverse dynamics", lambda name: _of_motion(name, config)
     else:
         solver = config.solver
-        yield f"Drake, {solver.scheme}", lambda name: _in_drake(name, config)
+        yield f"Drake, {solver.scheme}", lambda name: _stepped(name, config)
         other = config.model_copy(update={"solver": other_scheme(solver)})
-        yield f"Drake, {other.solver.scheme}", lambda name: _in_drake(name, other)
+        yield f"Drake, {other.solver.scheme}", lambda name: _stepped(name, other)
         yield "inverse dynamics", lambda name: _inverse_dynamics(name, config)
     yield "MuJoCo", lambda name: _in_mujoco(name, config)
 
 
-def _in_drake(name: str, config: StationConfig) -> Account:
+def _stepped(name: str, config: StationConfig) -> Account:
     finer = config.model_copy(update={"solver": config.solver.tighter(FINER)})
     coarse, fine = (_whole(run_whole(own)) for own in (config, finer))
     return Account.of(name, fine, coarse)
@@ -94,11 +94,11 @@ def _in_mujoco(name: str, config: StationConfig) -> Account:
     from simrob_drake.mujoco.inverse import inverse_run
     from simrob_drake.mujoco.runner import MujocoRunner
 
-    if config.program is not None:
-        raise SimrobError("it does no programs; --set program=null leaves the station's out")
     if config.mode == "kinematic":
         result = inverse_run(config)
         return Account.of(name, result, result)
+    if config.program is not None or config.controllers:  # which decide as they go
+        return _stepped(name, config.model_copy(update={"solver": MujocoSolver(kind="mujoco", time_step=MUJOCO_STEP)}))
     coarse, fine = (_whole(MujocoRunner(config, step=step).run()) for step in (MUJOCO_STEP, MUJOCO_STEP / FINER))
     return Account.of(name, fine, coarse)
 

@@ -98,12 +98,10 @@ def examine_robot(source: Path | str, options: ImportOptions | None = None) -> I
     Raises:
         InvalidModel: a defect that can't be repaired.
     """
-    source = robot_file(source, "source")
-    report = ImportReport(source)
     with tempfile.TemporaryDirectory(prefix="simrob-") as work:
-        model = _write(source, Path(work), options or ImportOptions(), report, isolated=True)
-        model.element  # noqa: B018  # read while the file is there
-    return ImportedRobot(model, report)
+        made = import_robot(source, Path(work) / "robot", options, apart=False)
+        made.model.element  # noqa: B018  # read while the file is there
+    return made
 
 
 def _write(source: Path, work: Path, options: ImportOptions, report: ImportReport, isolated: bool) -> RobotModel:

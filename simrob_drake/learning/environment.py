@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
+import numpy.typing as npt
 
 from simrob_drake.frames import Vector
+from simrob_drake.learning.beginning import Curriculum, beginning
 from simrob_drake.learning.episode import Episode
 from simrob_drake.learning.rewards import rewards
+from simrob_drake.learning.spaces import spaces
 from simrob_drake.learning.task import load_task
-from simrob_drake.parts.forces.push import Push
+from simrob_drake.results.animation.pictures import Still
+from simrob_drake.stations.config import StationConfig
 
 _SEEDS = 2**31
+RENDER_MODES = ["rgb_array"]
 
 
 class StationEnvironment(gymnasium.Env[Any, Any]):
@@ -24,12 +29,16 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
     Observation and action are those of the station's controller of kind ``policy``; rewards are of what is true.
     """
 
+    metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": 50}  # noqa: RUF012  # as Gymnasium has it
+
     def __init__(
         self,
         task: str | Path = "walk",
         *,
         station: str | None = None,
         overrides: Mapping[str, Any] | None = None,
+        grown: bool = False,
+        render_mode: Literal["rgb_array"] | None = None,
     ) -> None:
         """Build the station.
 
@@ -37,17 +46,23 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
             task: a name of :func:`~simrob_drake.learning.task.task_names`, or a YAML file.
             station: in place of the task's, such as ``zjudancer_dynamic``.
             overrides: what is changed in it, as of :func:`~simrob_drake.load_station`.
+            grown: begin with the last values of what grows in the task.
+            render_mode: ``rgb_array`` lets :meth:`render` give pictures.
 
         Raises:
             SimrobError: a task or a station that cannot be.
         """
+        self.render_mode = render_mode
         self.task, path = load_task(task)
-        self.config = self.task.config(station, overrides or {}, path)
+        self._source = station, overrides or {}, path
+        self.config = self._drawn({})
         self.episode = Episode(self.config)
         policy = self.episode.policy
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (policy.observed,), np.float32)
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (policy.acts,), np.float32)
+        self.observation_space, self.action_space = spaces(self.episode.section, self.episode.robot, policy.sizes)
+        self.metadata = {**self.metadata, "render_fps": self.episode.section.rate}
         self._goal = np.array(self.episode.section.goal)
+        self._curriculum, self._return = Curriculum(grown=grown), 0.0
+        self._still: Still | None = None
 
     @property
     def policy_axes(self) -> list[str]:
@@ -55,42 +70,51 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         return list(self.episode.section.axes(self.episode.robot))
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Vector, dict[str, Any]]:
-        """Begin an episode; all that is random in it follows from the seed."""
+        """Begin an episode; all that is random in it follows from the seed.
+
+        A task whose station is random, too, has it built anew each time.
+        """
         super().reset(seed=seed)
-        task, draw, robot = self.task, self.np_random, self.episode.robot
-        seeds = draw.integers(_SEEDS, size=len(self.episode.seeds)).tolist()
-        away = task.noise_deg * robot.model.user_units * draw.standard_normal(len(robot.axes))
-        if task.goals is not None:
-            self._goal = draw.uniform(task.goals.low, task.goals.high)
-        seen = self.episode.begin(
-            seeds=seeds,
-            away=away if task.noise_deg > 0 else None,
-            goal=self._goal if task.goals is not None else None,
-            forces=self._pushes(),
-        )
-        return seen.astype(np.float32), {}
+        draw = self.np_random
+        if self.task.random:
+            self.episode = Episode(self._drawn(self.task.drawn(draw.random(len(self.task.random)))))
+        episode = self.episode
+        seeds = draw.integers(_SEEDS, size=len(episode.seeds)).tolist()
+        task = self._curriculum.of(self.task)
+        begun = beginning(task, draw, robot=episode.robot, forces=self.config.forces, period=episode.period)
+        if begun.goal is not None:
+            self._goal = begun.goal
+        self._return = 0.0
+        return self._observed(episode.begin(seeds=seeds, start=begun.start, goal=begun.goal, forces=begun.pushes)), {}
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
         """Advance one control period; `info` holds what each term of the reward gave, and where the robot is."""
-        episode, task = self.episode, self.task
+        episode, task = self.episode, self._curriculum.of(self.task)
         seen = episode.advance(np.asarray(action, dtype=float))
-        now = episode.moment(
-            goal=self._goal, desired_speed=np.inf if task.speed is None else task.speed, yields=task.yields
-        )
+        now = episode.moment(goal=self._goal, desired_speed=task.speed or np.inf, yields=task.yields)
         parts = {name: float(part) for name, part in rewards(task.rewards, now, episode.period).items()}
+        reward = sum(parts.values())
         info = {"rewards": parts, "place": now.place, "time": episode.time}
         if episode.ended:
             info["ended"] = episode.ended
         truncated = not episode.ended and episode.time > self.config.duration - episode.period / 2
-        return seen.astype(np.float32), sum(parts.values()), bool(episode.ended), truncated, info
+        self._return += reward
+        self._curriculum.count(1, [self._return] if episode.ended or truncated else [])
+        return self._observed(seen), reward, bool(episode.ended), truncated, info
 
-    def _pushes(self) -> dict[str, Push]:
-        pushes, draw, period = self.task.pushes, self.np_random, self.episode.period
-        if pushes is None:
-            return {}
-        section = self.config.forces[pushes.name]
-        assert isinstance(section, Push)  # the task has looked
-        direction = draw.standard_normal(3) * [1, 1, 0 if pushes.level else 1]
-        force = draw.uniform(*pushes.force) * direction / np.linalg.norm(direction)
-        start = period * round(draw.uniform(*pushes.start) / period)
-        return {pushes.name: section.model_copy(update={"start": start, "force": tuple(force.tolist())})}
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """Return a picture of the robot now, shape (360, 480, 3), drawn without a display; None without a mode."""
+        if self.render_mode is None:
+            return None
+        self._still = self._still or Still(self.config)
+        return self._still.image(self.episode.positions)
+
+    def _drawn(self, values: Mapping[str, Any]) -> StationConfig:
+        """Return the station with some keys drawn."""
+        station, overrides, path = self._source
+        return self.task.config(station, {**overrides, **values}, path)
+
+    def _observed(self, seen: Vector) -> Vector:
+        space = self.observation_space
+        assert isinstance(space, gymnasium.spaces.Box)
+        return np.clip(seen, space.low, space.high).astype(np.float32)

@@ -9,8 +9,9 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.arguments import drake_asserts
 from simrob_drake.blocks.monitor import NOT_YET
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
-from simrob_drake.learning.rewards import RewardSample, turned_from
+from simrob_drake.learning.rewards import Origin, RewardSample
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.controllers.policy import LearntPolicy, Policy
@@ -50,8 +51,11 @@ class Episode:
         """Build the station.
 
         Raises:
-            SimrobError: one that cannot be.
+            SimrobError: one that cannot be, or that MuJoCo steps.
         """
+        if config.solver.kind == "mujoco":
+            expected = "continuous or discrete; many robots are in MuJoCo by make_vec, see docs/learning.md"
+            raise InvalidParameter("solver.kind", "mujoco", expected)
         station = resolve(config)
         self._station, self._forces = station, dict(config.forces)
         name, self.section = next(iter(policies_of(config).items()))
@@ -71,12 +75,17 @@ class Episode:
         """Since the beginning [s]."""
         return float(self._root.get_time())
 
+    @property
+    def positions(self) -> Vector:
+        """Of the plant, shape (nq,)."""
+        return np.array(self._ports.plant.plant.GetPositions(self._plant_context))
+
     @drake_asserts()
     def begin(
         self,
         *,
         seeds: Sequence[int] | None = None,
-        away: Vector | None = None,
+        start: Vector | None = None,
         goal: Vector | None = None,
         forces: Mapping[str, ForceConfig] | None = None,
     ) -> Vector:
@@ -84,7 +93,7 @@ class Episode:
 
         Args:
             seeds: of the k sensors that have noise; their own unless given.
-            away: how far the axes begin from their initial posture, shape (n,) [rad].
+            start: where the axes begin, shape (n,) [rad]; in their initial posture unless given.
             goal: of the policy.
             forces: in place of some of the station's, by name.
         """
@@ -97,9 +106,7 @@ class Episode:
         stepper = Stepper(config, lambda _: built, [], blocks={})
         self._simulator, pace = stepper.simulator, stepper.pace()
         self._root = self._simulator.get_mutable_context()
-        if away is not None:
-            lower, upper = self.robot.model.axis_limits
-            start = np.clip(self.robot.initial + away, lower, upper)
+        if start is not None:
             self.robot.axis_map.set_positions(self._ports.plant.plant, self._plant_context, start)
         if goal is not None:
             self.policy.ask(self._own(), goal=goal)
@@ -109,16 +116,17 @@ class Episode:
         self._simulator.Initialize()
         self._step, self.ended = 0, ""
         self._onsets = dict.fromkeys(self._ports.monitors, NOT_YET)
-        self._start, self._action = self._value("base_pose"), np.zeros(self.policy.acts)
-        facing = float(headings(self._ports.plant, self.robot, self._start[np.newaxis])[0])
-        self._ahead = np.array([[np.cos(facing), np.sin(facing), 0], [-np.sin(facing), np.cos(facing), 0], [0, 0, 1]])
+        base = self._value("base_pose")
+        self._origin = Origin(base, float(headings(self._ports.plant, self.robot, base[np.newaxis])[0]))
+        self._last = self._action = np.zeros(self.policy.acts)
         self._seen = self.policy.observe(self._own())
         return self._seen
 
-    def advance(self, action: Vector) -> Vector:
-        """Ask for an action (m,), step to the next sample and return what the policy observes then."""
-        self._last, self._action = self._action, np.clip(action, -1.0, 1.0)
-        self.policy.ask(self._own(), action=self._action)
+    def advance(self, action: Vector | None) -> Vector:
+        """Ask for an action (m,), or let the policy's network act, and return what is observed at the next sample."""
+        if action is not None:
+            self._last, self._action = self._action, np.clip(action, -1.0, 1.0)
+            self.policy.ask(self._own(), action=self._action)
         self._step += 1
         end = self._step * self.period
         stops = [edge for edge in self._edges if self.time + _FEW < edge < end - _FEW]
@@ -142,11 +150,9 @@ class Episode:
         moving = self._value("base_velocity") if self.robot.floats else np.zeros(6)
         limits = self.robot.gains.torque_limit  # perhaps none
         tool, tool_speed, push = self._tool(base, moving)
-        return RewardSample(
-            place=self._ahead @ (base[:3] - self._start[:3]),
-            speed=self._ahead @ moving[:3],
-            turned=turned_from(self._start[3:], base[3:]),
-            spin=moving[3:],
+        return self._origin.sample(
+            base,
+            moving,
             effort=self._value("torque") / limits,
             action=self._action,
             last_action=self._last,

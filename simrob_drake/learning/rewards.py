@@ -7,11 +7,15 @@ its torso turns (thesis p. 122).
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.frames import Vector
+
+_KERNEL = 0.4
+"""By how much speeds differ from the goal where tracking gives 1/e of its most [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +55,46 @@ class RewardSample:
     ended: bool | npt.NDArray[np.bool_] = False
 
 
+@dataclass(frozen=True)
+class Origin:
+    """Where a root link was at the start, and which way the robot faced: what its way is told from.
+
+    Attributes:
+        pose: x y z qw qx qy qz, shape (7,).
+        facing: counterclockwise from x [rad].
+    """
+
+    pose: Vector
+    facing: float
+
+    def sample(self, pose: Vector, velocity: Vector, **others: Any) -> RewardSample:
+        """Return what is true by pose (..., 7) and velocity (..., 6) of the root link now, and the other fields."""
+        cos, sin = np.cos(self.facing), np.sin(self.facing)
+        ahead = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+        return RewardSample(
+            place=(pose[..., :3] - self.pose[:3]) @ ahead.T,
+            speed=velocity[..., :3] @ ahead.T,
+            turned=turned_from(self.pose[3:], pose[..., 3:]),
+            spin=velocity[..., 3:],
+            **others,
+        )
+
+
 def _square(values: Vector) -> Vector:
     return np.asarray((values * values).sum(axis=-1))
 
 
+def _astray(now: RewardSample) -> Vector:
+    """Return the square of how far the speeds ahead and to the left, as the robot faces now, are from the goal."""
+    cos, sin = np.cos(now.turned[..., 2]), np.sin(now.turned[..., 2])
+    x, y = now.speed[..., 0], now.speed[..., 1]
+    return _square(np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1) - now.goal[..., :2])
+
+
 TERMS: dict[str, Callable[[RewardSample], npt.ArrayLike]] = {
     "ahead": lambda now: np.minimum(now.speed[..., 0], now.desired_speed),
+    "tracking": lambda now: np.exp(-_astray(now) / _KERNEL**2),
+    "bounce": lambda now: now.speed[..., 2] ** 2,
     "alive": lambda now: np.ones(now.speed.shape[:-1]),
     "height": lambda now: np.minimum(now.place[..., 2], 0.0) ** 2,
     "lateral": lambda now: now.place[..., 1] ** 2,
@@ -68,9 +106,10 @@ TERMS: dict[str, Callable[[RewardSample], npt.ArrayLike]] = {
     "yielding": lambda now: _square(now.tool_speed - now.yields * now.push),
     "ended": lambda now: np.asarray(now.ended, dtype=float),
 }
-"""The terms by name: speed ahead, up to the one that is wanted [m/s]; 1; the squares of how
-far it sank [m²], went aside [m²] and turned [rad²], of its rates [rad²/s²], of its torques as parts of their limits, of
-the change of its action; from the tool to the goal [m]; the square of how far its speed is from what the force on it
+"""The terms by name: speed ahead, up to the one that is wanted [m/s]; exp(-e²/0.16), by how far e its speeds ahead and
+to the left are from the goal [m/s]; the square of its speed upwards [m²/s²]; 1; the squares of how far it sank [m²],
+went aside [m²] and turned [rad²], of its rates [rad²/s²], of its torques as parts of their limits, of the change of its
+action; from the tool to the goal [m]; the square of how far its speed is from what the force on it
 asks for [m²/s²]; 1 where a monitor ends the episode."""
 
 

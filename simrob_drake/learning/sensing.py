@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.mujoco.coordinates import turned
 from simrob_drake.parts.controllers.policy import Policy
 from simrob_drake.parts.sensors.encoders import Encoders
 from simrob_drake.parts.sensors.imu import Imu
 from simrob_drake.parts.sensors.sensor import rounded
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.mujoco.coordinates import turned
 
 Places = npt.NDArray[np.intp]
 """Of some of the robots among all."""
@@ -65,18 +65,17 @@ class PolicySensors:
         if self.encoders is not None:
             self.position[places], self.velocity[places] = self._measured(self.encoders, motion), 0.0
 
-    def sample(self, places: Places, motion_at: Callable[[Places, float], Vector], times: tuple[Vector, float]) -> None:
+    def sample(self, motion_at: Callable[[Places, float], Vector], times: tuple[Vector, float]) -> None:
         """Take all samples of a control period but that at its end, and the very first.
 
         Args:
-            places: of the robots.
-            motion_at: their motions (m, nq + nv) so long after the period began [s].
+            motion_at: motions of some robots (m, nq + nv) so long after the period began [s].
             times: when it begins for each of all robots, shape (k,), and how long it is [s].
         """
         begins, period = times
         for own in filter(None, (self.encoders, self.imu)):
             for after in np.arange(0.0, period - 1e-9, 1 / own.rate).tolist():
-                some = places if after else places[begins[places] > 0]
+                some = np.flatnonzero(begins >= (0 if after else period / 2))
                 motion = motion_at(some, after)
                 if isinstance(own, Encoders):
                     position = self._measured(own, motion)

@@ -9,8 +9,10 @@ from typing import Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from simrob_drake.distributions import AnyDistribution
 from simrob_drake.errors import InvalidConfig, UnknownName, one_of
 from simrob_drake.files import models_root
+from simrob_drake.frames import Vector
 from simrob_drake.importer.packages import Border
 from simrob_drake.learning.episode import policies_of
 from simrob_drake.learning.rewards import TERMS
@@ -20,6 +22,8 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located_changes, located_station
 from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
+
+_GROWING = ("rewards", "speed", "yields", "noise_deg", "pushes", "goals")
 
 
 class Pushes(Strict):
@@ -55,6 +59,35 @@ class Goals(Strict):
         return self
 
 
+class Growth(Strict):
+    """A key of the task that goes from its first value to its last as the robot learns."""
+
+    first: Number | tuple[Number, ...]
+    last: Number | tuple[Number, ...]
+    steps: Positive | None = None
+    """In so many steps of all robots together."""
+    returns: tuple[Number, Number] | None = None
+    """While the mean return of the last hundred episodes rises from one of these to the other."""
+
+    @model_validator(mode="after")
+    def _goes_by_one(self) -> Self:
+        if (self.steps is None) == (self.returns is None):
+            raise ValueError("it grows with steps or with returns: one of them must be given")
+        if self.returns is not None and not self.returns[0] < self.returns[1]:
+            raise ValueError("returns are from the smaller to the larger")
+        if np.shape(self.first) != np.shape(self.last):
+            raise ValueError("first and last are of one size")
+        return self
+
+    def at(self, steps: float, returned: float) -> Any:
+        """Return the value after so many steps, at a mean return."""
+        low, high = (0.0, self.steps) if self.returns is None else self.returns
+        assert high is not None
+        part = np.clip(((steps if self.returns is None else returned) - low) / (high - low), 0.0, 1.0)
+        first, last = np.array(self.first), np.array(self.last)
+        return (first + part * (last - first)).tolist()
+
+
 class Task(Strict):
     """What is to be learnt."""
 
@@ -76,12 +109,48 @@ class Task(Strict):
     """A push in each episode."""
     goals: Goals | None = None
     """Where the goals lie."""
+    random: dict[str, AnyDistribution] = Field(default_factory=dict)
+    """Keys of the station that are others in each episode, such as `contact.friction` or `pieces.load.mass`."""
+    grows: dict[str, Growth] = Field(default_factory=dict)
+    """Keys of this task that grow as the robot learns, such as `pushes.force` or `rewards.effort`."""
 
     @model_validator(mode="after")
     def _knows_its_terms(self) -> Self:
         for name in self.rewards:
             one_of("term of rewards", name, TERMS)
         return self
+
+    @model_validator(mode="after")
+    def _can_grow(self) -> Self:
+        for key in self.grows:
+            self._find(key)
+        for steps in (-np.inf, np.inf) if self.grows else ():
+            content = self.at(steps, steps).model_dump(exclude_unset=True)
+            type(self).model_validate({**content, "grows": {}})
+        return self
+
+    def _find(self, key: str) -> None:
+        """Check that there is a key that can grow."""
+        section: Any = self
+        for number, name in enumerate(key.split(".")):
+            known = section if isinstance(section, dict) else getattr(type(section), "model_fields", {})
+            one_of(f"key of the task, for grows.{key}", name, known if number else _GROWING)
+            section = section[name] if isinstance(section, dict) else getattr(section, name)
+
+    def at(self, steps: float, returned: float) -> Task:
+        """Return the task as it stands after so many steps, at a mean return."""
+        task = self
+        for key, growth in self.grows.items():
+            task = _changed(task, key.split("."), growth.at(steps, returned))
+        return task
+
+    def drawn(self, parts: Vector) -> dict[str, Any]:
+        """Return values of the random keys of the station, by parts 0 to 1 of all draws, shape (k,)."""
+        found = dict[str, Any]()
+        for (key, distribution), part in zip(self.random.items(), parts.tolist(), strict=True):
+            if distribution.applies(found):
+                found[key] = distribution.quantile(part)
+        return found
 
     def config(self, station: str | None, overrides: Mapping[str, Any], where: Path | str) -> StationConfig:
         """Return the station in which this is learnt: its own, or another one.
@@ -101,13 +170,23 @@ class Task(Strict):
         return config
 
     def _check_goals(self, size: int, where: Path | str) -> None:
-        if "distance" in self.rewards and size != 3:
-            raise InvalidConfig(
-                where, "rewards.distance", f"needs a goal of the policy of x y z, not of {size} figures"
-            )
+        for term, needed, names in (("distance", 3, "x y z"), ("tracking", 2, "speeds ahead and to the left")):
+            if term in self.rewards and size != needed:
+                expected = f"needs a goal of the policy of {names}, not of {size} figures"
+                raise InvalidConfig(where, f"rewards.{term}", expected)
         if self.goals is not None and len(self.goals.low) != size:
             expected = f"is a box of {len(self.goals.low)} figures; the policy's goal has {size}"
             raise InvalidConfig(where, "goals", expected)
+
+
+def _changed(section: Any, keys: list[str], value: Any) -> Any:
+    """Return a section, a mapping or a value, in which what the keys name is another."""
+    if not keys:
+        return tuple(value) if isinstance(section, tuple) else value
+    key, *rest = keys
+    if isinstance(section, dict):
+        return {**section, key: _changed(section[key], rest, value)}
+    return section.model_copy(update={key: _changed(getattr(section, key), rest, value)})
 
 
 def task_names() -> list[str]:

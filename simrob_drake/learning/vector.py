@@ -6,9 +6,9 @@ at the same moments as in :mod:`simrob_drake.learning.environment`; rewards are 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium
 import mujoco
@@ -17,22 +17,28 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from mujoco.rollout import Rollout
+from scipy.stats.qmc import LatinHypercube
 
 from simrob_drake.arguments import positive, whole
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, xyz_quaternion_from_transform
+from simrob_drake.learning.beginning import Curriculum, beginning
 from simrob_drake.learning.episode import policies_of
-from simrob_drake.learning.rewards import RewardSample, rewards, turned_from
+from simrob_drake.learning.rewards import Origin, RewardSample, rewards, turned_from
 from simrob_drake.learning.sensing import Places, PolicySensors
+from simrob_drake.learning.spaces import spaces
 from simrob_drake.learning.task import load_task
 from simrob_drake.mujoco.built import BuiltStation
 from simrob_drake.mujoco.controls import controls, force_values
-from simrob_drake.mujoco.model import STEP
-from simrob_drake.parts.forces.push import Push
+from simrob_drake.results.animation.pictures import Still
 from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.closed import station_references
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.mujoco.model import STEP
 
+_HELD = ("contact", "floor", "gravity", "joint_stops", "pieces", "servo", "robot", "robots")
+"""Sections of a station that a model of MuJoCo holds."""
 _KNOWN = ("position", "velocity", "attitude", "angular_velocity", "action", "clock", "goal")
 _ASTRAY = 1e6  # of any coordinate
 _MOST = 100_000  # robots, or threads
@@ -43,13 +49,13 @@ _STEADY = 100.0
 class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """A task in its station, for k robots at once; a step is a control period of the policy.
 
-    A robot whose episode has ended begins anew in the next step, whatever is asked of it then.
+    A robot whose episode has ended begins anew at once; ``info["final_obs"]`` holds what it observed at the end.
     """
 
     _ticks: Places
-    _over: npt.NDArray[np.bool_]
+    _still: Still | None = None
     _action: Vector
-    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012  # as Gymnasium declares it
+    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012  # as Gymnasium declares it
 
     def __init__(
         self,
@@ -60,6 +66,9 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         overrides: Mapping[str, Any] | None = None,
         step: float = STEP,
         threads: int = 0,
+        variants: int = 16,
+        grown: bool = False,
+        render_mode: Literal["rgb_array"] | None = None,
     ) -> None:
         """Build the station.
 
@@ -70,6 +79,9 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             overrides: what is changed in it, as of :func:`~simrob_drake.load_station`.
             step: length of MuJoCo's steps [s]; at 5 ms light joints at their torque limits swing to and fro.
             threads: how many step beside this one.
+            variants: how many stations are drawn where the task has random keys; each episode is in one of them.
+            grown: begin with the last values of what grows in the task.
+            render_mode: ``rgb_array`` lets :meth:`render` give pictures.
 
         Raises:
             SimrobError: a task or a station that cannot be, or that MuJoCo or this environment cannot tell.
@@ -77,18 +89,24 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         num_envs, threads = whole(num_envs, "num_envs", 1, _MOST), whole(threads, "threads", 0, _MOST)
         self.task, path = load_task(task)
         self.config = self.task.config(station, overrides or {}, path)
-        self.num_envs = num_envs
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self._curriculum = Curriculum(grown=grown)
         ((name, self.section),) = policies_of(self.config).items()
-        moved = self.config.model_copy(update={"controllers": {}, "sensors": {}})
-        self._built = BuiltStation.of(moved, step=positive(step, "step", "s"))
+        self._built = _built(self.config, positive(step, "step", "s"))
         self._ports, self._plant = self._built.ports, self._built.ports.plant
         self.robot = self._ports.robot(self.section.robot)
+        context = self._plant.plant.CreateDefaultContext()
+        self._home = self._plant.plant.GetPositions(context), self._plant.plant.GetVelocities(context)
         self.period = 1 / self.section.rate
         self._steps = self._whole(self.period, "a control period")
         self._sensors = PolicySensors(num_envs, self.section, self.config, self.robot, self._value)
         for kind, rate in self._sensors.rates.items():
             self._whole(1 / rate, f"a sample of {kind}")
         self._check(f"controllers.{name}")
+        self._models = self._drawn_models(
+            whole(variants, "variants", 1, _MOST),
+            lambda drawn: self.task.config(station, {**(overrides or {}), **drawn}, path),
+        )
         self._reach = self.section.reach(self.robot)
         self._moved = np.flatnonzero(self._reach)
         self._rows = self._reference_rows()
@@ -103,9 +121,9 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._make_room()
         sizes = {"position": len(self._reach), "velocity": len(self._reach), "attitude": 3, "angular_velocity": 3}
         sizes |= {"action": len(self._moved), "clock": 2 * len(self._clock), "goal": self._goals.shape[1]}
-        observed = sum(sizes[name] for name in self.section.observes)
-        self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (observed,), np.float32)
-        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (len(self._moved),), np.float32)
+        self._bounds, self.single_action_space = spaces(self.section, self.robot, sizes)
+        self.single_observation_space = self._bounds
+        self.metadata = {**self.metadata, "render_fps": self.section.rate}
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
@@ -117,38 +135,44 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             seed = [None if seed is None else seed + place for place in range(self.num_envs)]
         self._draws = [np.random.default_rng(one) for one in seed]
         self._sensors.seed(None if seed[0] is None else [seed[0], self.num_envs])
-        self._over[:] = False
         self._begin(np.arange(self.num_envs))
         return self._observation(), {}
 
     def step(self, actions: Vector) -> tuple[Vector, Vector, Vector, Vector, dict[str, Any]]:
         """Advance all robots one control period; ``info`` holds places, times and why monitors ended episodes."""
-        again = np.flatnonzero(self._over)
-        self._begin(again)
         last, self._action = self._action, np.clip(np.asarray(actions, dtype=float), -1.0, 1.0)
-        self._action[again] = 0.0
         before = self._state.copy()
         states, sensed = self._stepped()
         self._state[:], self._ticks = states[:, -1], self._ticks + 1
-        self._state[again], self._ticks[again] = before[again], 0
         self._motion = self._motion_of(self._state)
         whole = np.concatenate([before[:, np.newaxis], states], axis=1)
         self._sensors.sample(
-            np.flatnonzero(~self._over),
             lambda some, after: self._motion_of(whole[some, round(after / self._built.step)]),
             (self._time - self.period, self.period),
         )
         ended = self._look(sensed[:, -1])
-        ended[again] = ""
         now = self._now(last, sensed[:, -1], ended != "")
-        parts = rewards(self.task.rewards, now, self.period)
+        parts = rewards(self._curriculum.of(self.task).rewards, now, self.period)
         total = np.sum([np.zeros(self.num_envs), *parts.values()], axis=0)
-        total[again] = 0.0
+        self._returns += total
         terminated, late = ended != "", self._time > self.config.duration - self.period / 2
         truncated = late & ~terminated
-        self._over = terminated | truncated
+        seen = self._observation()
         info = {"place": now.place, "time": self._time, "ended": ended, "rewards": parts}
-        return self._observation(), total, terminated, truncated, info
+        over = np.flatnonzero(terminated | truncated)
+        self._curriculum.count(self.num_envs, self._returns[over].tolist())
+        if len(over):
+            info["final_obs"] = seen
+            self._begin(over)
+            seen = self._observation()
+        return seen, total, terminated, truncated, info
+
+    def render(self) -> tuple[npt.NDArray[np.uint8], ...] | None:
+        """Return a picture of each robot now, shape (360, 480, 3), drawn without a display; None without a mode."""
+        if self.render_mode is None:
+            return None
+        self._still = self._still or Still(self.config)
+        return tuple(self._still.image(motion[: self._built.model.nq]) for motion in self._motion)
 
     def close_extras(self, **_: Any) -> None:
         """Let the threads end."""
@@ -174,12 +198,12 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             raise InvalidParameter("controllers", ", ".join(self.config.controllers), f"{key} alone")
         if "yielding" in self.task.rewards:
             raise InvalidParameter("rewards", "yielding", "another term: speeds of tools are not told here")
-        self._check_servos()
+        self._check_servos(self._built)
 
-    def _check_servos(self) -> None:
+    def _check_servos(self, built: BuiltStation) -> None:
         """Check that steps are short enough for servos at their limits, which MuJoCo takes explicitly."""
-        model, found = self._built.model, list[tuple[float, str, float]]()
-        for robot in self._plant.robots.values():
+        model, found = built.model, list[tuple[float, str, float]]()
+        for robot in built.ports.plant.robots.values():
             for axis, kd in zip(robot.axes, robot.gains.kd.tolist(), strict=True):
                 joint = int(model.actuator(f"{robot.prefix}{axis}").trnid[0])
                 found.append((kd * float(model.dof_invweight0[model.jnt_dofadr[joint]]), f"{robot.prefix}{axis}", kd))
@@ -188,6 +212,32 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             longest = f"at most {_STEADY / rate:.2g} s, or servo.kd smaller, or one robot in Drake (gymnasium.make)"
             why = f"at its torque limit {axis} chatters with a kd of {kd:g}"
             raise InvalidParameter("step", f"{self._built.step:g} s", f"{longest}: {why}")
+
+    def _drawn_models(self, many: int, config_of: Callable[[dict[str, Any]], StationConfig]) -> list[mujoco.MjModel]:
+        """Return the models in which episodes are: the station's own, or those that are drawn, always the same.
+
+        Raises:
+            InvalidParameter: a random key that a model does not hold, or that makes other joints of it.
+        """
+        keys = list(self.task.random)
+        for key in keys:
+            if key.split(".")[0] not in _HELD:
+                raise InvalidParameter("random", key, f"of {', '.join(_HELD)}: all robots of a vector share the rest")
+        if not keys:
+            return [self._built.model]
+        parts = LatinHypercube(len(keys), rng=0).random(many)
+        models = []
+        for row in parts:
+            built = _built(config_of(drawn := self.task.drawn(row)), self._built.step)
+            plant = built.ports.plant.plant
+            places = plant.GetPositions(plant.CreateDefaultContext())
+            if not np.array_equal(places, self._home[0]) or built.columns != self._built.columns:
+                raise InvalidParameter(
+                    "random", ", ".join(drawn), "keys that leave joints and where they begin as they are"
+                )
+            self._check_servos(built)
+            models.append(built.model)
+        return models
 
     def _reference_rows(self) -> Vector:
         """Return what is asked of all actuators at each step without the policy, shape (count, nu)."""
@@ -203,53 +253,42 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def _make_room(self) -> None:
         """Make room for all that changes, and keep what each episode begins with."""
-        plant, k = self._plant.plant, self.num_envs
-        context = plant.CreateDefaultContext()
-        self._home = plant.GetPositions(context), plant.GetVelocities(context)
+        k = self.num_envs
         self._state = np.tile(self._built.state(*self._home), (k, 1))
-        self._ticks, self._over = np.zeros(k, np.intp), np.zeros(k, np.bool_)
+        self._ticks, self._returns = np.zeros(k, np.intp), np.zeros(k)
+        self._own = [self._built.model] * k
+        self._ends = np.asarray(self._built.step * np.arange(1, len(self._rows) + 1), dtype=float)
         self._action = np.zeros((k, len(self._moved)))
         self._forces = np.tile(self._rows[:, self._servos :], (k, 1, 1))
         self._onsets = {name: np.full(k, NOT_YET) for name in self._ports.monitors}
         self._upright = self.robot.base.rotation().ToQuaternion().wxyz()
-        self._first = self._value("base_pose", np.hstack(self._home)[np.newaxis])[0]
+        first = self._value("base_pose", np.hstack(self._home)[np.newaxis])
         self._motion = self._motion_of(self._state)
-        facing = float(headings(self._ports.plant, self.robot, self._first[np.newaxis])[0])
-        self._ahead = np.array([[np.cos(facing), np.sin(facing), 0], [-np.sin(facing), np.cos(facing), 0], [0, 0, 1]])
+        self._origin = Origin(first[0], float(headings(self._ports.plant, self.robot, first)[0]))
 
     def _begin(self, places: Places) -> None:
         """Begin the episodes of some robots anew."""
-        task, robot = self.task, self.robot
+        task, robot, model = self._curriculum.of(self.task), self.robot, self._built.model
         for place in places:
             draw, (q, v) = self._draws[place], (each.copy() for each in self._home)
-            if task.noise_deg > 0:
-                away = task.noise_deg * robot.model.user_units * draw.standard_normal(len(robot.axes))
-                lower, upper = robot.model.axis_limits
-                q[robot.axis_map.position_places] = robot.axis_map.signs * np.clip(robot.initial + away, lower, upper)
-            if task.goals is not None:
-                self._goals[place] = draw.uniform(task.goals.low, task.goals.high)
-            self._push(place, draw)
-            self._state[place] = self._built.state(q, v)
-        self._ticks[places], self._action[places] = 0, 0.0
+            begun = beginning(task, draw, robot=robot, forces=self.config.forces, period=self.period)
+            q[robot.axis_map.position_places] = robot.axis_map.signs * begun.start
+            if begun.goal is not None:
+                self._goals[place] = begun.goal
+            for name, push in begun.pushes.items():
+                column = 3 * list(self.config.forces).index(name)
+                self._forces[place, :, column : column + 3] = force_values(
+                    push, self._ends - self._built.step, self._ends
+                )
+            if len(self._models) > 1:
+                self._own[place] = self._models[draw.integers(len(self._models))]
+            self._state[place, 1 : 1 + model.nq + model.nv] = np.hstack(self._built.coordinates.to_mujoco(q, v))
+        self._state[places, 0] = self._ticks[places] = 0
+        self._action[places], self._returns[places] = 0.0, 0.0
         for onsets in self._onsets.values():
             onsets[places] = NOT_YET
         self._sensors.begin(places, self._motion_of(self._state[places]))
         self._motion = self._motion_of(self._state)
-
-    def _push(self, place: int, draw: np.random.Generator) -> None:
-        """Give a robot the push of its episode."""
-        pushes = self.task.pushes
-        if pushes is None:
-            return
-        section = self.config.forces[pushes.name]
-        assert isinstance(section, Push)  # the task has looked
-        direction = draw.standard_normal(3) * [1, 1, 0 if pushes.level else 1]
-        force = draw.uniform(*pushes.force) * direction / np.linalg.norm(direction)
-        start = self.period * round(draw.uniform(*pushes.start) / self.period)
-        push = section.model_copy(update={"start": start, "force": tuple(force.tolist())})
-        ends = np.asarray(self._built.step * np.arange(1, len(self._rows) + 1), dtype=float)
-        column = 3 * list(self.config.forces).index(pushes.name)
-        self._forces[place, :, column : column + 3] = force_values(push, ends - self._built.step, ends)
 
     def _stepped(self) -> tuple[Vector, Vector]:
         """Return the states (k, steps, size) after each step of a control period, and what sensors tell before it."""
@@ -257,7 +296,9 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         asked = self._rows[steps]
         asked[:, :, self._columns] += (self._action * self._reach[self._moved])[:, np.newaxis]
         asked[:, :, self._servos :] = self._forces[np.arange(self.num_envs)[:, np.newaxis], steps]
-        states, sensed = self._rollout.rollout(self._built.model, self._data, self._state, asked)
+        states, sensed = self._rollout.rollout(
+            self._own if len(self._models) > 1 else self._models, self._data, self._state, asked
+        )
         return np.asarray(states), np.asarray(sensed)
 
     def _motion_of(self, states: Vector) -> Vector:
@@ -274,7 +315,8 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return np.tile(fixed, (len(motion), 1))
 
     def _observation(self) -> Vector:
-        return np.hstack([self._part(name) for name in self.section.observes]).astype(np.float32)
+        seen = np.hstack([self._part(name) for name in self.section.observes])
+        return np.clip(seen, self._bounds.low, self._bounds.high).astype(np.float32)
 
     def _part(self, name: str) -> Vector:
         sensors, reads, part = self._sensors, self.section.reads, self._action
@@ -297,12 +339,12 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Return why the monitors end each episode, shape (k,), empty where they do not."""
         ended = np.full(self.num_envs, "", dtype=object)
         astray = ~(np.abs(self._motion) < _ASTRAY).all(axis=1)
+        times = self._time.tolist()
         for name, trigger in self._ports.monitors.items():
-            values = [self._watched(output, sensed) for output in trigger.condition.watched]
-            for place, row in enumerate(zip(*values, strict=True)):
-                time, onsets = float(self._time[place]), self._onsets[name]
-                onsets[place] = trigger.since(onsets[place], time, row)
-                if not ended[place] and trigger.ends(onsets[place], time):
+            values, onsets = [self._watched(output, sensed) for output in trigger.condition.watched], self._onsets[name]
+            for place, (time, onset, *row) in enumerate(zip(times, onsets.tolist(), *values, strict=True)):
+                onsets[place] = since = trigger.since(onset, time, row)
+                if since != NOT_YET and not ended[place] and trigger.ends(since, time):
                     ended[place] = trigger.condition.why(*row)
         ended[astray] = "diverged: a state ran away to infinity"
         return ended
@@ -315,16 +357,19 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Return what is true of all robots."""
         base, moving = (self._value(name, self._motion) for name in ("base_pose", "base_velocity"))
         arm = self.robot.tcp and not self.robot.floats
-        return RewardSample(
-            place=(base[:, :3] - self._first[:3]) @ self._ahead.T,
-            speed=moving[:, :3] @ self._ahead.T,
-            turned=turned_from(self._first[3:], base[:, 3:]),
-            spin=moving[:, 3:],
+        return self._origin.sample(
+            base,
+            moving,
             effort=self._built.output(f"{self.robot.prefix}torque", sensed) / self.robot.gains.torque_limit,
             action=self._action,
             last_action=last,
             tool=self._built.output(f"{self.robot.prefix}tcp_pose", sensed)[:, :3] if arm else base[:, :3],
             goal=self._goals,
-            desired_speed=np.inf if self.task.speed is None else self.task.speed,
+            desired_speed=self._curriculum.of(self.task).speed or np.inf,
             ended=ended,
         )
+
+
+def _built(config: StationConfig, step: float) -> BuiltStation:
+    """Return a station in MuJoCo, without what is computed here."""
+    return BuiltStation.of(config.model_copy(update={"controllers": {}, "sensors": {}}), step=step)

@@ -21,7 +21,7 @@ from simrob_drake.stations.dynamic import add_dynamic_robots
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
+from simrob_drake.stations.solver_config import ContinuousSolver, FixedSteps
 from simrob_drake.stations.station import StationLike, config_of, gather_forces
 
 Posture = npt.ArrayLike | Mapping[str, npt.ArrayLike]
@@ -98,7 +98,7 @@ def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
         "forces": "forces that act at given times",
     }
     notes = [note for section, note in left_out.items() if getattr(config, section)]
-    if isinstance(config.solver, DiscreteSolver):
+    if isinstance(config.solver, FixedSteps):
         notes.append(f"the solver's steps of {config.solver.time_step:g} s: this is the motion in continuous time")
     robots = {}
     for name, entry in config.robots.items():

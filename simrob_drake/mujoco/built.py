@@ -9,13 +9,14 @@ import numpy as np
 from pydrake.systems.framework import Diagram
 
 from simrob_drake.frames import Vector
-from simrob_drake.mujoco.coordinates import Coordinates
-from simrob_drake.mujoco.model import STEP, mujoco_model
-from simrob_drake.mujoco.names import Names
-from simrob_drake.mujoco.sensors import OutputSensors
+from simrob_drake.mujoco.limits import check_sayable
 from simrob_drake.signals import Signal
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.mujoco.coordinates import Coordinates
+from simrob_drake.stations.mujoco.model import STEP, Driver, mujoco_model
+from simrob_drake.stations.mujoco.names import Names
+from simrob_drake.stations.mujoco.sensors import OutputSensors
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation, check_parts, resolve
 
@@ -57,15 +58,17 @@ class BuiltStation:
         seen: bool = False,
         moved_by_torque: bool = True,
     ) -> BuiltStation:
-        """Build a station; the arguments are those of :func:`~simrob_drake.mujoco.model.mujoco_model`.
+        """Build a station; the arguments are those of :func:`~simrob_drake.stations.mujoco.model.mujoco_model`.
 
         Raises:
             SimrobError: one that cannot be, or that MJCF cannot say; the message names the part.
         """
         station = resolve(config)
         check_parts(station)
+        check_sayable(config, station.robots, moved_by_torque=moved_by_torque)
         closed = closed_station(station)
-        made = mujoco_model(closed, step=step, integrator=integrator, seen=seen, moved_by_torque=moved_by_torque)
+        driver: Driver = "controls" if moved_by_torque else "motion"
+        made = mujoco_model(station, closed.ports.plant, step=step, integrator=integrator, seen=seen, driver=driver)
         columns = {
             made.model.sensor(index).name: slice(start, start + size)
             for index, (start, size) in enumerate(zip(made.model.sensor_adr, made.model.sensor_dim, strict=True))
@@ -83,9 +86,10 @@ class BuiltStation:
 
     @property
     def left_out(self) -> list[str]:
-        """The columns of the station's other signals."""
-        known = {name for signal in self.signals for name in signal.names}
-        return [name for signal in self.ports.signals for name in signal.names if name not in known]
+        """The station's other outputs, by the sensor that tells them, such as ``imu``."""
+        return list(
+            dict.fromkeys(signal.part or signal.output for signal in self.ports.signals if not self._known(signal))
+        )
 
     def state(self, q: Vector, v: Vector) -> Vector:
         """Return MuJoCo's state at positions (nq,) and velocities (nv,) of the plant, at time zero."""

@@ -11,9 +11,9 @@ import numpy as np
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.folders import filled_at_once, replaced_at_once, writing
-from simrob_drake.mujoco.model import STEP
 from simrob_drake.mujoco.runner import MujocoRunner, RunRequest
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.mujoco.model import STEP
 
 CONTROLS = "controls.csv"
 """The file beside an MJCF file that holds a row of controls for each step."""

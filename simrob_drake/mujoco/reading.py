@@ -147,7 +147,7 @@ class Stepped:
         return Outcome("completed", None, f"ran to its end at {self.config.duration:g} s")
 
     def _warnings(self, sensed: Vector) -> list[str]:
-        """Tell of servos at their limits that are too stiff for what MuJoCo does there: it treats them explicitly."""
+        """Tell of outputs that are not known, and of stiff servos at their limits, which MuJoCo treats explicitly."""
         built, found = self.built, []
         for robot in built.ports.plant.robots.values():
             torque = np.abs(built.output(f"{robot.prefix}torque", sensed)).max(axis=0)
@@ -158,7 +158,9 @@ class Stepped:
         reached = (
             "reached the limit of torque, where MuJoCo takes no account of the damping within a step; take shorter ones"
         )
-        return [f"{', '.join(found)} {reached}"] if found else []
+        silent = "are left out by quick roll-outs; a run with solver.kind mujoco has them"
+        left = [f"{', '.join(built.left_out)} {silent}"] if built.left_out else []
+        return [f"{', '.join(found)} {reached}", *left] if found else left
 
     def _state(self, steps: Vector, time: float) -> State:
         """Return where the station was at a time [s], for another run to begin there, in Drake too."""

@@ -20,13 +20,13 @@ from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.mujoco.built import BuiltStation
 from simrob_drake.mujoco.controls import controls
-from simrob_drake.mujoco.model import STEP
 from simrob_drake.mujoco.reading import Stepped
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.arguments import ReferencesLike, by_robot, with_duration, with_pushes
 from simrob_drake.stations.closed import check_reference, station_references
 from simrob_drake.stations.config import MOST_SAMPLES, StationConfig
+from simrob_drake.stations.mujoco.model import STEP
 from simrob_drake.stations.station import StationLike, config_of
 
 
@@ -82,7 +82,7 @@ class MujocoRunner:
         Args:
             station: as :func:`simrob_drake.simulate` takes it.
             step: length of a step [s].
-            integrator: MuJoCo's name of it, as of :func:`~simrob_drake.mujoco.model.mujoco_model`.
+            integrator: MuJoCo's name of it, as of :func:`~simrob_drake.stations.mujoco.model.mujoco_model`.
             seen: with the pictures of all bodies.
 
         Raises:

@@ -6,7 +6,7 @@ from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
-from pydrake.geometry import SceneGraph
+from pydrake.geometry import QueryObject, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex, RigidBody
@@ -202,6 +202,7 @@ class StationPlant:
         robots: by name.
         free_pieces: the bodies of the pieces that nothing holds, by name.
         ground: what there is to stand on.
+        engine: what is stepped in the plant's place, with its ports; None where that itself is, or nothing.
     """
 
     plant: MultibodyPlant
@@ -209,6 +210,20 @@ class StationPlant:
     robots: dict[str, StationRobot]
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
     ground: Ground = field(default_factory=Ground)
+    engine: Any = None
+
+    @property
+    def stepped(self) -> Any:
+        """What stands in the diagram of a dynamic station as ``plant``: Drake's own, or another engine's."""
+        return self.engine or self.plant
+
+    def place(self, root: Context, positions: Vector) -> None:
+        """Let what is stepped stand at positions (nq,), in a context of its diagram."""
+        self.stepped.SetPositions(self.stepped.GetMyMutableContextFromRoot(root), positions)
+
+    def query(self, root: Context) -> QueryObject:
+        """Return what tells which shapes touch, in a context of the diagram."""
+        return self.scene_graph.get_query_output_port().Eval(self.scene_graph.GetMyContextFromRoot(root))
 
     def piece_frame(self, piece: str, frame: str) -> Frame:
         """Return a frame of a piece by its name in the plant; that in which the piece is described has the piece's."""

@@ -21,7 +21,7 @@ from simrob_drake.simulation.pace import PaceWatch
 from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.solver_config import DiscreteSolver
+from simrob_drake.stations.solver_config import FixedSteps
 from simrob_drake.stations.steps import step_findings
 
 OnStep = Callable[[float, Vector], None]
@@ -89,7 +89,7 @@ class Run:
             prepare=self.prepare,
             tolerant=outcome.ending == FAILED,
         )
-        if stop is not None and not (isinstance(self.config.solver, DiscreteSolver) and self.config.mode == "dynamic"):
+        if stop is not None and not (isinstance(self.config.solver, FixedSteps) and self.config.mode == "dynamic"):
             hold = ports.monitors[stop.name].hold
             probe = Sampler(self.whole.diagram, ports, history, prepare=self.prepare)
             cut_at_stop(

@@ -25,7 +25,7 @@ from simrob_drake.results.record.state import State
 from simrob_drake.stations.closed import ClosedStation, closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
+from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, FixedSteps
 from simrob_drake.stations.steps import DISCRETE, apply_solver, controlled_by, stiffest
 
 _TRIAL = 0.3  # s of a clock, each
@@ -90,8 +90,7 @@ class Slow:
 
     def _touching(self, root: Context) -> set[Pair]:
         plant = self.built.ports.plant
-        query = plant.plant.get_geometry_query_input_port().Eval(plant.plant.GetMyContextFromRoot(root))
-        pairs = query.ComputePointPairPenetration()
+        pairs = plant.query(root).ComputePointPairPenetration()
         return {frozenset(owner_of_shape(plant, shape) for shape in (pair.id_A, pair.id_B)) for pair in pairs}
 
     def _reach(self, without: Collection[Pair], look: Callable[[Context], object] = lambda context: None) -> float:
@@ -134,16 +133,16 @@ class Slow:
         if cost > _HALF * self.cost:
             return f", of it {what} {cost:.2g} s; {remedy}"
         short = controlled is not None and self.step < _HALF * controlled.max_step
-        key = "accuracy" if short else "time_step" if isinstance(self.config.solver, DiscreteSolver) else "max_step"
+        key = "accuracy" if short else "time_step" if isinstance(self.config.solver, FixedSteps) else "max_step"
         return f"; take longer ones (solver.{key})"
 
     def _find_contacts(self, root: Context, surfaces: bool) -> None:
-        plant = self.built.ports.plant.plant
-        own = plant.GetMyMutableContextFromRoot(root)
-        plant.SetPositions(own, plant.GetPositions(own))  # so that nothing is known of it
-        query = plant.get_geometry_query_input_port().Eval(own)
+        plant = self.built.ports.plant
+        positions = plant.stepped.GetPositions(plant.stepped.GetMyContextFromRoot(root))
+        plant.place(root, positions)  # so that nothing is known of it
+        query = plant.query(root)
         if surfaces:
-            query.ComputeContactSurfacesWithFallback(plant.get_contact_surface_representation())
+            query.ComputeContactSurfacesWithFallback(plant.plant.get_contact_surface_representation())
         else:
             query.ComputePointPairPenetration()
 

@@ -46,7 +46,7 @@ from simrob_drake.sections import (
     default_of,
 )
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
-from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
+from simrob_drake.stations.solver_config import ContinuousSolver, FixedSteps, SolverConfig
 from simrob_drake.stations.verdict_config import VerdictConfig
 
 Input = Literal["feedforward", "reference_velocity", "external_force", "external_torque"]
@@ -363,7 +363,7 @@ def check_effort(config: StationConfig) -> None:
         longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"
         raise InvalidParameter("duration", f"{duration:g} s", longest)
     if config.mode == "dynamic":
-        key = "time_step" if isinstance(solver, DiscreteSolver) else "max_step"
+        key = "time_step" if isinstance(solver, FixedSteps) else "max_step"
         if duration > MOST_STEPS * getattr(solver, key):
             shortest = f"at least {duration / MOST_STEPS:g} s for a duration of {duration:g} s: {MOST_STEPS:g} steps"
             raise InvalidParameter(f"solver.{key}", f"{getattr(solver, key):g} s", shortest)

@@ -32,7 +32,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation
-from simrob_drake.stations.solver_config import DiscreteSolver, SolverConfig
+from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, FixedSteps, SolverConfig
 
 _MOST_FACES = 20_000  # of round shapes, about: 33 000 of one ball take Drake 3 s, 131 000 take 12 s and 0.2 GB
 _FINEST_STEP = 1e-5  # s
@@ -166,13 +166,13 @@ def largest_stiffness(solver: SolverConfig, mass: float) -> float:
     * Schemes of fixed steps need ten of them for a contact, which lasts :math:`\pi\sqrt{m/k}`.
     * ``sap`` never lets a contact be stiffer than :math:`k = 4\pi^2 m / (3.3\,h\,(h + 0.1\,\mathrm{s}))`, whatever it
       is told (measured within 5 % on a ball at rest, for steps of 1 and 5 ms): it would soften a stiffer one silently.
-    * ``lagged``, ``similar`` and ``cenic`` treat the spring implicitly and hold any.
+    * ``lagged``, ``similar``, ``cenic`` and MuJoCo treat the spring implicitly and hold any.
     """
     if isinstance(solver, DiscreteSolver):
         step = solver.time_step
         softened = 4 * np.pi**2 * mass / (_SAP_FACTOR * step * (step + _SAP_RELAXATION))
         return float(softened) if solver.scheme == "sap" else np.inf
-    if solver.scheme == "cenic":
+    if not isinstance(solver, ContinuousSolver) or solver.scheme == "cenic":
         return np.inf
     if solver.fixed_steps:
         return float(mass * (np.pi / (_STEPS_A_CONTACT * solver.max_step)) ** 2)
@@ -182,7 +182,7 @@ def largest_stiffness(solver: SolverConfig, mass: float) -> float:
 def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) -> None:
     largest = largest_stiffness(solver, body.default_mass())
     if stiffness > largest:
-        step = f"steps of {solver.time_step:g} s" if isinstance(solver, DiscreteSolver) else solver.kind
+        step = f"steps of {solver.time_step:g} s" if isinstance(solver, FixedSteps) else solver.kind
         allowed = f"at most {largest:.3g} N/m for {body.name()} ({body.default_mass():.3g} kg) with the solver"
         raise InvalidParameter("contact.stiffness", stiffness, f"{allowed} {solver.scheme}, {step}")
 
@@ -197,9 +197,9 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
     config, plant = ports.config, ports.plant.plant
     for robot in ports.plant.robots.values():
         friction = robot.model.friction
-        if not friction.any():
+        if not friction.any() or ports.plant.engine is not None:  # which has friction of its own
             continue
-        if config.solver.scheme == "cenic":
+        if isinstance(config.solver, ContinuousSolver) and config.solver.scheme == "cenic":
             speed = np.maximum(
                 robot.model.drives.friction_speed, friction * config.solver.max_step / robot.free_inertias()
             )

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, PassThrough
 
 from simrob_drake.blocks.actuator_servo import add_actuator_servos
@@ -14,10 +14,11 @@ from simrob_drake.blocks.model_torque import add_computed_torque, add_feedforwar
 from simrob_drake.blocks.passive_joints import add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_saturation, add_servos
 from simrob_drake.blocks.wiring import fed, joined, mapped, summed
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.parts.site import FromState, Site, StationRobot
+from simrob_drake.parts.site import FromState, Site, StationPlant, StationRobot
 from simrob_drake.signals import Role, Signal, applied_signal
-from simrob_drake.stations.config import JointStops
+from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.contact import wire_friction, with_friction
 from simrob_drake.stations.drawing import (
     draw_actuator_servos,
@@ -28,9 +29,11 @@ from simrob_drake.stations.drawing import (
 )
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque
-from simrob_drake.stations.solver_config import DiscreteSolver
+from simrob_drake.stations.solver_config import DiscreteSolver, FixedSteps
 
 _DERIVATIVES = "reference_velocity", "reference_acceleration"
+_STABLE = 2.0
+"""An explicit damper on a mass is stable while kd·h / M stays below this (forward Euler on v' = -(kd/M) v)."""
 
 
 def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
@@ -43,7 +46,7 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             if external not in config.inputs:
                 continue
             name, tool, turns = f"{robot.prefix}{external}", robot.tools[robot.tcp], external == "external_torque"
-            block = add_external_force(builder, ports.plant.plant, tool, name=name, turns=turns)
+            block = add_external_force(builder, ports.plant.stepped, tool, name=name, turns=turns)
             entry = builder.AddNamedSystem(f"{name}.input", PassThrough(3))
             builder.Connect(entry.get_output_port(), block.get_command_input_port())
             ports.inputs[name] = entry.get_input_port()
@@ -54,22 +57,50 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             ports.draw(name, "force", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
     wire_friction(builder, ports)
     if not config.solver.holds_joint_limits:
-        stiffness, damping = stops_of(ports)
+        stiffness, damping = stops_of(config, ports.plant)
         stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
         ports.generalized_forces.extend([stops] if stops is not None else [])
 
 
-def stops_of(ports: StationPorts) -> Vector:
+def stops_of(config: StationConfig, plant: StationPlant) -> Vector:
     """Return stiffness and damping of the stop at each of the plant's velocities, shape (2, nv).
 
     Joints that are no axes have what the station says of all.
     """
-    stated, usual = ports.config.joint_stops.model_dump(), JointStops().model_dump()
+    stated, usual = config.joint_stops.model_dump(), JointStops().model_dump()
     of_all = [usual[key] if isinstance(value, list | dict) else value for key, value in stated.items()]
-    stops = np.tile(np.array(of_all)[:, np.newaxis], ports.plant.plant.num_velocities())
-    for robot in ports.plant.robots.values():
+    stops = np.tile(np.array(of_all)[:, np.newaxis], plant.plant.num_velocities())
+    for robot in plant.robots.values():
         stops[:, robot.axis_map.velocity_places] = robot.stops
     return stops
+
+
+def servo_inertias(config: StationConfig, robot: StationRobot, context: Context | None = None) -> Vector:
+    """Return what the gains of a robot's servos are to be compared with, (n,): 1 where they are by inertia already."""
+    by_inertia = config.servo_of(robot.name).law == "computed_torque"
+    return np.ones(len(robot.axes)) if by_inertia else robot.free_inertias(context)
+
+
+def largest_explicit_steps(config: StationConfig, robot: StationRobot) -> Vector:
+    """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(_STABLE * servo_inertias(config, robot) / robot.gains.kd)
+
+
+def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
+    """Check that servos that are blocks are stable at the steps of an engine that takes their torques explicitly.
+
+    Raises:
+        InvalidParameter: a joint's are not.
+    """
+    for robot in plant.robots.values():
+        steps = largest_explicit_steps(config, robot)
+        worst = int(np.argmin(steps))
+        step = config.solver.time_step if isinstance(config.solver, FixedSteps) else 0.0
+        if config.servo_of(robot.name).realization != "implicit" and step > steps[worst]:
+            why = f"blocks damp {robot.prefix}{robot.axes[worst]} with a kd of {robot.gains.kd[worst]:g}"
+            expected = f"at most {steps[worst]:.2g} s, or servo.realization implicit: {why}"
+            raise InvalidParameter("solver.time_step", f"{step:g} s", expected)
 
 
 def axis_signal(robot: StationRobot, columns: str, output: str, role: Role) -> Signal:
@@ -136,7 +167,13 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
     if servo.realization == "implicit":
         actuation = robot.axis_map.actuation_matrix(plant, robot.instance)
         torque = add_actuator_servos(
-            builder, plant, robot.instance, signals, robot.gains, actuation_map=actuation, prefix=robot.prefix
+            builder,
+            ports.plant.stepped,
+            robot.instance,
+            signals,
+            robot.gains,
+            actuation_map=actuation,
+            prefix=robot.prefix,
         )
         if isinstance(ports.config.solver, DiscreteSolver):  # which tells each actuator the sum of its joint's
             torque = with_friction(builder, ports, robot, torque)
@@ -171,7 +208,7 @@ def _add_servo_blocks(
         draw_servos(ports, robot, per_joint=per_joint)
     matrix = robot.axis_map.actuation_matrix(plant, robot.instance)
     actuation = mapped(builder, f"{prefix}actuators", matrix, command)
-    builder.Connect(actuation, plant.get_actuation_input_port(robot.instance))
+    builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
     return add_saturation(builder, command, limit, f"{prefix}torque") if cenic else command
 
 

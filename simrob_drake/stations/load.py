@@ -20,7 +20,7 @@ from simrob_drake.sections import validated
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.located import located, located_program
 from simrob_drake.stations.resolve import check_parts, resolve
-from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
+from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, MujocoSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES, place_of, read_yaml
 
 ONLY_ROBOT = "robot"
@@ -33,7 +33,11 @@ _ROBOTS = (ONLY_ROBOT, "robots")
 _ORIGINS = {"urdf": ("model",), "model": ("urdf", "import_options")}
 """What a robot can come from, and which keys of its section a change of that takes away."""
 
-_SOLVERS: dict[str, type[BaseModel]] = {"continuous": ContinuousSolver, "discrete": DiscreteSolver}
+_SOLVERS: dict[str, type[BaseModel]] = {
+    "continuous": ContinuousSolver,
+    "discrete": DiscreteSolver,
+    "mujoco": MujocoSolver,
+}
 
 
 def station_names() -> list[str]:

@@ -2,6 +2,7 @@
 
 import logging
 import re
+from dataclasses import replace
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -22,6 +23,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.blocks.actuator_servo import set_actuators
 from simrob_drake.blocks.passive_joints import set_friction
 from simrob_drake.errors import InvalidModel, InvalidParameter
+from simrob_drake.extras import needed
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.parts.site import WORLD, ResolvedRobot, StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR
@@ -35,7 +37,7 @@ from simrob_drake.stations.contact import apply_materials, check_stiffnesses, ne
 from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.prescribed import set_rotors
 from simrob_drake.stations.resolve import ResolvedStation
-from simrob_drake.stations.solver_config import DiscreteSolver
+from simrob_drake.stations.solver_config import DiscreteSolver, MujocoSolver
 
 _NEEDLESS = re.compile("deformable contact|does not handle joint limits for continuous models")
 """Warnings of Drake: a station has no deformable bodies, and its joints have stops of its own."""
@@ -58,7 +60,8 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
     """
     config = resolved.config
     collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
-    if config.mode == "kinematic":
+    in_mujoco = config.mode == "dynamic" and isinstance(config.solver, MujocoSolver)
+    if config.mode == "kinematic" or in_mujoco:
         plant = MultibodyPlant(0.0)
         scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
         plant.RegisterAsSourceForSceneGraph(scene_graph)
@@ -91,7 +94,20 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
         coupling.check_start(f"couplings.{name}", station, start)
     check_stiffnesses(plant, scene_graph, resolved)
     _filter_collisions(station, config.contact)
-    return station
+    return _in_mujoco(builder, resolved, station) if in_mujoco else station
+
+
+def _in_mujoco(builder: DiagramBuilder, resolved: ResolvedStation, station: StationPlant) -> StationPlant:
+    """Add the block that MuJoCo steps in the plant's place, which poses what is seen.
+
+    Raises:
+        SimrobError: a part that MuJoCo does not know, or no MuJoCo.
+    """
+    with needed("solver.kind mujoco", "mujoco"):
+        from simrob_drake.stations.mujoco.plant import MujocoPlant  # only with the extra
+    engine = builder.AddSystem(MujocoPlant(resolved, station))
+    builder.Connect(engine.get_state_output_port(), station.add_geometry_poses(builder, of_state=True))
+    return replace(station, engine=engine)
 
 
 def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collision: bool) -> dict[str, RigidBody]:
@@ -199,7 +215,7 @@ def add_robot(
         implicit = station.config.servo_of(robot.name).realization == "implicit"
         if implicit or station.scheme == "cenic":
             set_actuators(plant, [joint.index() for joint in joints], robot.gains, with_servos=implicit)
-        if station.scheme != "cenic":
+        if station.scheme not in ("cenic", "mujoco"):
             set_friction(plant, joints, model.friction, model.drives.friction_speed)
     own = {**vars(robot), "tcp": tcp}
     return StationRobot(**own, plant=plant, instance=instance, joints=joints, root=root, tools=tools)

@@ -46,13 +46,16 @@ class PosedStation:
         self._diagram = built(builder)
         self._scene = self._diagram.CreateDefaultContext()
         own = self.plant.CreateDefaultContext()
-        self.context = self.plant.GetMyMutableContextFromRoot(self._scene) if stepped else own
+        inside = stepped and self.station.engine is None
+        self.context = self.plant.GetMyMutableContextFromRoot(self._scene) if inside else own
         self.initial: Vector = self.plant.GetPositions(own)
         self.place(self.initial)
 
     def place(self, positions: Vector) -> None:
         """Put the station into a configuration, shape (nq,)."""
         self.plant.SetPositions(self.context, positions)
+        if self.station.engine is not None:
+            self.station.place(self._scene, positions)
         if self._positions_port is not None:
             poses = self._positions_port.get_system()
             self._positions_port.FixValue(poses.GetMyMutableContextFromRoot(self._scene), positions)
@@ -73,6 +76,4 @@ class PosedStation:
 
     def query(self) -> QueryObject:
         """Return the geometry in its present configuration, for distances and pictures."""
-        scene_graph = self.station.scene_graph
-        query: QueryObject = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(self._scene))
-        return query
+        return self.station.query(self._scene)

@@ -23,7 +23,7 @@ from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.poses import piece_of
 from simrob_drake.stations.prescribed import with_prescribed_axes
-from simrob_drake.stations.solver_config import DiscreteSolver
+from simrob_drake.stations.solver_config import FixedSteps, MujocoSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 
@@ -59,7 +59,7 @@ def resolve(config: StationConfig) -> ResolvedStation:
     return ResolvedStation(
         mode=config.mode,
         scheme=config.solver.scheme if config.mode == "dynamic" else "",
-        time_step=config.solver.time_step if isinstance(config.solver, DiscreteSolver) else 0.0,
+        time_step=config.solver.time_step if isinstance(config.solver, FixedSteps) else 0.0,
         has_contact=config.contact is not None,
         ground=ground,
         robots=robots,
@@ -92,6 +92,7 @@ def check_parts(station: ResolvedStation) -> None:
     """
     config = station.config
     _check_movers(config)
+    _check_engine(config)
     for name, sensor in config.sensors.items():
         sensor.check(f"sensors.{name}", station)
     for name, monitor in config.monitors.items():
@@ -104,6 +105,19 @@ def check_parts(station: ResolvedStation) -> None:
         coupling.check(f"couplings.{name}", station)
     for name, force in config.forces.items():
         force.check(f"forces.{name}", station)
+
+
+def _check_engine(config: StationConfig) -> None:
+    """Check that the engine that is asked for knows what the station is made of."""
+    if config.mode == "kinematic" or not isinstance(config.solver, MujocoSolver):
+        return
+    if config.contact is not None and config.contact.model != "point":
+        expected = "point with solver.kind mujoco, which knows no pressure over a surface"
+        raise InvalidParameter("contact.model", config.contact.model, expected)
+    for key, held in (("prescribed", config.prescribed), ("couplings", config.couplings)):
+        if held:
+            expected = "left out with solver.kind mujoco, which is given a tree of joints moved by forces"
+            raise InvalidParameter(key, ", ".join(held), expected)
 
 
 def _robot_model(entry: RobotConfig) -> RobotModel:

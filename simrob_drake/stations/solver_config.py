@@ -60,12 +60,9 @@ class ContinuousSolver(Strict):
         return not self.error_control or self.scheme in FIXED_STEP_SCHEMES
 
 
-class DiscreteSolver(Strict):
-    """Drake's discrete contact solvers with fixed steps."""
+class FixedSteps(Strict):
+    """Steps of one length, contacts and joint limits within them."""
 
-    kind: Literal["discrete"]
-    scheme: Literal["sap", "lagged", "similar"] = "sap"
-    """Drake's contact approximation; sap always converges, and does not know dissipation."""
     time_step: Positive = 1e-3
     """Length of a step [s]."""
 
@@ -84,4 +81,25 @@ class DiscreteSolver(Strict):
         return False
 
 
-SolverConfig = Annotated[ContinuousSolver | DiscreteSolver, Field(discriminator="kind")]
+class DiscreteSolver(FixedSteps):
+    """Drake's discrete contact solvers with fixed steps."""
+
+    kind: Literal["discrete"]
+    scheme: Literal["sap", "lagged", "similar"] = "sap"
+    """Drake's contact approximation; sap always converges, and does not know dissipation."""
+
+
+class MujocoSolver(FixedSteps):
+    """MuJoCo in the place of Drake's plant, its servos and contacts in one implicit step (extra `mujoco`)."""
+
+    kind: Literal["mujoco"]
+    time_step: Positive = 2e-3
+    """Length of a step [s]."""
+
+    @property
+    def scheme(self) -> str:
+        """What it is called among Drake's."""
+        return "mujoco"
+
+
+SolverConfig = Annotated[ContinuousSolver | DiscreteSolver | MujocoSolver, Field(discriminator="kind")]

@@ -19,7 +19,7 @@ from simrob_drake.parts.forces.force import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.drawing import draw_plant
-from simrob_drake.stations.dynamic import add_dynamic_robots
+from simrob_drake.stations.dynamic import add_dynamic_robots, check_servo_steps
 from simrob_drake.stations.kinematic import add_kinematic_robots, add_motion_inputs
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.plant import add_plant
@@ -88,12 +88,14 @@ def compose(
     own = own_blocks(station.config.controllers) if blocks is None else blocks
     config = station.config.model_copy(update={"inputs": with_driven(station.config.inputs, own)})
     plant = add_plant(builder, station)
+    if plant.engine is not None:
+        check_servo_steps(config, plant)
     if station.mode == "kinematic":
         inputs, state = add_motion_inputs(builder, plant)
         ports = StationPorts(station=station, plant=plant, state=state, inputs=inputs, config=config, lean=lean)
         add_kinematic_robots(builder, ports)
     else:
-        state = plant.plant.get_state_output_port()
+        state = plant.stepped.get_state_output_port()
         driven = sources or {}
         ports = StationPorts(station=station, plant=plant, state=state, config=config, sources=driven, lean=lean)
         add_dynamic_robots(builder, ports)
@@ -135,11 +137,11 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
     if found:
         forces = fed(builder, "external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)), *found)
         ports.draw_nothing("external_forces")
-        builder.Connect(forces, ports.plant.plant.get_applied_spatial_force_input_port())
+        builder.Connect(forces, ports.plant.stepped.get_applied_spatial_force_input_port())
     if ports.generalized_forces:
         joints = summed(builder, "joint_forces", *ports.generalized_forces)
         ports.draw_nothing("joint_forces")
-        builder.Connect(joints, ports.plant.plant.get_applied_generalized_force_input_port())
+        builder.Connect(joints, ports.plant.stepped.get_applied_generalized_force_input_port())
 
 
 class Station(Diagram):

@@ -18,12 +18,10 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, DiscreteSolver
+from simrob_drake.stations.dynamic import largest_explicit_steps, servo_inertias
+from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, FixedSteps
 
 _EXPLICIT_SCHEMES = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3", *FIXED_STEP_SCHEMES)
-_STABLE = 2.0
-"""An explicit damper on a mass is stable while kd·h / M stays below this (forward Euler on v' = -(kd/M) v)."""
-
 _STIFF_STOPS = 2e10
 """An implicit scheme gets through stops up to this stiffness by a joint's inertia [1/s²]: tried on 100 robots."""
 _STIFF_SERVO = 1e12
@@ -58,7 +56,7 @@ def step_findings(
         worst = int(np.argmin(steps))
         joint, largest, unit = f"{robot.prefix}{robot.axes[worst]}", steps[worst], robot.model.units[worst]
         damping = f"the damping of {joint} (kd {robot.gains.kd[worst]:g} {unit.effort}·s/{unit.si})"
-        if isinstance(solver, DiscreteSolver):
+        if isinstance(solver, FixedSteps):
             if solver.time_step > largest:
                 remedy = "set servo.realization to implicit, lower servo.kd or solver.time_step"
                 text = f"{damping} is unstable above steps of {largest:.2g} s, but solver.time_step is "
@@ -74,12 +72,6 @@ def step_findings(
     return findings
 
 
-def largest_explicit_steps(config: StationConfig, robot: StationRobot) -> Vector:
-    """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
-    with np.errstate(divide="ignore"):
-        return np.asarray(_STABLE * _servo_inertias(config, robot) / robot.gains.kd)
-
-
 def likely_cause(config: StationConfig, plant: StationPlant) -> str:
     """Return the likely cause of a run that diverged, in words."""
     warnings = [finding for finding in step_findings(config, plant) if finding.level == "warning"]
@@ -87,14 +79,8 @@ def likely_cause(config: StationConfig, plant: StationPlant) -> str:
         return f"likely cause: {warnings[0].text}"
     if any((robot.gains.ki > 0).any() for robot in plant.robots.values()):
         return "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or solver.max_step"
-    key = "solver.time_step" if isinstance(config.solver, DiscreteSolver) else "solver.max_step or solver.accuracy"
+    key = "solver.time_step" if isinstance(config.solver, FixedSteps) else "solver.max_step or solver.accuracy"
     return f"likely cause: forces too stiff for the solver's steps; try a smaller {key}"
-
-
-def _servo_inertias(config: StationConfig, robot: StationRobot, context: Context | None = None) -> Vector:
-    """Return what the gains of a robot's servos are to be compared with, (n,): 1 where they are by inertia already."""
-    by_inertia = config.servo_of(robot.name).law == "computed_torque"
-    return np.ones(len(robot.axes)) if by_inertia else robot.free_inertias(context)
 
 
 def _stiff_parts(
@@ -111,7 +97,7 @@ def _stiff_parts(
     leans = room < np.where(robot.model.prismatic, _NEAR[1], _NEAR[0])
     for what, stiffness, felt, most in (
         ("its stop (joint_stops.stiffness)", np.where(leans, robot.stops[0], 0.0), inertia, _STIFF_STOPS),
-        ("its servo (kp)", robot.gains.kp, _servo_inertias(config, robot, context), _STIFF_SERVO),
+        ("its servo (kp)", robot.gains.kp, servo_inertias(config, robot, context), _STIFF_SERVO),
     ):
         worst = int(np.argmax(stiffness / felt))
         joint, unit = f"{robot.prefix}{robot.axes[worst]}", robot.model.units[worst]

@@ -79,6 +79,11 @@ def jogged(arm: Arm, delta: Sequence[float], frame: str = BASE, start: Sequence[
     return _pose_values(base.inverse() @ RigidTransform(turn, begin.translation() + axes @ by.translation()))
 
 
+def jogged_axes(arm: Arm, **how: Any) -> dict[str, float]:
+    """Return the axes for the pose that :func:`jogged` gives."""
+    return inverse(arm, jogged(arm, **how))
+
+
 def inverse(arm: Arm, pose: Sequence[float], frame: str = BASE) -> dict[str, float]:
     """Return the posture nearest to the arm's reference that brings its tool to a pose in a frame.
 
@@ -89,7 +94,7 @@ def inverse(arm: Arm, pose: Sequence[float], frame: str = BASE) -> dict[str, flo
     return _by_axis(arm, arm.joint(target, start=arm.reference))
 
 
-def jog(arm: Arm, targets_deg: Mapping[str, float], duration: float | None = None) -> dict[str, Any]:
+def jog_move(arm: Arm, targets_deg: Mapping[str, float], duration: float | None = None) -> dict[str, Any]:
     """Return the move that brings axes there, others staying, as a program's file has it.
 
     Args:

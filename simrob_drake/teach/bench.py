@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.programs.arm import Arm, Workcell
+from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.timeline import GRID, USER, Change, PushNow, Timeline
 from simrob_drake.programs.whole_program import perform
@@ -28,18 +28,20 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.teach import arm_questions
 from simrob_drake.teach.describe import description
-from simrob_drake.teach.messages import Inbox, at_any_time
-from simrob_drake.teach.run_pacer import Rewound, RunPacer
+from simrob_drake.teach.run_pacer import Inbox, Rewound, RunPacer
 
 
-@dataclass(frozen=True)
-class Checkpoint:
+class Checkpoint(NamedTuple):
     """Where a station can be gone back to: how it was when something began to be run."""
 
     time: float
     config: StationConfig
     state: State | None
     run: Callable[[], SimulationResult]
+
+
+ALONE = ("open", "restart", "play", "do", "jog", "resume")
+"""What ends a run where it is asked for; all else is answered between two ticks."""
 
 
 class Bench:
@@ -109,7 +111,7 @@ class Bench:
 
     def jog(self, targets_deg: dict[str, float], duration: float | None = None) -> dict[str, Any]:
         """Move the arm's axes from where its reference is; a newer jog takes its place."""
-        return self.do([arm_questions.jog(self._arm(), targets_deg, duration)])
+        return self.do([self.find("jog_move")(targets_deg, duration)])
 
     def resume(self) -> dict[str, Any]:
         """Go on from the moment that is shown, as what was run there went on."""
@@ -120,39 +122,33 @@ class Bench:
 
     # At any time
 
-    @at_any_time
     def pause(self) -> None:
         """Pause at the next tick."""
         self.pacer.paused = True
 
-    @at_any_time
     def go_on(self) -> dict[str, Any] | None:
         """Go on after a pause, or from the moment that is shown."""
         if self.pacer.at is not None:
-            if self._is_running:
+            if self.pacer.runs:
                 raise Rewound
             return self.resume()
         self.pacer.go_on()
         return None
 
-    @at_any_time
     def one_tick(self) -> None:
         """Go on for one tick, after a pause or from the moment that is shown."""
-        if self.pacer.at is not None and self._is_running:
+        if self.pacer.at is not None and self.pacer.runs:
             raise Rewound(one=True)
         self.pacer.go_on(one=True)
 
-    @at_any_time
     def stop(self) -> None:
         """End the run at the next tick."""
-        self.pacer.stopping = self._is_running
+        self.pacer.stopping = self.pacer.runs
 
-    @at_any_time
     def pace(self, factor: float | None) -> None:
         """Run so many times as fast as the clock; None: as fast as it can."""
         self.pacer.set_pace(factor)
 
-    @at_any_time
     def rewind(self, time: float) -> None:
         """Show a moment of what was run; what is asked for next goes on from there."""
         number, pacer = self.pacer.line.steps(time), self.pacer
@@ -162,20 +158,17 @@ class Bench:
             self._view.draw(self._checkpoints[0].config, self._checkpoints[0].state)
         else:
             raise InvalidParameter("time", f"{time:g} s", "a time that was run, not too long ago")
-        pacer.at, pacer.paused = number, pacer.paused or self._is_running
+        pacer.at, pacer.paused = number, pacer.paused or self.pacer.runs
 
-    @at_any_time
     def change(self, settings: dict[str, Any]) -> None:
         """Change settings of the running station by their keys, from the next tick on."""
         self._ask(Change(time=0.0, set=settings))
 
-    @at_any_time
     def push(self, force: Sequence[float], at: str | None = None, duration: float = 0.1) -> None:
         """Push with a force [N] for a time [s], from the next tick on."""
         push = validated(PushNow, {"at": at, "force": list(force), "duration": duration}, "the push")
         self._ask(Change(time=0.0, push=push))
 
-    @at_any_time
     def drag(self, at: str, point: Sequence[float], target: Sequence[float] | None) -> None:
         """Pull a point of a body, in its own frame, to a place in the world, or let it go."""
         one_of("body", at, self._bodies)
@@ -183,48 +176,20 @@ class Bench:
             model = self.cell.model
             point = model.pose(model.piece_frame(at)).inverse() @ model.pose(model.piece_origin(at)) @ np.array(point)
         held = (at, tuple(point), tuple(target)) if target is not None else None
-        self.pacer.drag = held if self._is_running else None
+        self.pacer.drag = held if self.pacer.runs else None
 
-    @at_any_time
     def watch(self, signals: Sequence[str]) -> None:
         """Tell the values of these outputs of the station at each tick."""
         self.pacer.watched = [one_of("signal", name, self._outputs) for name in signals]
 
     # Questions
 
-    @at_any_time
     def posture(self, robot: str | None = None) -> dict[str, float]:
         """Tell where a robot's axes are [deg or m]."""
         name = robot or self._robot
         own = self.cell.robot(name)
         return dict(zip(own.axes, (self.cell.position(name) / own.model.user_units).tolist(), strict=True))
 
-    @at_any_time
-    def where(self, frame: str = arm_questions.BASE) -> dict[str, Any]:
-        """Tell where the arm is, its tool in a frame, and what is around it."""
-        return arm_questions.where(self._arm(), frame)
-
-    @at_any_time
-    def jogged(
-        self, delta: Sequence[float], frame: str = arm_questions.BASE, start: Sequence[float] | None = None
-    ) -> dict[str, float]:
-        """Tell the axes for a pose that lies by ``delta`` [m, deg] along the axes of a frame."""
-        arm = self._arm()
-        return arm_questions.inverse(arm, arm_questions.jogged(arm, delta, frame, start))
-
-    @at_any_time
-    def inverse(self, pose: Sequence[float], frame: str = arm_questions.BASE) -> dict[str, float]:
-        """Tell the axes for a pose of the tool."""
-        return arm_questions.inverse(self._arm(), pose, frame)
-
-    @at_any_time
-    def branches(
-        self, pose: Sequence[float] | None = None, frame: str = arm_questions.BASE, tool: str = ""
-    ) -> list[dict[str, Any]]:
-        """Tell all postures that reach a pose, that of the tool unless given, and what each means."""
-        return arm_questions.branches(self._arm(), pose, frame, tool)
-
-    @at_any_time
     def ghosts(self, postures: Sequence[dict[str, float]], good: Sequence[bool], marked: int | None = None) -> None:
         """Show the arm translucent at postures [deg or m]; none takes all away."""
         own = self.cell.robot(self._robot)
@@ -233,34 +198,22 @@ class Bench:
             commands = ghosts(self._view.scene, self._robot, at, good, marked)
             self._inbox.tell("view", subject="ghosts", commands=commands)
 
-    @at_any_time
     def check(self) -> list[dict[str, str]]:
         """Tell what `simrob check` says of the station."""
         return [{"level": one.level, "subject": one.subject, "text": one.text} for one in check_station(self._start)]
 
-    @at_any_time
     def picture(self) -> str:
         """Return the block picture as SVG."""
         return station_svg(self._start)
 
-    # What was run
-
-    @at_any_time
-    def signals_csv(self, file: str) -> str:
-        """Write the signals of the last run."""
-        result = self._last_run()
-        write_table(Path(file), result.names, result.times, result.values)
-        return file
-
-    @at_any_time
-    def recording(self, file: str) -> str:
-        """Write the last run as a page that plays."""
-        return str(self._last_run().film(file))
-
-    @at_any_time
-    def film_strip(self, file: str) -> str:
-        """Draw the last run as a strip of pictures."""
-        return str(save_film_strip(self._last_run(), Path(file)))
+    def save(self, what: str, file: str) -> str:
+        """Write the last run: its ``signals``, a ``page`` that plays, or a ``strip`` of pictures."""
+        if self._result is None:
+            raise InvalidParameter("the last run", "none yet", "one: simulate() runs what is stored")
+        if what == "signals":
+            write_table(Path(file), self._result.names, self._result.times, self._result.values)
+            return file
+        return str(self._result.film(file) if what == "page" else save_film_strip(self._result, Path(file)))
 
     # How
 
@@ -275,20 +228,15 @@ class Bench:
             raise InvalidParameter("station", "not opened", "one that was opened")
         return self._cell
 
-    @property
-    def _is_running(self) -> bool:
-        return self.pacer.runs
-
-    def _last_run(self) -> SimulationResult:
-        if self._result is None:
-            raise InvalidParameter("the last run", "none yet", "one: simulate() runs what is stored")
-        return self._result
-
-    def _arm(self) -> Arm:
-        return self.cell.arm(self._robot or None)
+    def find(self, method: str) -> Callable[..., Any]:
+        """Return what does what is asked for: a method of this, or what answers a question about its arm."""
+        if hasattr(self, method):
+            found: Callable[..., Any] = getattr(self, method)
+            return found
+        return partial(getattr(arm_questions, method), self.cell.arm(self._robot or None))
 
     def _ask(self, change: Change) -> None:
-        if not self._is_running:
+        if not self.pacer.runs:
             raise InvalidParameter("change", "asked for while nothing runs", "asked for while something does")
         Timeline(GRID, [change]).check(self.cell.config)
         self.pacer.requests.append(change)
@@ -318,11 +266,16 @@ class Bench:
         self.pacer.keep_last()
         if self.pacer.at is None:
             self.pacer.show_last()
-        ending = "stopped" if result.stopped_by == USER else result.ending
-        outcome = {"ending": ending, "message": result.message, "stopped_by": result.stopped_by}
-        judged = {"verdict": str(result.verdict), "warnings": result.warnings}
-        ended = {**outcome, **judged, "goes_on": not self._fell, "time": line.now}
-        ended["reached"] = max(line.now, round(self.pacer.now, 9))
+        ended = {
+            "ending": "stopped" if result.stopped_by == USER else result.ending,
+            "message": result.message,
+            "stopped_by": result.stopped_by,
+            "verdict": str(result.verdict),
+            "warnings": result.warnings,
+            "goes_on": not self._fell,
+            "time": line.now,
+            "reached": max(line.now, round(self.pacer.now, 9)),
+        }
         self._inbox.tell("ended", **ended)
         self.pacer.phase("idle")
         return ended

@@ -53,16 +53,10 @@ def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:
     model = robot.model
     lower, upper = (limit / model.user_units for limit in model.axis_limits)
     now = cell.position(name) / model.user_units
+    columns = model.axes, model.unit_names, lower.tolist(), upper.tolist(), now.tolist()
     axes = [
-        {
-            "name": axis,
-            "aliases": list(model.axes[axis].aliases),
-            "unit": unit,
-            "low": float(lower[place]),
-            "high": float(upper[place]),
-            "now": float(now[place]),
-        }
-        for place, (axis, unit) in enumerate(zip(model.axes, model.unit_names, strict=True))
+        {"name": axis, "aliases": list(model.axes[axis].aliases), "unit": unit, "low": low, "high": high, "now": at}
+        for axis, unit, low, high, at in zip(*columns, strict=True)
     ]
     legged = model.feet is not None
     return {
@@ -80,24 +74,15 @@ def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:
 
 _PARTS = {"sensor": "sensors", "monitor": "monitors", "force": "forces", "controller": "controllers"}
 
-_SHARED: dict[str, tuple[str, ...]] = {
-    "stops": ("joint_stops",),
-    "scene_graph": ("floor", "contact", "pieces"),
-    "piece_poses": ("pieces",),
-    "layers": ("controllers",),
+_RULES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "stops": (("joint_stops",), ()),
+    "scene_graph": (("floor", "contact", "pieces"), ()),
+    "piece_poses": (("pieces",), ()),
+    "layers": (("controllers",), ("reference",)),
+    "friction": ((".drives",), ()),
+    "poses": ((".base", ".tcp", ".tcp_offset"), ("base_pose", "tcp_pose")),
 }
-_OF_A_ROBOT: dict[str, tuple[str, ...]] = {  # keys of the robot's own section
-    "friction": ("drives",),
-    "poses": ("base", "tcp", "tcp_offset"),
-}
-_SHOWN = {
-    "poses": ("base_pose", "tcp_pose"),
-    "stops": (),
-    "scene_graph": (),
-    "piece_poses": (),
-    "friction": (),
-    "layers": ("reference",),
-}
+"""By block the keys that make it, with a dot before those of the robot's own section, and the outputs that show it."""
 _OUTPUT, _SERVO = "output ", "servo."
 _INPUTS = ("reference", "feedforward", "input ")  # blocks that ask something of a robot
 _PLANT = ("plant", "inverse_dynamics", "geometry_poses")
@@ -147,7 +132,7 @@ def block_meaning(block: str, content: Mapping[str, Any], signals: Sequence[str]
     elif axis:
         shown = tuple(f"{whose}.{kind}".lstrip(".") for kind in ("position", "torque"))
     else:
-        kinds = _SHOWN.get(local, ("reference",) if local.startswith(_INPUTS) else ("torque",))
+        _, kinds = _RULES.get(local, ((), ("reference",) if local.startswith(_INPUTS) else ("torque",)))
         shown = tuple(f"{whose}.{kind}".lstrip(".") for kind in kinds)
     return BlockMeaning(keys, tuple(signal for signal in signals if signal in shown), axis)
 
@@ -155,17 +140,16 @@ def block_meaning(block: str, content: Mapping[str, Any], signals: Sequence[str]
 def _keys(local: str, section: str, content: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the keys behind a block that is called so among the blocks of its robot."""
     kind, _, part = local.partition(".")
-    keys: tuple[str, ...] = _SHARED.get(local, ())
+    robot, _, name = section.partition(".")
     if part and kind in _PARTS:
-        keys = (f"{_PARTS[kind]}.{part.partition('.')[0]}",)
-    elif local in _OF_A_ROBOT:
-        keys = tuple(f"{section}.{key}" for key in _OF_A_ROBOT[local])
-    elif local in _PLANT:
+        return (f"{_PARTS[kind]}.{part.partition('.')[0]}",)
+    if local in _RULES:
+        return tuple(f"{section}{key}" if key.startswith(".") else key for key in _RULES[local][0])
+    if local in _PLANT:
         robots = tuple(f"robots.{robot}" for robot in content.get("robots", ())) or ("robot",)
-        keys = (*robots, "pieces", "gravity")
-    elif not keys and not local.startswith(_OUTPUT):
-        key = "reference" if local.startswith(_INPUTS) else "servo"
-        robot, _, name = section.partition(".")
-        whole = content.get(robot, {})
-        keys = (f"{section}.{key}" if key in (whole.get(name, {}) if name else whole) else key,)
-    return keys
+        return (*robots, "pieces", "gravity")
+    if local.startswith(_OUTPUT):
+        return ()
+    key = "reference" if local.startswith(_INPUTS) else "servo"
+    own = content.get(robot, {}).get(name, {}) if name else content.get(robot, {})
+    return (f"{section}.{key}" if key in own else key,)

@@ -1,29 +1,25 @@
 """Who may speak to the pendant: its user's browser, and no other page, name or program."""
 
 import secrets
-from collections.abc import Awaitable, Callable, Iterable, MutableMapping
-from typing import Any
-from urllib.parse import parse_qs
+from collections.abc import Callable
 
-Scope = MutableMapping[str, Any]
-Message = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[Message]]
-Send = Callable[[Message], Awaitable[None]]
-Headers = Iterable[tuple[bytes, bytes]]
-App = Callable[[Scope, Receive, Send], Awaitable[None]]
+from starlette.requests import HTTPConnection
+from starlette.responses import HTMLResponse, PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 _TOKEN = "token"
 """What a token is called in an address."""
 _NAMES = ("127.0.0.1", "localhost")
-_HEADERS = (
-    (b"content-security-policy", b"frame-ancestors 'self'"),
-    (b"cross-origin-opener-policy", b"same-origin"),
-    (b"cross-origin-resource-policy", b"same-origin"),
-    (b"referrer-policy", b"no-referrer"),
-    (b"x-content-type-options", b"nosniff"),
-)
+_HEADERS = {
+    "content-security-policy": "frame-ancestors 'self'",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "referrer-policy": "no-referrer",
+    "x-content-type-options": "nosniff",
+}
+_FRESH = {"cache-control": "no-store", **_HEADERS}
 _NEWEST = "open the newest address that simrob teach shows in the terminal, all of it. Each opens one browser, once."
-_ENTRANCE = b"""<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url=./">
+_ENTRANCE = """<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url=./">
 <title>simrob teach</title><a href="./">simrob teach</a>"""
 """Leads on to the page in place of the address with the token. A redirect by status would not bring the cookie along
 where another program than the browser began the journey, as the file that opens it does."""
@@ -42,7 +38,7 @@ class Guard:
         path: under which it lies, between slashes.
     """
 
-    def __init__(self, app: App, port: int) -> None:
+    def __init__(self, app: ASGIApp, port: int) -> None:
         """Guard an application that listens on a port of this computer."""
         self.app = app
         self.path = f"/{secrets.token_urlsafe(16)}/"
@@ -61,30 +57,27 @@ class Guard:
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
-        known = secrets.compare_digest(_cookie(scope, self._cookie).encode(), self._key.encode())
-        token = self._token(scope)
-        if why := self._refusal(scope) or ("" if known else self._refused_token(token)):
-            await _refuse(scope, send, why)
+        asked = HTTPConnection(scope)
+        known = secrets.compare_digest(asked.cookies.get(self._cookie, "").encode(), self._key.encode())
+        is_page = scope["type"] == "http" and scope["method"] == "GET" and scope["path"] == self.path
+        token = next(iter(asked.query_params.getlist(_TOKEN)), None) if is_page else None
+        if why := self._refusal(asked) or ("" if known else self._refused_token(token)):
+            await _refuse(scope, receive, send, why)
         elif token is not None:
             self._tokens.pop(token, lambda: None)()
             cookie = f"{self._cookie}={self._key}; Path={self.path}; HttpOnly; SameSite=Strict"
-            headers = (
-                (b"content-type", b"text/html; charset=utf-8"),
-                (b"cache-control", b"no-store"),
-                (b"set-cookie", cookie.encode()),
-            )
-            await _answer(send, 200, headers, _ENTRANCE)
+            await HTMLResponse(_ENTRANCE, headers={"set-cookie": cookie, **_FRESH})(scope, receive, send)
         else:
             await self.app({**scope, "root_path": self.path[:-1]}, receive, _with_headers(send))
 
-    def _refusal(self, scope: Scope) -> str:
+    def _refusal(self, asked: HTTPConnection) -> str:
         """Return why nobody is let through who comes like this; nothing if somebody may be."""
-        hosts, origins = _all(scope, b"host"), _all(scope, b"origin")
+        hosts, origins = asked.headers.getlist("host"), asked.headers.getlist("origin")
         if len(hosts) != 1 or hosts[0] not in self._hosts:
             return f"This page is at http://{self._hosts[0]} and at no other name."
         if origins not in ([], [f"http://{hosts[0]}"]):
             return "Another page asked for this one; it answers its own alone."
-        if not scope["path"].startswith(self.path):
+        if not asked.scope["path"].startswith(self.path):
             return f"The page is not at this address: {_NEWEST}"
         return ""
 
@@ -95,43 +88,21 @@ class Guard:
             return f"This address is incomplete, or was used by another browser, be it yours or not: {_NEWEST}"
         return ""
 
-    def _token(self, scope: Scope) -> str | None:
-        """Return the token in the address of the page; None of any other."""
-        if scope["type"] != "http" or scope["method"] != "GET" or scope["path"] != self.path:
-            return None
-        return next(iter(parse_qs(scope["query_string"].decode("latin-1")).get(_TOKEN, ())), None)
-
 
 def _with_headers(send: Send) -> Send:
+    own = [(name.encode(), text.encode()) for name, text in _HEADERS.items()]
+
     async def sent(message: Message) -> None:
         if message["type"] == "http.response.start":
-            message["headers"] = [*message.get("headers", ()), *_HEADERS]
+            message["headers"] = [*message.get("headers", ()), *own]
         await send(message)
 
     return sent
 
 
-def _all(scope: Scope, name: bytes) -> list[str]:
-    return [value.decode("latin-1") for key, value in scope["headers"] if key.lower() == name]
-
-
-def _cookie(scope: Scope, name: str) -> str:
-    pairs = (pair.strip().partition("=") for line in _all(scope, b"cookie") for pair in line.split(";"))
-    return next((value for key, _, value in pairs if key == name), "")
-
-
-async def _refuse(scope: Scope, send: Send, why: str) -> None:
+async def _refuse(scope: Scope, receive: Receive, send: Send, why: str) -> None:
     """Answer 403 with the reason, to a websocket's handshake too where the server can."""
-    kind = "http.response"
-    if scope["type"] == "websocket":
-        if "websocket.http.response" not in scope.get("extensions", {}):
-            await send({"type": "websocket.close", "code": 1008})
-            return
-        kind = "websocket.http.response"
-    headers = ((b"content-type", b"text/plain; charset=utf-8"), (b"cache-control", b"no-store"))
-    await _answer(send, 403, headers, f"{why}\n".encode(), kind)
-
-
-async def _answer(send: Send, status: int, headers: Headers, body: bytes, kind: str = "http.response") -> None:
-    await send({"type": f"{kind}.start", "status": status, "headers": [*headers, *_HEADERS]})
-    await send({"type": f"{kind}.body", "body": body})
+    if scope["type"] == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
+        await send({"type": "websocket.close", "code": 1008})
+    else:
+        await PlainTextResponse(f"{why}\n", 403, _FRESH)(scope, receive, send)

@@ -7,7 +7,7 @@ from concurrent.futures import Future
 from typing import Any
 
 from simrob_drake.arguments import plain, whole
-from simrob_drake.errors import InvalidParameter, SimrobError, one_of
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.moves.tool import ToolMove
@@ -46,7 +46,7 @@ class Jogging(MoveRunner):
             start: the pose in the base that ``delta`` counts from [m, deg]; where the tool is unless given.
         """
         by: dict[str, Any] = {"delta": plain(delta), "frame": frame, "start": plain(start)}
-        return self._when_idle(lambda: self._ask("jogged", self._jog, **by))
+        return self._when_idle(lambda: self._ask("jogged_axes", self._jog, **by))
 
     def jog_pose(self, pose: Sequence[float], frame: str = "base") -> Future[Any]:
         """Move the tool to a pose [x y z Rz Ry Rx], m and degrees, in a frame, by the nearest posture."""
@@ -108,12 +108,9 @@ class Jogging(MoveRunner):
 
     def run_line(self, index: int) -> Future[Any]:
         """Run one stored line from where the arm is (step)."""
-        try:
-            move = self.program.moves[whole(index, "index", 0, len(self.program.moves) - 1)]
-        except SimrobError as problem:
-            self._wrong(problem)
-            return done(None)
-        return self._when_idle(lambda: self._run_free([move]))
+        moves = self.program.moves
+        move = self._or_wrong(lambda: moves[whole(index, "index", 0, len(moves) - 1)])
+        return done(None) if move is None else self._when_idle(lambda: self._run_free([move]))
 
     def branches(self, target: str | None = None) -> Future[Any]:
         """Find every posture for a taught target, or for where the tool is, into ``ghosts`` and into the view."""
@@ -135,13 +132,11 @@ class Jogging(MoveRunner):
 
     def choose_branch(self, number: int) -> Future[Any]:
         """Go to one of ``ghosts``, and hide them."""
-        try:
-            axes = self.ghosts[whole(number, "branch", 0, len(self.ghosts) - 1)]["axes"]
-        except SimrobError as problem:
-            self._wrong(problem)
+        ghost = self._or_wrong(lambda: self.ghosts[whole(number, "branch", 0, len(self.ghosts) - 1)])
+        if ghost is None:
             return done(None)
         self.hide_ghosts()
-        return self.jog_axes(axes)
+        return self.jog_axes(ghost["axes"])
 
     def hide_ghosts(self) -> Future[Any]:
         """Hide the ghosts."""

@@ -12,9 +12,8 @@ from threading import Lock, Thread
 from typing import Any
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.teach.bench import Bench
-from simrob_drake.teach.messages import Inbox, News, RunLost, may_be_any_time
-from simrob_drake.teach.run_pacer import Rewound
+from simrob_drake.teach.bench import ALONE, Bench
+from simrob_drake.teach.run_pacer import Inbox, News, Rewound, RunLost
 
 _PATIENCE = 2.0  # s that a process has to end by itself
 
@@ -118,7 +117,7 @@ def serve(bench: Bench, inbox: Inbox) -> None:
     """Do what can be done while a station runs; what cannot ends the run, and is done then."""
     messages = inbox.take()
     for place, message in enumerate(messages):
-        if bench.pacer.stopping or not may_be_any_time(getattr(bench, message[1])):
+        if bench.pacer.stopping or message[1] in ALONE:
             bench.pacer.stopping = True
             inbox.put_back(message)
             continue
@@ -134,7 +133,7 @@ def answer(bench: Bench, inbox: Inbox, message: Message) -> None:
     """Do what was asked for, and answer with its result or with what is wrong."""
     number, method, arguments = message
     try:
-        result = getattr(bench, method)(**arguments)
+        result = bench.find(method)(**arguments)
     except SimrobError as problem:
         inbox.answer(number, wrong=str(problem))
     except Rewound:

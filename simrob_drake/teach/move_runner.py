@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
-from simrob_drake.errors import SimrobError
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.moves.play import PlayMove
 from simrob_drake.programs.moves.wait import WaitMove
@@ -18,14 +17,89 @@ from simrob_drake.programs.timeline import GRID, Change
 from simrob_drake.sections import validated
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.program_editor import ProgramEditor
-from simrob_drake.teach.run_client import HandOver, MakeLive, News, done
-from simrob_drake.teach.run_log import RunLog
+from simrob_drake.teach.run_client import HandOver, MakeLive, done
+from simrob_drake.teach.run_pacer import News
 from simrob_drake.teach.taught import Taught, entries_of, with_change
 
 Tried = tuple[Move, ...]
 Then = Callable[[], object]
 Kind = Literal["", "program", "tried", "free"]
-"""What is run: the program, what is tried, or something that is neither stored nor waits to be."""
+"""What is run, or was last: the program, what is tried, or something that is neither stored nor waits to be."""
+
+
+class LogEntry(NamedTuple):
+    """A part of what was run: a move, None of what is none as one that was stopped; and when it began [s], if known."""
+
+    move: Move | None
+    start: float | None = None
+
+
+class RunLog:
+    """What was run, move by move.
+
+    Attributes:
+        mark: where in it what was tried begins.
+        in_time: whether times are those of a program of the same moves.
+    """
+
+    def __init__(self) -> None:
+        """Begin at the start of the station, where nothing was run."""
+        self._entries: list[LogEntry] = []
+        self.mark = 0
+        self.in_time = True
+
+    def restart_with(self, moves: Sequence[Move]) -> None:
+        """Take a whole program that was run from the start."""
+        self._entries, self.in_time = [], True
+        self.append(moves, 0.0, free=True)
+
+    def append(self, moves: Sequence[Move | None], time: float, *, free: bool = False) -> None:
+        """Take moves that were begun at a time [s]; ``free`` ones count as no tries."""
+        self._entries += [LogEntry(move, None if number else time) for number, move in enumerate(moves)]
+        if free:
+            self.mark_stored()
+
+    def mark_stored(self) -> None:
+        """Count what was tried as stored."""
+        self.mark = len(self._entries)
+
+    def is_program(self, moves: Sequence[Move]) -> bool:
+        """Tell whether nothing was run but these moves, all before what was tried, from the start on and in time."""
+        return not self._entries or (self.in_time and self._done(0, self.mark) == list(moves))
+
+    def _done(self, begin: int, end: int | None = None) -> list[Move | None]:
+        return [entry.move for entry in self._entries[begin:end]]
+
+    def align_with(self, moves: Sequence[Move]) -> None:
+        """Find anew where what was tried begins, as the program has changed: behind these moves, if they were run."""
+        stored = self._done(0, len(moves)) == list(moves)
+        self.mark = len(moves) if stored else min(self.mark, len(self._entries))
+
+    def has_others(self, tried: Sequence[Move]) -> bool:
+        """Tell whether something else was tried than these moves, or their beginning."""
+        done = self._done(self.mark)
+        return done != list(tried[: len(done)])
+
+    def back_to(self, tried: Sequence[Move]) -> tuple[float | None, int]:
+        """Forget what was tried otherwise than these moves.
+
+        Returns:
+            when the first that differs began [s], None if none differs or that is not known; and how many of the moves
+            are still done.
+        """
+        done, kept = self._entries[self.mark :], 0
+        while kept < min(len(done), len(tried)) and done[kept].move == tried[kept]:
+            kept += 1
+        if kept == len(done):
+            return None, kept
+        while kept and done[kept].start is None:
+            kept -= 1
+        start = done[kept].start
+        del self._entries[self.mark + kept :]
+        if start is None:
+            self._entries.insert(self.mark, LogEntry(None))  # the robot is not where these moves would have it
+            self.mark += 1
+        return start, kept
 
 
 class MoveRunner(ProgramEditor):
@@ -64,11 +138,10 @@ class MoveRunner(ProgramEditor):
         self._run_log = RunLog()
         self._kind: Kind = ""
         self._fell: Then = lambda: None
-        self._last_kind: Kind = ""
         self._rewound = False
         self._start_time = 0.0  # of the next run, where the robot is [s]; after a fall that is not what is shown
         self._failed_try: tuple[Tried, Tried] = (), ()  # what was tried when that fell, and before
-        self._travels: set[object] = set()
+        self._travels: set[object] = set()  # asked for and not answered yet
 
     def _try_moves(self, moves: Callable[[], Sequence[Move]]) -> Future[Any]:
         return self._try(lambda: self._without_fallen.with_tried(*moves()))
@@ -81,11 +154,8 @@ class MoveRunner(ProgramEditor):
 
     def _try(self, make: Callable[[], Taught]) -> Future[Any]:
         """Run what is tried from where it is, or from before that with which it goes together."""
-        before = self._history.present
-        try:
-            tried = make()
-        except SimrobError as problem:
-            self._wrong(problem)
+        before, tried = self._history.present, self._or_wrong(make)
+        if tried is None:
             return done(None)
         self._record(tried)
         count = len(before.pending)
@@ -185,21 +255,15 @@ class MoveRunner(ProgramEditor):
         self, method: str, then: Callable[[Any], Any], failed: Then = lambda: None, **arguments: Any
     ) -> Future[Any]:
         """Ask for another moment of the run to be shown; until it is, nothing else is begun."""
-        way = object()
-        self._travels.add(way)
+        self._travels.add(way := object())
 
-        def arrived(result: Any) -> Any:
+        def over(what: Then) -> Any:
             self._travels.discard(way)
-            found = then(result)
+            found = what()
             self._do_next()
             return found
 
-        def refused() -> None:
-            self._travels.discard(way)
-            failed()
-            self._do_next()
-
-        return self._ask(method, arrived, refused, **arguments)
+        return self._ask(method, lambda result: over(lambda: then(result)), lambda: over(failed), **arguments)
 
     def _start(
         self, kind: Kind, method: str, failed: Then = lambda: None, fell: Then = lambda: None, **arguments: Any
@@ -242,10 +306,11 @@ class MoveRunner(ProgramEditor):
         go()
         now = self._history.present
         self._run_log.align_with(now.program.moves)
-        if now.settings != before.settings:
+        reopened = now.settings != before.settings
+        if reopened:
             self.config = self._loaded(now.settings)
         self._save()
-        if now.settings != before.settings:
+        if reopened:
             self._forget_next()
             self._reopen()
         elif self._run_log.has_others(now.pending):
@@ -269,6 +334,21 @@ class MoveRunner(ProgramEditor):
 
     # News
 
+    def _take(self, news: News) -> None:
+        match news["news"]:
+            case "noted":
+                self._noted(news["change"])
+            case "ended":
+                self._ended(news)
+            case "died":
+                again = self._died(str(news["why"]))
+                self._begin()
+                self._forget_next()
+                if again:
+                    self._reopen()
+            case _:
+                super()._take(news)
+
     def _ended(self, news: News) -> None:
         self.ending, jogged = news, self._kind == "free"
         if not self._rewound:
@@ -278,7 +358,7 @@ class MoveRunner(ProgramEditor):
             self._run_log.append([None], news["time"])
         elif not news["goes_on"]:
             self._fell()
-        self._kind, self._fell, self._last_kind = "", lambda: None, self._kind
+        self._fell = lambda: None
         if news["ending"] != "stopped":
             warnings, well = news["warnings"], news["ending"] == "completed"
             judged = [] if jogged else [news["verdict"], *warnings]
@@ -290,20 +370,14 @@ class MoveRunner(ProgramEditor):
         """Put a change of the run into the program, or to what is tried, if its time is theirs."""
         now, made = self._history.present, validated(Change, change, "the change")
         label = " ".join(made.set or ())  # a slider that is moved is one step
-        of_program = self._kind == "program" or not now.pending
-        known = of_program and self._kind == "program"
-        if not (known or self._run_log.at_start() or self._run_log.is_program(now.program.moves)):
+        known = self._kind == "program"
+        of_program = known or not now.pending
+        if not (known or self._run_log.is_program(now.program.moves)):
             self._say(Notice("not_stored"))
         elif of_program and made not in now.program.changes:
             self._record(now.with_program(changes=with_change(now.program.changes, made)), label)
         elif not of_program and made not in now.changes:
             self._record(now.replaced(changes=with_change(now.changes, made)), label)
-
-    def _revive(self, *, often: bool) -> None:
-        self._begin()
-        self._forget_next()
-        if not often:
-            self._reopen()
 
     def _reopen(self, failed: Callable[[], object] | None = None) -> None:
         """Open the station anew in the run; ``failed`` is called if that cannot be."""

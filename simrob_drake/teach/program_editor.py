@@ -141,13 +141,10 @@ class ProgramEditor(RunClient):
         return move
 
     def _edit(self, edited: Callable[[Program], Program]) -> bool:
-        try:
-            program = edited(self.program)
-        except SimrobError as problem:
-            self._wrong(problem)
-            return False
-        self._record(self._history.present.replaced(program=program))
-        return True
+        program = self._or_wrong(lambda: edited(self.program))
+        if program is not None:
+            self._record(self._history.present.replaced(program=program))
+        return program is not None
 
     def _record(self, taught: Taught, label: str = "") -> None:
         self._history.record(taught, label)

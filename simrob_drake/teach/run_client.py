@@ -8,13 +8,13 @@ from concurrent.futures import Future
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from time import monotonic
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, TypeVar
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.teach.messages import RunLost
 from simrob_drake.teach.pages.words import Notice
+from simrob_drake.teach.run_pacer import News, RunLost
 
-News = dict[str, Any]
+Made = TypeVar("Made")
 Topic = Literal["program", "phase", "tick", "message", "description", "history"]
 MakeLive = Callable[[Callable[[News], None]], "Running"]
 HandOver = Callable[[Callable[[], None]], object]
@@ -174,6 +174,7 @@ class RunClient:
             self._hand_over(action)
 
     def _take(self, news: News) -> None:
+        """Take news; those of a run are for who runs something."""
         match news["news"]:
             case "view":
                 for viewer in list(self._viewers):
@@ -182,14 +183,8 @@ class RunClient:
                 self._ticked(news)
             case "phase":
                 self._set_phase(news["phase"])
-            case "noted":
-                self._noted(news["change"])
-            case "ended":
-                self._ended(news)
             case "warned":
                 self._wrong(news["text"])
-            case "died":
-                self._died(str(news["why"]))
 
     def _ticked(self, news: News) -> None:
         self.time = self.reach = news["time"]
@@ -200,8 +195,8 @@ class RunClient:
                 self.history[name].append((self.time, value))
         self._tell("tick")
 
-    def _died(self, why: str) -> None:
-        """Start the run again, unless that has not helped."""
+    def _died(self, why: str) -> bool:
+        """Tell that the run died; return whether it may be started again, for that has helped so far."""
         live, self._live, self.description = self._live, None, {}
         if live is not None:
             live.close()
@@ -210,16 +205,7 @@ class RunClient:
         self._deaths.append(now)
         self._say(Notice("lost" if often else "died", {"why": why}, wrong=True))
         self._set_phase("gone")
-        self._revive(often=often)
-
-    def _revive(self, *, often: bool) -> None:
-        """Begin again after the run died, as the session knows."""
-
-    def _noted(self, change: dict[str, Any]) -> None:
-        """Take a change of the run with its time."""
-
-    def _ended(self, news: News) -> None:
-        """Take how a run ended."""
+        return not often
 
     # Telling
 
@@ -235,6 +221,14 @@ class RunClient:
     def _say(self, notice: Notice) -> None:
         self.message = notice
         self._tell("message")
+
+    def _or_wrong(self, make: Callable[[], Made]) -> Made | None:
+        """Return what is made; None where something is wrong, which is told."""
+        try:
+            return make()
+        except SimrobError as problem:
+            self._wrong(problem)
+            return None
 
     def _wrong(self, problem: object) -> None:
         self._say(Notice(fills={"text": str(problem)}, wrong=True))

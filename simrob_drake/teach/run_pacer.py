@@ -1,20 +1,69 @@
-"""The pace of a run that somebody watches: it is shown, waits for the clock or for the user, and takes changes."""
+"""The pace of a run that somebody watches: it is shown, waits for the clock or for the user, and takes changes.
+
+What is asked for and told goes through a pipe to the pendant's process, as plain data.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from multiprocessing.connection import Connection
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
+from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.programs.timeline import Change, DragNow, Timeline
 from simrob_drake.simulation import Moment
-from simrob_drake.teach.messages import Inbox
 
 _FRAME = 1 / 25
 """Time on the clock from one picture to the next [s]."""
 _MOST = 20_000  # moments that can be gone back to
+
+
+News = dict[str, Any]
+
+
+class RunLost(SimrobError):
+    """What was asked for will not be answered: the process that runs the station has ended."""
+
+    def __init__(self) -> None:
+        """Say so."""
+        super().__init__("the process that runs the station has ended")
+
+
+class Inbox:
+    """What was asked for and not answered yet, in its order: a number, a method and its arguments."""
+
+    def __init__(self, pipe: Connection) -> None:
+        """Read from a pipe; EOFError there means that the other process is gone, and ends this one."""
+        self._pipe = pipe
+        self._waiting: list[tuple[int, str, dict[str, Any]]] = []
+
+    def wait(self, timeout: float | None) -> None:
+        """Wait for a message, at most so long [s]; for ever if None."""
+        if self._pipe.poll(timeout):
+            self._waiting.append(self._pipe.recv())
+
+    def take(self) -> list[tuple[int, str, dict[str, Any]]]:
+        """Return all that has come, and forget it."""
+        while self._pipe.poll(0):
+            self._waiting.append(self._pipe.recv())
+        taken, self._waiting = self._waiting, []
+        return taken
+
+    def put_back(self, message: tuple[int, str, dict[str, Any]]) -> None:
+        """Leave a message for later."""
+        self._waiting.append(message)
+
+    def answer(self, number: int, result: Any = None, wrong: str | None = None) -> None:
+        """Answer what was asked for under a number: by a result, or by what is wrong in words."""
+        self._pipe.send({"answer": number, "result": result, "wrong": wrong})
+
+    def tell(self, news: str, **more: Any) -> None:
+        """Tell news."""
+        self._pipe.send({"news": news, **more})
 
 
 class Rewound(BaseException):

@@ -15,7 +15,6 @@ from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.whole_program import carried_program
 from simrob_drake.stations.load import station_content, station_yaml
-from simrob_drake.stations.schema import station_schema
 from simrob_drake.teach.jogging import Jogging
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.run_client import HandOver, MakeLive, Topic, done
@@ -130,17 +129,13 @@ class Session(Teaching, Jogging):
         """Leave the file as it is; what is taught goes to another one."""
         if not self.conflict:
             return False
-        theirs, self._store = self.file.name, self._store.next(self.folder)
+        theirs, self._store = self.file.name, self._store.beside(self.folder, new=True)
         self.file = self._store.file
         self._save()
         self._say(Notice("both_kept", {"file": theirs, "new": self.file.name}))
         return True
 
     # The station
-
-    def schema(self) -> dict[str, Any]:
-        """Return the JSON Schema of a station's file, to make forms of."""
-        return station_schema()
 
     def value(self, key: str) -> Any:
         """Return what the station has under a dotted key, settings counted in; None if nothing."""
@@ -159,12 +154,8 @@ class Session(Teaching, Jogging):
 
     def switch_loop(self, name: str, on: bool) -> bool:
         """Switch an outer loop of the station on or off, while nothing runs."""
-        try:
-            settings = switched(self._loops, self.settings, name, on)
-        except SimrobError as problem:
-            self._wrong(problem)
-            return False
-        return self._reconfigure(settings)
+        settings = self._or_wrong(lambda: switched(self._loops, self.settings, name, on))
+        return settings is not None and self._reconfigure(settings)
 
     def check(self) -> Future[Any]:
         """Give what ``simrob check`` says of the station with its settings."""
@@ -201,16 +192,15 @@ class Session(Teaching, Jogging):
 
     def export_csv(self) -> Future[Any]:
         """Write the signals of the last run; as all of these the future gives the file."""
-        return self._saved("signals_csv", self.file.with_suffix(".csv"))
+        return self._saved("signals", ".csv")
 
     def export_recording(self) -> Future[Any]:
         """Write the last run as one HTML page."""
-        return self._saved("recording", self.file.with_suffix(".html"))
+        return self._saved("page", ".html")
 
     def film_strip(self) -> Future[Any]:
         """Draw the last run as a strip of pictures, for who cannot see the view; the future gives the file."""
-        file = self.file.with_suffix(".png")
-        return self._ask("film_strip", lambda _: file, file=str(file))
+        return self._saved("strip", ".png", quietly=True)
 
     # How
 
@@ -249,10 +239,8 @@ class Session(Teaching, Jogging):
     def _reconfigure(self, settings: dict[str, Any]) -> bool:
         if self.phase in ("running", "paused"):
             return self._refused("busy")
-        try:
-            config = self._loaded(settings)
-        except SimrobError as problem:
-            self._wrong(problem)
+        config = self._or_wrong(lambda: self._loaded(settings))
+        if config is None:
             return False
         before, self.config = self.config, config
         self._record(self._history.present.replaced(settings=settings))
@@ -285,9 +273,12 @@ class Session(Teaching, Jogging):
         self._save()  # and tell what was put aside
         return done(file)
 
-    def _saved(self, method: str, file: Path) -> Future[Any]:
+    def _saved(self, what: str, suffix: str, *, quietly: bool = False) -> Future[Any]:
+        file = self.file.with_suffix(suffix)
+
         def written(_: Any) -> Path:
-            self._say(Notice("exported", {"file": str(file)}))
+            if not quietly:
+                self._say(Notice("exported", {"file": str(file)}))
             return file
 
-        return self._ask(method, written, file=str(file))
+        return self._ask("save", written, what=what, file=str(file))

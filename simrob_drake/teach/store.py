@@ -154,19 +154,13 @@ class Store:
         place = self.file.parent / str(program.station)
         return place.is_file() and place.resolve() == Path(self._station).resolve()
 
-    def sibling(self, folder: Path) -> Store:
-        """Return the newest numbered file in a folder that was begun in place of this one; the first if none was."""
-        return self._numbered(folder, max(2, _newest(self.file, folder)))
-
-    def next(self, folder: Path) -> Store:
-        """Return a numbered file that is not there yet."""
-        return self._numbered(folder, max(2, _newest(self.file, folder) + 1))
+    def beside(self, folder: Path, *, new: bool) -> Store:
+        """Return the newest numbered file in a folder that was begun in place of this one, or a new one."""
+        number = max(2, _newest(self.file, folder) + new)
+        return Store(folder / f"{_stem(self.file)}-{number}.yaml", self._station, self._robot)
 
     def _present(self, history: History) -> Program:
         return self.placed(history.present.program, history.present.settings)
-
-    def _numbered(self, folder: Path, number: int) -> Store:
-        return Store(folder / f"{_stem(self.file)}-{number}.yaml", self._station, self._robot)
 
     def _steps(self) -> tuple[str, History | None]:
         """Return the digest of the file that the last save was to replace, and the steps; None if there are none."""
@@ -192,21 +186,18 @@ def opened(first: Store, folder: Path, fits: Fits) -> tuple[Store, History, Noti
         fits(history.present.program)
         if first.is_of(history.present.program):
             return first, history, None
-        key, why, taken = (
-            "taken_over",
-            str(history.present.program.station),
-            History(Taught.of(history.present.program)),
-        )
+        key, why = "taken_over", str(history.present.program.station)
+        taken = History(Taught.of(history.present.program))
     except SimrobError as problem:
         key, why, taken = "damaged", str(problem), first.last()
         if _loads(first):
             key, taken = "foreign", History()
-    store = first.sibling(folder)
+    store = first.beside(folder, new=False)
     try:
         history = store.load() if store.file.exists() else taken
         fits(history.present.program)
     except SimrobError:
-        store, history = first.next(folder), taken
+        store, history = first.beside(folder, new=True), taken
     fills = {"file": first.file.name, "new": store.file.name, "why": why}
     return store, history, Notice(key, fills, wrong=key != "taken_over")
 

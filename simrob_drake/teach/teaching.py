@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from typing import Any, cast
 
 from simrob_drake.arguments import plain
-from simrob_drake.errors import InvalidParameter, SimrobError, quoted
+from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.move import MOVE_TIME
 from simrob_drake.programs.stages import step_moves
@@ -88,7 +88,7 @@ class Teaching(MoveRunner):
     def go_on(self) -> Future[Any]:
         """Go on after a pause, or from a moment that was gone back to; what came after that is forgotten."""
         if self.phase == "idle" and self._rewound:
-            return self._start(self._last_kind, "go_on")
+            return self._start(self._kind, "go_on")
         return self._proceed("go_on")
 
     def one_tick(self) -> Future[Any]:
@@ -137,12 +137,8 @@ class Teaching(MoveRunner):
 
     def _changed(self, method: str, change: dict[str, Any], **arguments: Any) -> Future[Any]:
         """Ask for a change, if a program's file could have it."""
-        try:
-            validated(Change, {"time": 0.0, **plain(change)}, "the change")
-        except SimrobError as problem:
-            self._wrong(problem)
-            return done(None)
-        return self._ask(method, **plain(arguments))
+        could_be = self._or_wrong(lambda: validated(Change, {"time": 0.0, **plain(change)}, "the change"))
+        return self._ask(method, **plain(arguments)) if could_be else done(None)
 
     @property
     def _worn_feet(self) -> str | None:

@@ -17,16 +17,17 @@ _SURE = 0.95
 _MOST = 0.9  # of the pairs of runs in which a winner must cost less
 
 
-def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = ()) -> tuple[bool, list[str]]:
+def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: bool = True) -> tuple[bool, list[str]]:
     """Return whether a winner is proven, and sentences that say why.
 
     It is if no doubt ends more of its runs than of the start's, or any at all where there is no start, and if in nine
     of ten pairs of runs that both went to their ends it costs less: by more than other solvers and engines find
-    otherwise, and surely so in the median.
+    otherwise, and surely so in the median. A winner over a start must have been tried under other moves, too.
 
     Args:
         rows: of the runs, each with ``of``, ``doubt``, ``draw``, ``ended``, and the costs if there is a start.
-        undoubted: kinds of doubts that the station does not know.
+        undoubted: what was not doubted.
+        moved: whether there were other moves than the search's, or could be none.
     """
     own = [row for row in rows if row["of"] == WON]
     start = [row for row in rows if row["of"] == START]
@@ -47,9 +48,10 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = ()) -> tuple[bool
     words += [sentence for _, sentence in cheaper]
     words += _beyond(own)
     words += [f"Not doubted: {', '.join(undoubted)}."] if undoubted else []
-    proven = not worse and all(less for less, _ in cheaper)
+    proven = not worse and all(less for less, _ in cheaper) and (moved or not start)
     reasons = [f"it is less sure under {', '.join(worse)}"] if worse else []
     reasons += ["it does not cost less throughout"] if not all(less for less, _ in cheaper) else []
+    reasons += ["no run makes another move; a case of proof may"] if start and not moved else []
     return proven, ["Proven." if proven else f"Not proven: {'; '.join(reasons)}.", *words]
 
 

@@ -1,6 +1,7 @@
 """Prove a winner: run it, and what it is to beat, under doubts that no search has seen; and say what came of it."""
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,8 @@ from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidConfig
 from simrob_drake.folders import written_at_once
 from simrob_drake.sections import Integer, Strict
-from simrob_drake.tuning.conclusion import START, WON, conclusion
-from simrob_drake.tuning.doubts import KINDS, Change, doubts
+from simrob_drake.tuning.conclusion import START, THOUGHT, WON, conclusion
+from simrob_drake.tuning.doubts import KINDS, MOVES, UNKNOWN, doubts, moves
 from simrob_drake.tuning.journal import Journal, columns_of, read_spec, run
 from simrob_drake.tuning.proof_page import page
 from simrob_drake.tuning.rollout import Case, Margin
@@ -22,6 +23,8 @@ from simrob_drake.tuning.table import write_rows
 from simrob_drake.tuning.trial import Row, table
 
 PROVE, TABLE, PAGE = "prove.yaml", "prove.csv", "prove.html"
+_ASKED = re.compile(r"(^|\.)(reference|gait|program|commands)(\.|$)")
+"""Keys that say what is asked."""
 
 
 class Proof(Strict):
@@ -54,7 +57,7 @@ class Proof(Strict):
                 "is not there; a winner is proven under cases that its search has not seen: other moves, loads, floors"
             )
             raise InvalidConfig(folder / STUDY, "proof", expected)
-        conditions = [{**study.overrides, **case} for case in study.proof.cases]
+        conditions = [{**study.overrides, **case} for case in study.proof.every.values()]
         compared = {START: study.start, WON: winner_of(folder, study)}
         return cls(station=study.station, parameters=compared, conditions=conditions, seeds=seeds, study=study)
 
@@ -71,17 +74,32 @@ class Proof(Strict):
 
     def _runs(self) -> Iterator[tuple[str, str, int, dict[str, Any]]]:
         every = self.parameters.items()
-        drawn = {of: [self._doubts({**under, **own}) for under in self.conditions] for of, own in every}
-        for kind, changes in drawn[WON][0].items():
-            for draw in range(max(len(changes), len(self.conditions))):
+        bases = {of: [{**under, **own} for under in self.conditions] for of, own in every}
+        drawn = {of: [doubts(Scene.of(self.station, base), self.seeds) for base in some] for of, some in bases.items()}
+        shared = [kind for kind in KINDS if all(kind in one for some in drawn.values() for one in some)]
+        for kind in (THOUGHT, *shared):
+            for draw in range(max(len(drawn[WON][0][kind]), len(self.conditions))):
                 place = draw % len(self.conditions)
-                for of, own in every:
-                    change = drawn[of][place][kind][draw % len(changes)]
-                    yield of, kind, draw, {**self.conditions[place], **own, **change}
+                for of in self.parameters:
+                    base, changes = bases[of][place], drawn[of][place][kind]
+                    change = changes[draw % len(changes)]
+                    kept = {key: value for key, value in base.items() if key not in change}
+                    yield of, kind, draw, {**kept, **change}  # what is doubted comes last, as it is to hold
 
-    def _doubts(self, overrides: dict[str, Any]) -> dict[str, list[Change]]:
-        scene = Scene.of(self.station, overrides)
-        return doubts(scene.config, self.seeds, second_engine=scene.program is None)
+    def undoubted(self, doubted: Collection[str]) -> list[str]:
+        """Return what neither its doubts, of these kinds, nor its own conditions change."""
+        own = " ".join(self.study.proof.keys if self.study and self.study.proof else ())
+        return [kind for kind in (*KINDS, *UNKNOWN) if kind not in doubted and kind not in own]
+
+    def moved(self, doubted: Collection[str]) -> bool:
+        """Tell whether there are other moves than the search's, among its doubts or in its own conditions.
+
+        A station that is asked for none has none.
+        """
+        own = self.study.proof.keys if self.study and self.study.proof else ()
+        if MOVES in doubted or any(_ASKED.search(key) for key in own):
+            return True
+        return not moves(Scene.of(self.station, {**self.conditions[0], **self.parameters[WON]}))
 
 
 class ProofFolder:
@@ -114,7 +132,8 @@ class ProofFolder:
         rows = table(run(self.journal, self.cases, workers=workers, scheduler=scheduler, progress=progress))
         judged = [{**row, **self._judged(row)} for row in rows]
         write_rows(self.folder / TABLE, judged)
-        proven, words = conclusion(judged, [kind for kind in KINDS if kind not in {row["doubt"] for row in judged}])
+        doubted = {row["doubt"] for row in judged}
+        proven, words = conclusion(judged, self.proof.undoubted(doubted), moved=self.proof.moved(doubted))
         title = f"{Path(self.proof.station).stem}: {len(judged)} runs"
         written_at_once(self.folder / PAGE, page(title, proven, words, judged, self.proof.parameters))
         return proven, words

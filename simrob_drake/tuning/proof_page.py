@@ -13,7 +13,7 @@ from simrob_drake.results.colours import BAD, COLOURS, GOOD
 from simrob_drake.results.plots.grid import style
 from simrob_drake.tuning.conclusion import START, WON, cost_columns
 from simrob_drake.tuning.measures import UNITS, measured
-from simrob_drake.tuning.study import Parameters
+from simrob_drake.tuning.study import Parameters, in_table
 from simrob_drake.tuning.trial import COMPLETED, Row
 
 _PAGE = Template("""<!doctype html>
@@ -81,7 +81,7 @@ def _by_measure(rows: Sequence[Row]) -> list[list[str]]:
 
 def _of_parameters(parameters: Mapping[str, Parameters]) -> list[list[str]]:
     keys = list(parameters[WON])
-    lines = [[key, *(f"{own[key]:.5g}" for own in parameters.values())] for key in keys]
+    lines = [[key, *(in_table(own.get(key)) for own in parameters.values())] for key in keys]
     return [["", *parameters], *lines] if lines else [["the station as it is"]]
 
 

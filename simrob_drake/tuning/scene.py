@@ -2,7 +2,8 @@
 
 Beside keys of the station an override may name those of a gait of ``gaits.yaml`` (``gait.name``, ``gait.steps``,
 ``gait.amplitude``, ``gait.step_time``, ``gait.bearing.height`` ...) or those of a program (``program``, its file, and
-``program.moves.0.duration`` ...). ``engine: mujoco`` runs it in MuJoCo, several times as fast where MJCF can say it.
+``program.moves.0.duration`` ...). ``engine: mujoco`` runs it in MuJoCo, several times as fast where nothing in it
+decides as it goes.
 """
 
 import json
@@ -36,6 +37,7 @@ from simrob_drake.stations.carried import carried
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.solver_config import MujocoSolver
 from simrob_drake.tuning.runners import run
 from simrob_drake.yaml_files import place_of
 
@@ -132,10 +134,12 @@ class Scene:
         Raises:
             SimrobError: what cannot be run.
         """
+        decides = self.program is not None or bool(self.config.controllers)
+        config = in_mujoco(self.config) if self.engine == MUJOCO and decides else self.config
         if self.program is not None:
-            return perform(Workcell(self.config), self.program)
-        if self.engine == DRAKE:
-            return run(self.config, self.reference)
+            return perform(Workcell(config), self.program)
+        if self.engine == DRAKE or decides:
+            return run(config, self.reference)
         with needed("MuJoCo", MUJOCO):
             from simrob_drake.mujoco.runner import MujocoRunner
         return MujocoRunner(self.config).run(reference=self.reference)
@@ -164,6 +168,11 @@ class Scene:
             self.program.save(folder / "program.yaml")
         if self.gait_keys:
             written_at_once(folder / "gait.yaml", yaml.safe_dump(dict(self.gait_keys), sort_keys=False))
+
+
+def in_mujoco(config: StationConfig) -> StationConfig:
+    """Return a station as MuJoCo steps it, at its usual steps."""
+    return config.model_copy(update={"solver": MujocoSolver(kind="mujoco")})
 
 
 def of_station(overrides: Mapping[str, Any]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from simrob_drake.sampling import Space, applying, at
 from simrob_drake.sections import Boolean, Integer, NotNegative, Number, Positive, Strict, validated
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located_changes, located_station
+from simrob_drake.tuning.conditions import Conditions, located_space
 from simrob_drake.tuning.measures import SIGNED, UNITS
 from simrob_drake.tuning.rollout import Case, Margin
 from simrob_drake.tuning.scene import Scene, of_station
@@ -31,17 +32,6 @@ SEVERAL_AIMS = ("genetic", "tpe", "gp", "random")
 Weights = Annotated[dict[str, Number], Field(min_length=1)]
 Parameters = Values
 """Values of what varies, by key."""
-
-
-class Conditions(Strict):
-    """Under which a station is run for one figure of cost: every case with every seed."""
-
-    cases: list[dict[str, Any]] = Field(default=[{}], min_length=1)
-    """Changes of the station, such as other loads, moves and pushes."""
-    seeds: list[Annotated[int, Field(strict=True)]] = Field(default=[0], min_length=1)
-    """Of all that is random in it."""
-    drawn: Boolean = False
-    """Whether each seed is another robot on another floor, too: joints 0.5° beside, other masses, other friction."""
 
 
 class Study(Strict):
@@ -97,11 +87,9 @@ class Study(Strict):
             InvalidConfig: one that may not be read for the file that the study stands in.
         """
         folder, border = file.absolute().parent, Border(file)
-        conditions = {
-            kind: one.model_copy(update={"cases": [located_changes(case, folder, border) for case in one.cases]})
-            for kind, one in self._conditions
-        }
-        return self.model_copy(update={"overrides": located_changes(self.overrides, folder, border), **conditions})
+        changed: dict[str, Any] = {kind: one.located(folder, border) for kind, one in self._conditions}
+        changed["overrides"] = located_changes(self.overrides, folder, border)
+        return self.model_copy(update={"vary": located_space(self.vary, folder, border), **changed})
 
     def check(self, where: Path | str = "study") -> None:
         """Check all that can be known before the search.
@@ -117,21 +105,7 @@ class Study(Strict):
         if self.margin is None and any(name.endswith("margin") for name in self.measures):
             raise InvalidConfig(where, "margin", "this key is needed where a margin counts")
         for kind, conditions in self._conditions:
-            for number, case in enumerate(conditions.cases):
-                twice = next((key for key in case if key in self.vary), None)
-                if twice is not None:
-                    raise InvalidConfig(where, f"{kind}.cases.{number}.{twice}", "varies; a case cannot change it")
-                called = {key: f"{kind}.cases.{number} {key}" for key in case}
-                called |= {key: f"overrides {key}" for key in self.overrides}
-                called |= {key: f"vary {key}" for key in self.vary}
-                scene = Scene.of(self.station, {**self.overrides, **case, **self.start}, called=called)
-                try:
-                    scene.check()
-                except SimrobError as problem:
-                    raise InvalidConfig(where, f"{kind}.cases.{number}", str(problem)) from problem
-                if self.margin is not None:
-                    scene.pushed(self.margin.push, 0.0)
-
+            self._check_conditions(kind, conditions, where)
         self._check_apart(where)
         if self.prune:
             self._check_prunable(where)
@@ -147,14 +121,35 @@ class Study(Strict):
         if len(self.cases(self.start, self.search)) == 1:
             raise InvalidConfig(where, "prune", "has nothing to leave out: each trial is one run")
 
+    def _check_conditions(self, kind: str, conditions: Conditions, where: Path | str) -> None:
+        """Check the scene of each case, and of its first draw where something is drawn; the others differ in values."""
+        for name, case in conditions.every.items():
+            twice = next((key for key in case if key in self.vary), None)
+            if twice is not None:
+                raise InvalidConfig(where, f"{kind}.{name}.{twice}", "varies; a case cannot change it")
+            called = {key: f"{kind}.{'vary' if key in conditions.vary else name} {key}" for key in case}
+            called |= {key: f"overrides {key}" for key in self.overrides}
+            called |= {key: f"vary {key}" for key in self.vary}
+            scene = Scene.of(self.station, {**self.overrides, **case, **self.start}, called=called)
+            if name.partition(", draw ")[2] not in ("", "1"):
+                continue
+            try:
+                scene.check()
+            except SimrobError as problem:
+                raise InvalidConfig(where, f"{kind}.{name}", str(problem)) from problem
+            if self.margin is not None:
+                scene.pushed(self.margin.push, 0.0)
+
     def _check_apart(self, where: Path | str) -> None:
-        """Check that the proof has no run that the search has."""
-        proof, search = self.proof, self.search
-        for number, case in enumerate(proof.cases if proof else ()):
-            seeds = set(search.seeds) & set(proof.seeds if proof else ())
-            if case in search.cases and seeds:
-                both = f"is a case of the search, too, with seed {min(seeds)}; a proof has others"
-                raise InvalidConfig(where, f"proof.cases.{number}", both)
+        """Check that no run of the proof is one of the search: by what is run, however a file says it."""
+        if self.proof is None:
+            return
+        seen = {case.scene().digest for case in self.cases(self.start, self.search)}
+        names = [(name, seed) for name in self.proof.every for seed in self.proof.seeds]
+        for (name, seed), case in zip(names, self.cases(self.start, self.proof), strict=True):
+            if case.scene().digest in seen:
+                same = f"is with seed {seed} a run of the search, too; a proof has others"
+                raise InvalidConfig(where, f"proof.{name}", same)
 
     @property
     def _conditions(self) -> list[tuple[str, Conditions]]:
@@ -186,7 +181,7 @@ class Study(Strict):
 
     def cases(self, parameters: Parameters, conditions: Conditions, first: int = 1) -> list[Case]:
         """Return the runs that tell what figures cost, numbered from ``first``."""
-        runs = [(case, seed) for case in conditions.cases for seed in conditions.seeds]
+        runs = [(case, seed) for case in conditions.every.values() for seed in conditions.seeds]
         return [
             self._case(number, parameters, case, seed, drawn=conditions.drawn)
             for number, (case, seed) in enumerate(runs, start=first)
@@ -226,6 +221,11 @@ class Study(Strict):
         for name in self.measures:
             if ended and all(row.get(name) is None for row in ended):
                 raise InvalidConfig("study", f"cost.{name}", "means nothing in this station")
+
+
+def in_table(value: Any) -> str:
+    """Return a value as tables show it; a dash for a key that is left as it is."""
+    return "–" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
 def named(costs: Vector) -> dict[str, float]:

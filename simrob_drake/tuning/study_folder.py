@@ -13,13 +13,14 @@ from simrob_drake.folders import written_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
 from simrob_drake.tuning.analysis import plots_there, save_plots, study_in_optuna
+from simrob_drake.tuning.conditions import Conditions
 from simrob_drake.tuning.engines import Engine, engine
 from simrob_drake.tuning.journal import ROWS, Journal, read_spec
 from simrob_drake.tuning.race import Race
 from simrob_drake.tuning.rollout import Case
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.search import Enough, search
-from simrob_drake.tuning.study import Conditions, Parameters, Study, named
+from simrob_drake.tuning.study import Parameters, Study, named
 from simrob_drake.tuning.table import write_rows
 from simrob_drake.tuning.trial import Record, Row, Trial, killed, made, table
 from simrob_drake.yaml_files import read_yaml
@@ -179,7 +180,7 @@ class StudyFolder:
 
     def _cases(self, tried: list[Parameters], under: Conditions) -> list[list[Case]]:
         """Return the runs of each set of figures, all numbered from 1."""
-        many = len(under.cases) * len(under.seeds)
+        many = len(under.every) * len(under.seeds)
         return [self.study.cases(parameters, under, first=many * place + 1) for place, parameters in enumerate(tried)]
 
     def _columns(self, record: Record) -> Sequence[Row]:

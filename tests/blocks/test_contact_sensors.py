@@ -22,8 +22,8 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake import load_station, simulate
 from simrob_drake.blocks.contacts import ContactReader, Contacts, ForceSensor
 from simrob_drake.blocks.distance_sensor import DistanceSensor, lowest_points
+from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.sensors.external_torque import MomentumObserver
 from simrob_drake.robots.axis_map import AxisMap
 
 STIFFNESS, DEPTH = 2000.0, 0.003  # of a contact [N/m], and how deep the cube's corner balls are in the floor [m]

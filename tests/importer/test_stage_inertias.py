@@ -6,7 +6,7 @@ from pydrake.multibody.tree import SpatialInertia
 from repair_stages import ARM, END, INERTIA, LIMIT, TIP, Repaired, joint, with_defect
 
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.repairs.inertial import mended
+from simrob_drake.importer.repairs.inertias import mended
 from simrob_drake.robots.bodies import links_without_inertia
 
 ESTIMATE = ImportOptions(estimate_inertia=True)

@@ -11,8 +11,7 @@ import pytest
 from simrob_drake.errors import InvalidConfig, InvalidModel
 from simrob_drake.importer.importing import examine_robot
 from simrob_drake.importer.reading import child
-from simrob_drake.importer.reading.expressions import NotAllowed, evaluate
-from simrob_drake.importer.reading.functions import METHODS, symbols
+from simrob_drake.importer.reading.expressions import METHODS, NotAllowed, evaluate, symbols
 from simrob_drake.stations.load import load_station
 
 HEAD = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>'

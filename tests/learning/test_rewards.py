@@ -1,5 +1,7 @@
 """Each term of a reward against the figure worked out by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydrake.common.eigen_geometry import Quaternion
@@ -25,6 +27,8 @@ NOW = RewardSample(
 )
 BY_HAND = {
     "ahead": 0.3,  # it goes 0.4 m/s, and 0.3 are wanted
+    "tracking": 0.0,  # it flies off to the side
+    "bounce": 81.0,
     "alive": 1.0,
     "height": 0.05**2,
     "lateral": 0.2**2,
@@ -41,6 +45,13 @@ BY_HAND = {
 def test_every_term_is_as_worked_out_by_hand():
     assert set(BY_HAND) == set(TERMS)
     assert {name: TERMS[name](NOW) for name in TERMS} == pytest.approx(BY_HAND)
+
+
+def test_tracking_is_of_the_speed_as_the_robot_faces_now():
+    """Turned to the left by 90°, a robot that goes 0.5 m/s along y goes ahead; 0.4 m/s off give 1/e."""
+    facing = replace(NOW, turned=np.array([0.0, 0.0, np.pi / 2]), speed=np.array([0.0, 0.5, 0.0]))
+    for goal, expected in (([0.5, 0.0], 1.0), ([0.1, 0.0], np.exp(-1)), ([0.5, 0.4], np.exp(-1))):
+        assert TERMS["tracking"](replace(facing, goal=np.array(goal))) == pytest.approx(expected)
 
 
 def test_weights_count_by_the_time_but_the_end_counts_once():

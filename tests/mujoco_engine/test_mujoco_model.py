@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import Context
 
 from simrob_drake import load_station
+from simrob_drake.mujoco.runner import MujocoRunner
 from simrob_drake.parts.site import StationPlant
 
 mujoco = pytest.importorskip("mujoco", reason="a cross-check, installed with the extra dev")
@@ -109,3 +110,9 @@ def test_servos_damping_and_limits_are_those_of_the_plant(both: Both) -> None:
         assert there.qfrc_passive[0] == pytest.approx(-joint.default_damping() * speed)
         limits = joint.position_lower_limit(), joint.position_upper_limit()
         np.testing.assert_allclose(both.model.joint(joint.name()).range, limits)
+
+
+def test_what_quick_roll_outs_leave_out_is_told():
+    with_imu = load_station("humanoid_dynamic", {"sensors": {"head": {"kind": "imu"}}})
+    assert any("head are left out" in text for text in MujocoRunner(with_imu).run(duration=0.02).warnings)
+    assert MujocoRunner(load_station("humanoid_dynamic")).run(duration=0.02).warnings == []

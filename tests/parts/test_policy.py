@@ -6,13 +6,13 @@ from pydrake.math import RollPitchYaw, RotationMatrix
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
-from simrob_drake.parts.controllers.policy import LearntPolicy
+from simrob_drake.parts.controllers.policy import LearntPolicy, Policy
 
 pytest.importorskip("onnxruntime")
 onnx = pytest.importorskip("onnx")
 
 from simrob_drake.learning.writing import write_network  # noqa: E402
-from simrob_drake.parts.controllers.policy import Network  # noqa: E402
+from simrob_drake.parts.controllers.network import Network  # noqa: E402
 
 SECTION = {
     "kind": "policy",
@@ -74,9 +74,8 @@ def test_block_station_and_onnx_give_the_same(tmp_path):
     config = station(file)
     result = simulate(config, duration=0.5, progress=False)
     reach = np.deg2rad([0, 20, 0, 0, 10, 0])
-    block = LearntPolicy(
-        period=0.02, observes=SECTION["observes"], reach=reach, home=np.zeros(6), clock=[1.0], goal=np.array([0.3])
-    )
+    section = Policy(kind="policy", moves_deg=1.0, observes=SECTION["observes"], clock=[1.0], goal=[0.3])
+    block = LearntPolicy(section, reach=reach, home=np.zeros(6))
     block.law = Network(file, "here")
     context = block.CreateDefaultContext()
     samples = np.arange(0, 0.5, 0.02)
@@ -106,9 +105,8 @@ def test_block_station_and_onnx_give_the_same(tmp_path):
 
 def test_attitude_is_seen_from_how_the_robot_stood():
     start = RollPitchYaw(0, 0, np.pi / 2).ToRotationMatrix()
-    block = LearntPolicy(
-        period=0.02, observes=["attitude", "angular_velocity"], reach=np.ones(2), home=np.zeros(2), upright=start
-    )
+    section = Policy(kind="policy", moves_deg=1.0, observes=["attitude", "angular_velocity"])
+    block = LearntPolicy(section, reach=np.ones(2), home=np.zeros(2), upright=start)
     context = block.CreateDefaultContext()
     now = start @ RotationMatrix(RollPitchYaw(0.1, -0.2, 0.3))
     block.GetInputPort("orientation").FixValue(context, -now.ToQuaternion().wxyz())  # of either sign

@@ -501,7 +501,7 @@ def test_a_ball_joint_is_damped_about_each_axis_and_tells_what_it_lost(tmp_path)
     level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
     model = read_simulink(write_model(tmp_path / "a.slx", level))
     assert [freedom.damping for freedom in model.trees[0].freedoms] == [2.0, 2.0, 2.0]
-    assert [entry.text for entry in model.report.of("dropped")] == ["the spring and limits of a ball joint"]
+    assert [entry.text for entry in model.report.of("lost")] == ["the spring and limits of a ball joint"]
 
 
 @pytest.mark.parametrize(

@@ -269,3 +269,54 @@ def test_a_floating_robot_whose_joints_are_moved_falls(tmp_path):
     assert imported.fidelity == "mechanics complete; 1 joint prescribed"
     np.testing.assert_allclose(result["q.Arm"], 0.3 * np.sin(4 * result.times), atol=2e-3)
     np.testing.assert_allclose(result["base.z"] - result["base.z"][0], -9.81 / 2 * result.times**2, atol=5e-3)
+
+
+def test_a_spherical_pendulum_starts_at_the_speed_that_it_is_asked_for(tmp_path):
+    """A point of 2 kg hangs 0.5 m from a ball joint that is turned by 30° about y, and swings aside at 2 rad/s."""
+    shop = Shop()
+    given = {"PositionTargetSpecify": "on", "PositionTargetRotationMethod": "StandardAxis",
+             "PositionTargetRotationStandardAxis": "+Y", "PositionTargetRotationAngle": "30",
+             "PositionTargetRotationAngleUnits": "deg", "VelocityTargetSpecify": "on",
+             "VelocityTargetValue": "[2 0 0]", "VelocityTargetInFollowerFrame": "off"}  # fmt: skip
+    body = shop.body("Ball", shop.placed("Stand"), "sm_lib/Joints/Spherical Joint", mass="2", inertia="1e-4",
+                     com="[0 0 -0.5]", **given)  # fmt: skip
+    tip = shop.block("sm_lib/Frames and Transforms/Reference Frame", "Tip")
+    shop.connect(shop.placed("End", "[0 0 -0.5]", body), f"{tip}#rconn:1")
+    imported, result = ran(tmp_path, shop)
+    assert imported.fidelity == "mechanics complete"
+    place = 0.5 * np.array([-np.sin(np.pi / 6), 0.0, -np.cos(np.pi / 6)])
+
+    def rate(state):
+        p, v = state[:3], state[3:]
+        free = np.array([0.0, 0.0, -9.81])
+        return np.concatenate([v, free - (free @ p + v @ v) / (p @ p) * p])
+
+    path = expected(result.times, rate, np.concatenate([place, np.cross([2.0, 0, 0], place)]))[:3]
+    found = np.array([result[f"tcp.{axis}"] for axis in "xyz"])
+    np.testing.assert_allclose(found, path, atol=2e-3)
+
+
+CONTACT = "sm_lib/Forces and\nTorques/Spatial\nContact Force"
+
+
+@pytest.mark.parametrize("many", [1, 60])
+def test_a_table_on_a_cloud_of_points(tmp_path, many):
+    """A mass of 4 kg stands on the corners of a square, each a spring; of many at one place one holds for all."""
+    shop = Shop()
+    free = shop.block("sm_lib/Joints/6-DOF Joint", "Free", PzPositionTargetSpecify="on", PzPositionTargetValue="0.5")
+    weight = shop.block(INERTIA, "Table", Mass="4", MomentsOfInertia="[0.1 0.1 0.1]")
+    corners = "[0.2 0.2 -0.5; -0.2 0.2 -0.5; 0.2 -0.2 -0.5; -0.2 -0.2 -0.5]"
+    cloud = shop.block(
+        "sm_lib/Curves and Surfaces/Point Cloud", "Legs", CoordinatesMatrix=f"repmat({corners}, {many}, 1)"
+    )
+    plane = shop.block("sm_lib/Curves and Surfaces/Infinite Plane", "Floor")
+    touch = shop.block(CONTACT, "Touch", NormalStiffness="1e4", NormalDamping="100")
+    shop.connect(f"{shop.world}#rconn:1", f"{free}#lconn:1", f"{plane}#lconn:1")
+    shop.connect(f"{free}#rconn:1", f"{weight}#rconn:1", f"{cloud}#lconn:1")
+    shop.connect(f"{cloud}#rconn:1", f"{touch}#lconn:1")
+    shop.connect(f"{plane}#rconn:1", f"{touch}#rconn:1")
+    imported, result = ran(tmp_path, shop)
+    assert imported.fidelity == "mechanics complete"
+    (piece,) = (name for name in imported.files.free.values())
+    height = result.piece_pose(piece)[-1, 2]
+    assert height == pytest.approx(0.5 + 1e-3 - 9.81 / 1e4 / many, abs=1e-4)

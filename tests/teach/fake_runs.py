@@ -4,7 +4,7 @@ from concurrent.futures import Future
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.teach.bench import Bench
-from simrob_drake.teach.messages import RunLost
+from simrob_drake.teach.run_pacer import RunLost
 from simrob_drake.yaml_files import parse_yaml
 
 TICK = 0.05
@@ -121,7 +121,7 @@ class BenchRun:
     def call(self, method, /, **arguments):
         future = Future()
         try:
-            future.set_result(None if method == "pace" else getattr(self._bench, method)(**arguments))
+            future.set_result(None if method == "pace" else self._bench.find(method)(**arguments))
         except SimrobError as problem:
             future.set_exception(problem)
         return future
@@ -132,7 +132,7 @@ class BenchRun:
     def _serve(self, bench):
         number = bench.pacer.line.steps(bench.pacer.now)
         for method, arguments in self.at.pop(round(number * TICK, 12), ()):
-            getattr(bench, method)(**arguments)
+            bench.find(method)(**arguments)
 
     # As an Inbox
 

@@ -61,7 +61,7 @@ class LegsSession:
         self.station = f"{name}_dynamic"
         self.description, self.phase, self.time, self.ratio, self.pace = described(name), "idle", 0.0, 0.0, 1.0
         self.program = Program.model_validate({"moves": list(moves), "changes": list(changes)})
-        self.pending, self.message, self.values = (), Notice(), {}
+        self.pending, self.targets, self.message, self.values = (), {}, Notice(), {}
         self.history = {name: deque(maxlen=2400) for name in ("reference", "position", "base_pose")}
         self.calls, self._hearers = [], []
 

@@ -21,7 +21,7 @@ from simrob_drake.programs.program import Program
 from simrob_drake.results.record.state import State
 from simrob_drake.teach import arm_questions
 from simrob_drake.teach.pages import arm as page
-from simrob_drake.teach.pages.phrases import MINUS, Phrases, line_words, pose_of, pose_text, pose_words
+from simrob_drake.teach.pages.phrases import MINUS, Phrases, pose_of, pose_text, pose_words
 from simrob_drake.teach.pages.words import Notice, words
 
 t = words("en")
@@ -54,7 +54,7 @@ class ArmSession(StubSession):
     def jog_axes(self, targets_deg, duration=None):
         self.calls.append(("jog_axes", dict(targets_deg)))
         try:
-            move = arm_questions.jog(self.arm, targets_deg, duration)
+            move = arm_questions.jog_move(self.arm, targets_deg, duration)
         except SimrobError as problem:
             self.told("message", message=Notice(fills={"text": str(problem)}, wrong=True))
             return given(None)
@@ -169,13 +169,6 @@ async def press(user, label):
     await settled()
 
 
-async def choose(user, label):
-    items = [i for i in user.find(ui.menu_item).elements if label in [getattr(d, "text", "") for d in i.descendants()]]
-    assert len(items) == 1, label
-    UserInteraction(user, {items[0]}, None).click()
-    await settled()
-
-
 @on_page
 async def test_a_slider_of_a_joint_moves_it_and_all_others_show_where_it_is():
     session = ArmSession()
@@ -196,7 +189,7 @@ async def test_a_number_beyond_the_limit_is_refused_in_its_field():
         field.value = 170
         await settled()
         assert session.calls == []
-        assert field.error == f"{MINUS}165° to 165°"
+        assert field.error == f"from {MINUS}165° to 165°"
 
 
 @on_page
@@ -302,15 +295,14 @@ async def test_a_line_is_added_shown_by_its_targets_name_stepped_and_changed():
         move = session.program.moves[0].entry()["move_l"]
         assert move["targets_deg"] == pytest.approx(session.targets["over"]["pose"])
         assert move["speed"] == pytest.approx(0.2)
-        await user.should_see("1  MoveL over, 200 mm/s")
+        await user.should_see("1. MoveL over, 200 mm/s")
         await press(user, t("arm.step"))
         assert session.calls[-1] == ("run_line", 0)
-        await press(user, t("arm.change_line", number=1))
-        await choose(user, t("arm.edit"))
-        durations = [one for one in user.find(ui.number).elements if one.props.get("label") == t("arm.duration")]
+        await press(user, f"{t('legs.edit')}: 1. MoveL over, 200 mm/s")
+        durations = [one for one in user.find(ui.number).elements if one.props.get("label") == t("fields.duration")]
         max(durations, key=lambda element: element.id).value = 2.5
-        await press(user, t("arm.take"))
-        assert "2.5 s" in line_words(Phrases(t, []), session.program.moves[0].entry(), {})
+        await press(user, t("legs.save"))
+        assert "2.5 s" in Phrases(t, []).move(session.program.moves[0].entry())
         await user.should_not_see("200 mm/s")
 
 
@@ -364,7 +356,7 @@ async def test_tools_and_pieces_change_hands():
         await user.should_see(t("arm.tried", what="leave pencil"))
         await press(user, t("moves.wait"))
         await user.should_see(t("arm.tried", what="stand still for 1 s"))
-        await press(user, t("arm.keep"))
+        await press(user, t("legs.add"))
 
 
 @on_page
@@ -388,11 +380,11 @@ def test_a_typed_pose_is_six_figures_in_millimetres_and_degrees():
 
 def test_lines_that_were_not_taught_here_show_their_figures():
     phrases = Phrases(t, [])
-    assert line_words(phrases, {"move_l": {"targets": [0.3, 0, 0.2], "wobj": "board", "speed": 0.1}}, {}) == (
+    assert phrases.move({"move_l": {"targets": [0.3, 0, 0.2], "wobj": "board", "speed": 0.1}}) == (
         "MoveL x 300 y 0 z 200 mm, 100 mm/s, in board"
     )
-    assert line_words(phrases, {"move_abs_j": [0, radians(30)]}, {}) == "MoveAbsJ 0° 30°"
-    assert line_words(phrases, {"move_j": {"targets": [[0.3, 0, 0.2], [0.3, 0, 0.3]]}}, {}).startswith("MoveJ [[0.3")
+    assert phrases.move({"move_abs_j": [0, radians(30)]}) == "MoveAbsJ 0° 30°"
+    assert phrases.move({"move_j": {"targets": [[0.3, 0, 0.2], [0.3, 0, 0.3]]}}).startswith("MoveJ [[0.3")
 
 
 @on_page
@@ -409,4 +401,4 @@ async def test_a_new_kind_of_motion_is_offered_and_shown_by_its_title():
             await settled()
             the(user, ui.select, t("arm.move")).value = MoveSpiral.key
             await press(user, t("arm.add_line"))
-            await user.should_see("1  MoveSpiral p1, 200 mm/s")
+            await user.should_see("1. MoveSpiral p1, 200 mm/s")

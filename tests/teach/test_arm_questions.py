@@ -104,7 +104,7 @@ def test_inverse_kinematics_takes_the_nearest_posture(arm):
 
 
 def test_a_jog_is_a_move_that_the_joints_can_do_and_ends_on_a_tick(arm):
-    move = ask.jog(arm, {"joint_1": 10, "joint_6": -100})
+    move = ask.jog_move(arm, {"joint_1": 10, "joint_6": -100})
     content = json.loads(json.dumps(move))
     entry = MoveAbsJ.model_validate(content["move_abs_j"])
     np.testing.assert_allclose(np.rad2deg(entry.targets), [10, 0, 0, 0, 90, -100], atol=1e-12)
@@ -113,14 +113,14 @@ def test_a_jog_is_a_move_that_the_joints_can_do_and_ends_on_a_tick(arm):
     limit = arm.cell.robot(arm.name).model.speed_limits[5]
     assert 0.4 * limit < peak < 0.51 * limit
     arm.plan.move_abs_j(entry.targets, duration=entry.duration)
-    assert ask.jog(arm, {"joint_1": 10}, 2.5)["move_abs_j"]["duration"] == 2.5
+    assert ask.jog_move(arm, {"joint_1": 10}, 2.5)["move_abs_j"]["duration"] == 2.5
     with pytest.raises(JointLimitExceeded, match="the jog: joint_1 would be at 170 deg, 5 deg beyond"):
-        ask.jog(arm, {"joint_1": 170})
+        ask.jog_move(arm, {"joint_1": 170})
 
 
 def test_a_jog_names_its_robot_where_there_are_several():
     cell = Workcell("two_irb120")
-    assert ask.jog(cell.arm("left"), {"joint_1": 10})["move_abs_j"]["robot"] == "left"
+    assert ask.jog_move(cell.arm("left"), {"joint_1": 10})["move_abs_j"]["robot"] == "left"
 
 
 def test_each_branch_brings_the_tool_to_the_pose_and_is_another(arm):

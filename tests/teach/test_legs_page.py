@@ -334,6 +334,7 @@ STORED = [MOVE, {"walk": {"steps": 4, "amplitude": 0.5}}, {"act": "bow"}, {"atta
 def lines(user):
     """Return the texts of stored moves and changes, as they stand below each other."""
     labels = sorted(user.find(ui.label).elements, key=lambda element: element.id)
+    labels = [label for label in labels if label.props.get("role") != "heading"]
     return [label.text for label in labels if label.text[:1].isdigit() and ". " in label.text]
 
 
@@ -498,7 +499,7 @@ def test_moves_are_told_in_words():
         "leave box (it stays where it is)": {"release": {"piece": "box", "fixed": True}},
         "walk 2 steps (sideways, step time 0.4)": {"walk": {"steps": 2, "gait": "sideways", "step_time": 0.4}},
         "the station's own motion for 5 s": {"play": 5.0},
-        "MoveL (targets [[0, 0, 0.5]])": {"move_l": {"targets": [[0, 0, 0.5]]}},
+        "MoveL [[0, 0, 0.5]]": {"move_l": {"targets": [[0, 0, 0.5]]}},
         "Go (ahead 0.2, duration 3)": {"go": {"ahead": 0.2, "duration": 3.0}},
         "{hop: 1}": {"hop": 1},
         "left tail 3 in 1 s": {"target_deg": {"left_tail": 3.0}, "duration": 1.0},

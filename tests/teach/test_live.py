@@ -46,7 +46,7 @@ class Pendant:
         raise AssertionError(f"no {kind} with {what}: {[news for news in self.news if news['news'] != 'view'][-5:]}")
 
     def signals(self, folder: Path) -> np.ndarray:
-        return np.loadtxt(self.ask("signals_csv", file=str(folder / "signals.csv")), delimiter=",", skiprows=1)
+        return np.loadtxt(self.ask("save", what="signals", file=str(folder / "signals.csv")), delimiter=",", skiprows=1)
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from simrob_drake.files import diagrams_root
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.schema import station_schema
 from simrob_drake.teach.pages import station
-from simrob_drake.teach.pages.picture import labels_of, with_buttons
+from simrob_drake.teach.pages.station import labels_of, with_buttons
 from simrob_drake.teach.pages.words import Notice, texts_of, words
 
 SVG = (diagrams_root() / "irb120_dynamic.svg").read_text()

@@ -50,9 +50,8 @@ def test_the_same_is_run_in_the_other_engine():
     drake, mujoco = here.run(), there.run()
     assert mujoco["base.z"][-1] == pytest.approx(drake["base.z"][-1], abs=1e-3)
     assert not np.array_equal(mujoco["base.z"], drake["base.z"])
-    assert "engine" in doubts(here.config, 1)
-    assert "engine" not in doubts(here.config, 1, second_engine=False)
-    assert "engine" not in doubts(load_station("humanoid_balance"), 1)
+    assert "engine" in doubts(here, 1)
+    assert "engine" in doubts(Scene.of("humanoid_balance", {}), 1)  # its loop, too
 
 
 @pytest.mark.parametrize(

@@ -21,13 +21,16 @@ from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.files import diagrams_root
 from simrob_drake.folders import alone_in
 from simrob_drake.robots.catalog import load_robot
+from simrob_drake.sections import validated
 from simrob_drake.stations.resolve import resolve
+from simrob_drake.tuning import study_folder
 from simrob_drake.tuning.doubts import drawn
 from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.search import Enough, search
 from simrob_drake.tuning.study import Method, Study
-from simrob_drake.tuning.study_folder import PROOF, TRIALS, StudyFolder
+from simrob_drake.tuning.study_folder import PROOF, TRIALS, StudyFolder, winner_of
 from simrob_drake.walking.parameters import load_walking
+from tests.tuning.here import Here
 
 PENDULUM = {
     "station": "double_pendulum",
@@ -161,6 +164,68 @@ def test_seeds_may_draw_robots_and_floors_and_places_of_a_list_may_vary():
         assert measured.feedback.zmp_limit == (load_walking(load_robot("roid1")).feedback.zmp_limit[0], 0.004)
     with pytest.raises(SimrobError, match=r"feedback.zmp_limit"):
         load_station("roid1_walking", {f"{EDGE}.2": 0.004})
+
+
+DRAWN = {"vary": {"gravity": "uniform:1:9", "reference.duration": {"values": [0.1, 0.2]}}, "count": 4}
+
+
+def test_conditions_are_listed_and_drawn():
+    """Every case with every draw and every seed."""
+    study = Study(**{**PENDULUM, "search": {"cases": [{}, {"servo.ki": 1}], **DRAWN}, "proof": None})
+    study.check()
+    changes = [case.overrides for case in study.cases(study.start, study.search)]
+    gravities = [change["gravity"] for change in changes]
+    assert len(changes) == 8
+    assert gravities[:4] == gravities[4:]
+    assert sorted(int((gravity - 1) / 2) for gravity in gravities[:4]) == [0, 1, 2, 3]  # Sobol: one in each quarter
+    assert [change["reference.duration"] for change in changes].count(0.1) == 4
+    assert ["servo.ki" in change for change in changes] == [False] * 4 + [True] * 4
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"search": DRAWN, "proof": DRAWN}, r"proof\.cases\.0, draw 1: is with seed 0 a run of the search, too"),
+        ({"proof": {"cases": [{"gravity": 9.81}]}}, r"proof\.cases\.0: is with seed 0 a run of the search"),  # as it is
+        ({"proof": {"seeds": [3]}}, r"proof\.cases\.0: is with seed 3 a run of the search"),  # nothing is random
+        (
+            {"proof": {"vary": {"servo.kp": "uniform:1:2"}}},
+            r"proof\.cases\.0, draw 1\.servo\.kp: varies; a case cannot",
+        ),
+        (
+            {"proof": {"vary": {"gravty": "uniform:1:2"}}},
+            r"proof\.vary gravty: unknown key; did you mean 'gravity'",
+        ),
+        ({"proof": {"vary": {"gravity": {"low": 2}}}}, r"proof\.vary\.gravity\.high: this key is needed"),
+        ({"proof": {"sampling": "sobel"}}, "there is no 'sobel'; did you mean 'sobol'"),
+    ],
+)
+def test_runs_that_are_held_out_are_others_than_those_of_the_search(changed, told):
+    with pytest.raises(SimrobError, match=told):
+        validated(Study, {**PENDULUM, **changed}, "study.yaml").check("study.yaml")
+
+
+def test_a_proof_that_draws_others_is_one():
+    Study(**{**PENDULUM, "search": DRAWN, "proof": {**DRAWN, "seed": 1}}).check()
+
+
+def test_names_and_whole_numbers_are_searched_and_keys_that_count_under_some_alone(tmp_path, monkeypatch):
+    vary = {
+        "solver.scheme": {"values": ["radau3", "cenic"]},
+        "robot.initial_deg": {"low": 30, "high": 40, "integer": True},
+        "servo.kd": {"low": 5, "high": 100, "when": {"solver.scheme": "radau3"}},
+    }
+    monkeypatch.setattr(study_folder, "engine", lambda **_: Here())
+    asked = {**PENDULUM, "vary": vary, "search": {}, "trials": 8, "together": 4, "method": "random"}
+    StudyFolder(tmp_path / "study", Study(**asked)).run(progress=False)
+    place = StudyFolder.there(tmp_path / "study")
+    tried = [parameters for parameters, _ in place.trials]
+    assert {one["solver.scheme"] for one in tried} == {"radau3", "cenic"}
+    assert all(("servo.kd" in one) == (one["solver.scheme"] == "radau3") for one in tried)
+    assert all(isinstance(one["robot.initial_deg"], int) for one in tried)
+    assert winner_of(tmp_path / "study", place.study) == place.best[0]
+    place.run(progress=False)  # nothing is run again
+    assert [parameters for parameters, _ in place.trials] == tried
 
 
 class TestFolder:

@@ -55,16 +55,16 @@ def hull_of(points: Vector) -> Hull:
     return Hull(_surface(corners[chosen].round(9) + 0.0), gap, thickness)
 
 
+@heard_afterwards()
 def is_hull(part: MeshPart) -> bool:
     """Return whether a mesh is a convex body already, with no more corners than contact should have."""
-    if len(part.faces) > 2 * MOST_CORNERS or not _closed(part):
+    from trimesh import Trimesh
+
+    mesh = Trimesh(part.vertices, part.faces, process=False)
+    if len(part.faces) > 2 * MOST_CORNERS or not (mesh.is_watertight and mesh.is_winding_consistent):
         return False
     solid, thickness = _thick(part.vertices)
-    if thickness:
-        return False
-    first, second, third = (solid[part.faces[:, corner]] - solid.mean(axis=0) for corner in range(3))
-    volume = float(np.einsum("ij,ij->", first, np.cross(second, third))) / 6
-    return abs(volume - _convex(solid).volume) <= 1e-6 * volume
+    return not thickness and bool(abs(mesh.volume - _convex(solid).volume) <= 1e-6 * mesh.volume)
 
 
 @heard_afterwards()
@@ -167,10 +167,3 @@ def _surface(points: Vector) -> MeshPart:
     inward = np.einsum("ij,ij->i", np.cross(second - first, third - first), hull.equations[:, :3]) < 0
     faces[inward] = faces[inward, ::-1]
     return MeshPart(vertices, faces.astype(np.int64))
-
-
-def _closed(part: MeshPart) -> bool:
-    """Return whether every edge belongs to two faces that run along it in opposite directions."""
-    edges = part.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).tolist()
-    forth = {(a, b) for a, b in edges}
-    return len(forth) == len(edges) and all((b, a) in forth for a, b in forth)

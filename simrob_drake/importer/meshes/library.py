@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -125,14 +124,10 @@ class MeshLibrary:
         changes += [f"decimated from {good} to {few} faces"] if few < good else []
         unchanged = not changes and not source.notes and len(parts) == 1
         stays = path.suffix.lower() == ".obj" and unchanged and scale == (1, 1, 1) and may_stay(source.data)
-        remarks = [*source.notes, *_size_remark(parts)]
+        size = float(size_of(parts).max())
+        advice = f'is {size:.0f} m large; if it was drawn in millimetres, write scale="0.001 0.001 0.001"'
+        remarks = [*source.notes, *([advice] if size > _LARGE else [])]
         return Mesh(path, parts, faces, source.data if stays else None, changes, remarks)
-
-
-def _size_remark(parts: list[MeshPart]) -> list[str]:
-    size = float(size_of(parts).max())
-    advice = 'if it was drawn in millimetres, write scale="0.001 0.001 0.001"'
-    return [f"is {size:.0f} m large; {advice}"] if size > _LARGE else []
 
 
 _CODE = [Path(__file__).parent]
@@ -156,20 +151,15 @@ def drake_mesh(file: Path) -> Path:
         content = [mesh_content(path) for path in (file, *others.values())]
         converted = cache_entry("pieces", made_of=[kind.encode(), *content], made_by=_CODE) / "mesh.obj"
         if not converted.is_file():
-            written_at_once(converted, obj_text(_outside_out(_one_part(file, others))).decode())
+            part = mend(plain(read_mesh(file, others).parts))
+            if not len(part.faces):
+                raise UnreadableMesh("holds no triangle with an area")
+            written_at_once(converted, obj_text(_outside_out(part)).decode())
     except OSError as problem:
         raise InvalidModel(file, "", f"cannot be read ({problem.strerror or problem})") from problem
     except (UnreadableMesh, OutsideBorder) as problem:
         raise InvalidModel(file, "", str(problem)) from problem
     return converted
-
-
-def _one_part(file: Path, others: Mapping[str, Path]) -> MeshPart:
-    """Return all triangles of a file as one part."""
-    part = mend(plain(read_mesh(file, others).parts))
-    if not len(part.faces):
-        raise UnreadableMesh("holds no triangle with an area")
-    return part
 
 
 @heard_afterwards()
@@ -246,12 +236,12 @@ def obj_text(part: MeshPart, library: str = "") -> bytes:
     assert lit.normals is not None
     blocks = [f"mtllib {library}\nusemtl {_MATERIAL}\n"] if part.image is not None else []
     blocks.append(_rows("v", lit.vertices))
-    normals, normal_index = distinct(lit.normals.reshape(-1, 3).round(4))
+    normals, normal_index = distinct(lit.normals.reshape(-1, 3), 4)
     blocks.append(_rows("vn", normals))
     columns = [lit.faces.reshape(-1), normal_index]
     corner = "%d//%d"
     if part.image is not None and lit.uv is not None:
-        uv, uv_index = distinct(lit.uv.reshape(-1, 2).round(6))
+        uv, uv_index = distinct(lit.uv.reshape(-1, 2), 6)
         blocks.append(_rows("vt", uv))
         columns.insert(1, uv_index)
         corner = "%d/%d/%d"

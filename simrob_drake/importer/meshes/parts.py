@@ -155,8 +155,6 @@ MOST_FACES = 50_000
 _TEXTURED = 4
 _DECIMALS = 9
 """Vertices are rounded to nanometres: STL's single figures keep all they know, and files get shorter."""
-_MIXER = np.uint64(0x9E3779B97F4A7C15)
-"""An odd number whose multiples spread evenly over 64 bits (the golden ratio's digits)."""
 _BLOCK = 100_000
 _FARTHEST = 1e6
 """Vertices farther out are no shape of a robot [m]."""
@@ -173,9 +171,7 @@ def mend(part: MeshPart) -> MeshPart:
     kept = part if near.all() else part.only(near[part.faces].all(axis=1))
     if not len(kept.faces):
         return kept
-    rounded = np.where(near[:, None], part.vertices, 0.0)
-    vertices, index = distinct(rounded.round(_DECIMALS, out=rounded))
-    del rounded  # large meshes have large copies
+    vertices, index = distinct(np.where(near[:, None], part.vertices, 0.0), _DECIMALS)
     merged = replace(kept, vertices=vertices, faces=index[kept.faces])
     merged = merged.only(_with_area(vertices, merged.faces))
     used = np.zeros(len(vertices), dtype=bool)
@@ -235,27 +231,13 @@ def _fewer_faces(part: MeshPart, target: int) -> MeshPart:
     return part
 
 
-def distinct(rows: Vector) -> tuple[Vector, Faces]:
-    """Return the different rows in the order in which they first appear, and which of them each is.
+def distinct(rows: Vector, digits: int) -> tuple[Vector, Faces]:
+    """Return the rows that differ by so many digits, in the order in which they first appear, and which each is."""
+    from trimesh.grouping import unique_rows
 
-    The argument is changed where it holds -0, which becomes 0.
-
-    Sorting one number made of each row takes a tenth of the time and memory that sorting rows takes.
-    """
-    rows += 0.0  # -0 and 0 are the same
-    keys = np.zeros(len(rows), dtype=np.uint64)
-    for column in rows.view(np.uint64).T:
-        keys = (keys ^ column) * _MIXER
-        keys ^= keys >> np.uint64(29)
-    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    found, index = rows[first[order]], rank[inverse]
-    same = all(np.array_equal(found[index, column], rows[:, column]) for column in range(rows.shape[1]))
-    if not same:  # two different rows have the same number: once in a million meshes
-        found, index = np.unique(rows, axis=0, return_inverse=True)
-    return found, index.reshape(-1)
+    rounded = rows.round(digits) + 0.0  # -0 and 0 are the same
+    first, index = unique_rows(rounded, digits=digits, keep_order=True)  # type: ignore[no-untyped-call]
+    return rounded[first], index
 
 
 def _with_area(vertices: Vector, faces: Faces) -> NDArray[np.bool_]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from os.path import exists, isfile  # which are false for names that no file can have
 from pathlib import Path, PurePosixPath
+from typing import NamedTuple
 from urllib.parse import unquote
 
 from simrob_drake.errors import shortened
@@ -22,21 +23,14 @@ class MeshMissing(Exception):
     """No file is behind a name; the text says what was looked for."""
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where a file lies.
-
-    Attributes:
-        path: the file, with no symbolic links in it.
-        note: what had to be mended in its name; empty where it was right.
-    """
+class Place(NamedTuple):
+    """Where a file lies, without symbolic links; ``note`` is what had to be mended in its name, if anything."""
 
     path: Path
     note: str = ""
 
 
-@dataclass(frozen=True)
-class _Name:
+class _Name(NamedTuple):
     """A name taken apart: in which package it is, and the path from there."""
 
     package: str
@@ -73,7 +67,12 @@ class MeshPlaces:
             OutsideBorder: it lies outside of the folders that may be read.
         """
         if uri not in self._found:
-            self._found[uri] = self._find(uri)
+            parsed = _named(uri)
+            if parsed.scheme in _NETWORK:
+                raise MeshMissing("is on the network, where nothing is read from; download it beside the URDF")
+            folder = self.border.package(parsed.package) if parsed.package else self.source.parent
+            exact = [] if folder is None else [folder / parsed.path]
+            self._found[uri] = self._first(uri, parsed, exact, self._by_end(parsed))
         return self._found[uri]
 
     def needed_by(self, path: Path) -> tuple[dict[str, Path], list[str]]:
@@ -107,12 +106,6 @@ class MeshPlaces:
             return self.find(name)
         return self._first(name, parsed, [owner.parent / parsed.path], [owner.parent / last])
 
-    def _find(self, uri: str) -> Place:
-        parsed = _named(uri)
-        if parsed.scheme in _NETWORK:
-            raise MeshMissing("is on the network, where nothing is read from; download it beside the URDF")
-        return self._first(uri, parsed, self._exact(parsed), self._by_end(parsed))
-
     def _first(self, uri: str, parsed: _Name, exact: Iterable[Path], other: Iterable[Path]) -> Place:
         """Return the first candidate that is a file and may be read, by its exact name or in another case."""
         outside: OutsideBorder | None = None
@@ -125,20 +118,13 @@ class MeshPlaces:
             except OutsideBorder as problem:
                 outside = outside or problem
             else:
-                return Place(path, "" if right and same else f"found as {self._shown(path)}")
+                root = resolved(self.border.root)
+                shown = path.relative_to(root) if path.is_relative_to(root) else path
+                return Place(path, "" if right and same else f"found as {shown}")
         if outside is not None:
             raise OutsideBorder(f"mesh '{shortened(uri)}': {outside}")
         unknown = parsed.package and self.border.package(parsed.package) is None
         raise MeshMissing(f"there is no such file{f'; {unknown_package(parsed.package)}' if unknown else ''}")
-
-    def _exact(self, parsed: _Name) -> Iterator[Path]:
-        """Yield where a name says that the file is."""
-        if not parsed.package:
-            yield self.source.parent / parsed.path
-            return
-        folder = self.border.package(parsed.package)
-        if folder is not None:
-            yield folder / parsed.path
 
     def _by_end(self, parsed: _Name) -> Iterator[Path]:
         """Yield where the file may be if the beginning of its path is wrong, the longest end first."""
@@ -147,10 +133,6 @@ class MeshPlaces:
         for start in range(len(parts)):
             for folder in dict.fromkeys((self.border.root, self.source.parent, *self.border.mesh_path)):
                 yield folder.joinpath(*parts[start:])
-
-    def _shown(self, path: Path) -> Path:
-        root = resolved(self.border.root)
-        return path.relative_to(root) if path.is_relative_to(root) else path
 
 
 def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> list[Path]:

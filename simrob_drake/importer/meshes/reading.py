@@ -6,9 +6,8 @@ import logging
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -26,19 +25,15 @@ _MOST_COLOURS = 16
 """A mesh with more vertex colours than that gets their mean: each colour is a shape of its own in the simulator."""
 
 
-@dataclass(frozen=True)
-class MeshFile:
-    """What was read from a file.
-
-    Attributes:
-        parts: one for each colour or texture, in metres but for what a URDF's scale says.
-        data: the bytes of the file, if it is an OBJ, which may stay as it is.
-        notes: what is worth knowing, in words.
-    """
+class MeshFile(NamedTuple):
+    """What was read from a file."""
 
     parts: list[MeshPart]
+    """One for each colour or texture, in metres but for what a URDF's scale says."""
     data: bytes
-    notes: list[str] = field(default_factory=list)
+    """The bytes of the file, if it is an OBJ, which may stay as it is."""
+    notes: list[str]
+    """What is worth knowing, in words."""
 
 
 @heard_afterwards()

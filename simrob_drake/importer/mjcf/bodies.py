@@ -1,28 +1,37 @@
-"""From MuJoCo's figures to links and joints: a tree in which every joint turns about one axis, or slides along it."""
+"""From MuJoCo's figures to links, joints and shapes: a tree in which every joint turns about one axis, or slides."""
 
 import xml.etree.ElementTree as ET
+from collections import Counter
+from copy import deepcopy
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.common.eigen_geometry import AngleAxis, Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.errors import one_of
 from simrob_drake.frames import Vector
 from simrob_drake.importer.mjcf.drives import DriveWriter, UrdfJoint
-from simrob_drake.importer.mjcf.shapes import ShapeWriter, frame, pose_in
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.names import FreeNames
+from simrob_drake.importer.repairs.shapes import PLAIN
 from simrob_drake.importer.trees import ROOT, add_between
-from simrob_drake.robots.urdf import add_frame, add_joint, set_inertia, text
+from simrob_drake.robots.urdf import DRAKE, add_colour, add_frame, add_joint, place, set_inertia, text, written
 
 _FREE, _BALL, _SLIDE = range(3)  # mjtJoint
+_PLANE, _HILLS, _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = range(8)  # mjtGeom
+_FRICTION = 1.0  # of a geom that does not tell it
+_SHOWN = 3  # groups of geoms from here on are hidden in MuJoCo's viewer
+_DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)  # a geom with another colour than this covers its material's
+_LOST = {
+    _PLANE: "planes: a station has a floor of its own (floor:)",
+    _HILLS: "height fields: a station has terrain of its own (floor.terrain:)",
+}
 
 
-@dataclass(frozen=True)
-class _Motion:
+class _Motion(NamedTuple):
     """One freedom of a joint, as a joint of a URDF has it."""
 
     name: str
@@ -116,6 +125,8 @@ class _Writer:
         self._shifts = {0: np.zeros(3)}  # of the links' frames in their bodies
         self._names = FreeNames(map(str, self.model.body_name))
         self._joint_names = FreeNames(map(str, self.model.jnt_name))
+        self._lost, self._frictions = Counter[str](), set[float]()  # of the shapes
+        self._colours: dict[tuple[float, ...], str] = {}
 
     def add_bodies(self, tops: list[int], *, floats: bool) -> None:
         """Add the trees that begin at bodies, and what is fixed in the world unless they float."""
@@ -127,10 +138,9 @@ class _Writer:
         for body in range(1, len(model.body_parentid)):
             if body in tops or (model.body_parentid[body] in self.links and model.body_parentid[body] != 0):
                 self._add_body(body)
-        shapes = ShapeWriter(self.robot, model, self.report)
-        for body, link in self.links.items():
-            shapes.add(body, link, self._shifts[body])
-        shapes.finish(outside=floats)
+        for body in self.links:
+            self._add_shapes(body)
+        self._finish_shapes(outside=floats)
         frames = FreeNames(link.get("name", "") for link in self.robot.iterfind("link"))
         for site, body in enumerate(model.site_bodyid):
             if body in self.links:
@@ -199,3 +209,100 @@ class _Writer:
         if mass > 0:
             place = RigidTransform(-shift) @ frame(self.model.body_ipos[body], self.model.body_iquat[body])
             set_inertia(link, mass=mass, moments=self.model.body_inertia[body].tolist(), pose=place)
+
+    def _add_shapes(self, body: int) -> None:
+        """Add the geoms of a body to its link."""
+        model, link, shift = self.model, self.links[body], self._shifts[body]
+        for geom in map(int, np.flatnonzero(model.geom_bodyid == body)):
+            shape, own = self._shape(geom)
+            if shape is None:
+                continue
+            pose = RigidTransform(-shift) @ pose_in(model, "geom", geom) @ own
+            if model.geom_group[geom] < _SHOWN and model.geom_rgba[geom][3] > 0:
+                visual = self._element(link, "visual", geom, shape, pose)
+                self._add_colour(visual, geom)
+            if model.geom_contype[geom] or model.geom_conaffinity[geom]:
+                self._element(link, "collision", geom, shape, pose)
+                self._frictions.add(float(model.geom_friction[geom][0]))
+
+    def _finish_shapes(self, *, outside: bool) -> None:
+        """Say what was lost; ``outside``: the shapes of the world are no part of the robot."""
+        if self.robot.find("link/visual") is None:
+            for link in self.robot.iterfind("link"):
+                for collision in link.findall("collision"):
+                    ET.SubElement(link, "visual").extend(deepcopy(list(collision)))
+        still = int(np.count_nonzero((self.model.geom_bodyid == 0) & (self.model.geom_type != _PLANE)))
+        if outside and still:
+            self._lost["shapes of the world: pieces of a station can take their place (pieces:)"] = still
+        for what, count in self._lost.items():
+            self.report.add("dropped", "", f"{count} {what}")
+        if self._frictions - {_FRICTION}:
+            interval = f"{min(self._frictions):g} to {max(self._frictions):g}"
+            self.report.add("lost", "", f"sliding friction of the shapes, {interval}: a station has its own (contact:)")
+
+    def _shape(self, geom: int) -> tuple[ET.Element | None, RigidTransform]:
+        """Return the element of a geom's shape, None where it has none, and the shape's pose in the geom."""
+        kind, size = int(self.model.geom_type[geom]), self.model.geom_size[geom]
+        if kind == _MESH:
+            return self._mesh(int(self.model.geom_dataid[geom]))
+        shape: ET.Element | None = None
+        if kind == _SPHERE:
+            shape = ET.Element("sphere", radius=written(size[0]))
+        elif kind == _BOX:
+            shape = ET.Element("box", size=text(2 * size))
+        elif kind in (_CAPSULE, _CYLINDER):
+            tag = "cylinder" if kind == _CYLINDER else f"{DRAKE}capsule"
+            shape = ET.Element(tag, radius=written(size[0]), length=written(2 * size[1]))
+        elif kind == _ELLIPSOID:
+            shape = ET.Element(f"{DRAKE}ellipsoid", dict(zip("abc", map(written, size), strict=True)))
+        else:
+            self._lost[_LOST.get(kind, "shapes that are given by a function")] += 1
+        return shape, RigidTransform()
+
+    def _mesh(self, mesh: int) -> tuple[ET.Element | None, RigidTransform]:
+        """Return the element of a mesh's file, and its pose in the geom.
+
+        MuJoCo takes a corner v of the file to S Rᵀ (v - p), with the scale S and the mesh's own ``refquat`` R and
+        ``refpos`` p, and then into the frame of its inertia.
+        """
+        model = self.model
+        file, scale = str(model.mesh_file[mesh]), model.mesh_scale[mesh]
+        turn = frame(np.zeros(3), model.mesh_refquat[mesh]).rotation().inverse()
+        if not file:
+            self._lost["meshes that are written in the file itself"] += 1
+            return None, RigidTransform()
+        if not turn.IsNearlyIdentity(1e-9) and np.ptp(scale) > 1e-9 * np.max(np.abs(scale)):
+            self._lost["meshes that are turned and then scaled by other factors along x, y and z"] += 1
+            return None, RigidTransform()
+        own = pose_in(model, "mesh", mesh).inverse()
+        moved = RigidTransform(turn, -scale * (turn @ model.mesh_refpos[mesh]))
+        shape = ET.Element("mesh", {"filename": file, PLAIN: "true"})  # MuJoCo heeds no colours of mesh files
+        if not np.array_equal(scale, np.ones(3)):
+            shape.set("scale", text(scale))
+        return shape, own @ moved
+
+    def _element(self, link: ET.Element, tag: str, geom: int, shape: ET.Element, pose: RigidTransform) -> ET.Element:
+        name = str(self.model.geom_name[geom])
+        element = ET.SubElement(link, tag, {"name": name} if name else {})
+        place(element, pose)
+        ET.SubElement(element, "geometry").append(shape)
+        return element
+
+    def _add_colour(self, visual: ET.Element, geom: int) -> None:
+        material, rgba = int(self.model.geom_matid[geom]), self.model.geom_rgba[geom]
+        name = ""
+        if material >= 0 and np.allclose(rgba, _DEFAULT_RGBA):
+            name, rgba = str(self.model.mat_name[material]), self.model.mat_rgba[material]
+        colour = tuple(np.asarray(rgba, dtype=float).round(6).tolist())
+        name = self._colours.setdefault(colour, name or f"colour_{len(self._colours) + 1}")
+        add_colour(visual, name, colour)
+
+
+def pose_in(model: Any, kind: str, index: int) -> RigidTransform:
+    """Return the pose that MuJoCo's figures give to a body, geom, site or mesh."""
+    return frame(getattr(model, f"{kind}_pos")[index], getattr(model, f"{kind}_quat")[index])
+
+
+def frame(position: Vector, quaternion: Vector) -> RigidTransform:
+    """Return a pose of a position [m] and a quaternion w x y z of any length."""
+    return RigidTransform(Quaternion(quaternion / np.linalg.norm(quaternion)), position)

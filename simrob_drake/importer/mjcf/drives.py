@@ -1,9 +1,9 @@
 """The actuators, limits, friction and constraints of MuJoCo at the joints of a robot."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,15 +20,8 @@ _SITE = 6  # mjtObj
 _HOME = "home"
 
 
-@dataclass(frozen=True)
-class UrdfJoint:
-    """A joint as a URDF has it.
-
-    Attributes:
-        element: its element.
-        joint: the one of MuJoCo that it stands for.
-        part: which of that one's freedoms it is.
-    """
+class UrdfJoint(NamedTuple):
+    """A joint as a URDF has it: its element, the joint of MuJoCo that it stands for, and which of its freedoms."""
 
     element: ET.Element
     joint: int
@@ -46,15 +39,7 @@ class _Drive:
 
 @dataclass
 class DriveWriter:
-    """Writes what drives, holds and couples the joints of one robot.
-
-    Attributes:
-        robot: its element.
-        model: MuJoCo's figures.
-        joints: those of the robot.
-        bodies: which bodies are links of the robot.
-        report: takes a note of all that is lost.
-    """
+    """Writes what drives, holds and couples the joints of one robot, given which bodies are links of it."""
 
     robot: ET.Element
     model: Any
@@ -83,7 +68,7 @@ class DriveWriter:
 
     def _read_actuator(self, actuator: int) -> None:
         model, where = self.model, f"actuator '{self.model.actuator_name[actuator]}'"
-        levers = dict(self._levers(actuator))
+        levers = self._levers(actuator)
         if not levers:
             self.report.add("lost", where, "drives no joint; only motors of joints are simulated")
             return
@@ -108,18 +93,16 @@ class DriveWriter:
                 drive.kp += max(-bias[1], 0.0) * lever**2
                 drive.kd += max(-bias[2], 0.0) * lever**2
 
-    def _levers(self, actuator: int) -> Iterator[tuple[int, float]]:
-        """Yield the joints that an actuator drives, each with the torque per force of the actuator."""
-        model = self.model
-        kind, target, gear = model.actuator_trntype[actuator], model.actuator_trnid[actuator][0], None
-        gear = float(model.actuator_gear[actuator][0])
+    def _levers(self, actuator: int) -> dict[int, float]:
+        """Return the joints that an actuator drives, each with the torque per force of the actuator."""
+        model, gear = self.model, float(self.model.actuator_gear[actuator][0])
+        kind, target = model.actuator_trntype[actuator], int(model.actuator_trnid[actuator][0])
         if kind in (_IN_JOINT, _IN_PARENT) and model.jnt_type[target] not in (_FREE, _BALL):
-            yield int(target), gear
-        elif kind == _TENDON:
-            first = model.tendon_adr[target]
-            for wrap in range(first, first + model.tendon_num[target]):
-                if model.wrap_type[wrap] == _OF_JOINT:
-                    yield int(model.wrap_objid[wrap]), gear * float(model.wrap_prm[wrap])
+            return {target: gear}
+        first = int(model.tendon_adr[target]) if kind == _TENDON else 0
+        wraps = range(first, first + int(model.tendon_num[target])) if kind == _TENDON else ()
+        pulled = [wrap for wrap in wraps if model.wrap_type[wrap] == _OF_JOINT]
+        return {int(model.wrap_objid[wrap]): gear * float(model.wrap_prm[wrap]) for wrap in pulled}
 
     def _write_joint(self, joint: UrdfJoint) -> None:
         model, element, number = self.model, joint.element, joint.joint

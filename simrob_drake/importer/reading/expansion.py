@@ -18,8 +18,7 @@ import yaml
 from xacro import substitution_args
 
 from simrob_drake.importer.reading.child import ask, serve
-from simrob_drake.importer.reading.expressions import Function, NotAllowed, bounded, evaluate
-from simrob_drake.importer.reading.functions import METHODS, symbols
+from simrob_drake.importer.reading.expressions import METHODS, Function, NotAllowed, bounded, evaluate, symbols
 
 SECONDS = 20
 """Of processor time that an expansion may take: a xacro can call itself for ever."""

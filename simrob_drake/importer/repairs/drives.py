@@ -2,8 +2,8 @@
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from simrob_drake.robots.urdf import (
     root_link,
     written,
 )
+from simrob_drake.robots.urdf_check import numbers_in
 
 SIMPLE = "SimpleTransmission"
 
@@ -51,7 +52,7 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
         _settle(robot, drive, movable, driven, report)
     idle = [joint for joint in movable if joint not in driven]
     for joint in idle:
-        _add(robot, joint, None)
+        add_motor(robot, joint, drive=f"{joint}_drive")
     if idle:
         listed = "', '".join(idle)
         report.add("defaulted", f"joints '{listed}'", "no transmission drives them; a motor made for each")
@@ -63,32 +64,33 @@ def _settle(
     robot: ET.Element, drive: ET.Element, movable: Collection[str], driven: set[str], report: ImportReport
 ) -> None:
     """Keep a transmission that Drake reads; of any other, make a motor of their own for its joints."""
-    where, joints = f"transmission '{name_of(drive)}'", _joints(drive)
+    where, actuators = f"transmission '{name_of(drive)}'", drive.findall("actuator")
+    joints = list(dict.fromkeys(name_of(joint).strip() for joint in drive.iterfind("joint")))
     undriven = [joint for joint in joints if joint in movable and joint not in driven]
-    kind = _kind(drive)
-    if len(joints) == len(undriven) == 1 and kind.endswith(SIMPLE) and _is_plain(drive):
-        driven.update(undriven)
-        _repair_gears(drive, where, report)
+    driven.update(undriven)
+    written_types = (drive.findtext("type"), drive.get("type"), drive.findtext("plugin"))  # of ROS 1 and ROS 2
+    kind = next((text.strip() for text in written_types if text and text.strip()), "")
+    read_by_drake = (drive.findtext("type") or "").strip().endswith(SIMPLE) and len(drive.findall("joint")) == 1
+    if len(joints) == len(undriven) == len(actuators) == 1 and read_by_drake and name_of(actuators[0]).strip():
+        _repair_gears(actuators[0], where, report)
         return
-    actuators = drive.findall("actuator")
     robot.remove(drive)
     for index, joint in enumerate(undriven):
-        _add(robot, joint, actuators[index] if len(actuators) == len(undriven) else None)
-        driven.add(joint)
-    if undriven:
-        for new in robot.findall("transmission")[-len(undriven) :]:
-            _repair_gears(new, where, report)
+        old = actuators[index] if len(actuators) == len(undriven) else None
+        new = add_motor(robot, joint, drive=f"{joint}_drive", motor="" if old is None else name_of(old).strip())
+        new.extend([] if old is None else list(old))  # its own gears go with it
+        _repair_gears(new, where, report)
     report.add("repaired" if undriven else "dropped", where, _why(joints, undriven, kind, movable))
 
 
 def _why(joints: list[str], undriven: list[str], kind: str, movable: Collection[str]) -> str:
-    if not undriven:
-        if not joints:
-            return "drives no joint"
-        what = "has a motor already" if all(joint in movable for joint in joints) else "is no joint that moves"
-        return f"'{', '.join(joints)}' {what}"
     listed = "', '".join(undriven)
     made = f"{SIMPLE} of '{listed}'"
+    if not joints:
+        return "drives no joint"
+    if not undriven:
+        what = "has a motor already" if all(joint in movable for joint in joints) else "is no joint that moves"
+        return f"'{', '.join(joints)}' {what}"
     if len(undriven) > 1:
         return f"drives {len(undriven)} joints; each gets a motor of its own: {made}"
     if not kind.endswith(SIMPLE):
@@ -96,57 +98,17 @@ def _why(joints: list[str], undriven: list[str], kind: str, movable: Collection[
     return f"written as Drake reads it; {made}"
 
 
-def _joints(drive: ET.Element) -> list[str]:
-    return list(dict.fromkeys(name_of(joint).strip() for joint in drive.iterfind("joint")))
-
-
-def _kind(drive: ET.Element) -> str:
-    """Return a transmission's type, wherever ROS 1 and ROS 2 put it."""
-    for text in (drive.findtext("type"), drive.get("type"), drive.findtext("plugin")):
-        if text and text.strip():
-            return text.strip()
-    return ""
-
-
-def _is_plain(drive: ET.Element) -> bool:
-    """Whether Drake reads a transmission as it is."""
-    actuators, joints = drive.findall("actuator"), drive.findall("joint")
-    named = len(actuators) == len(joints) == 1 and bool(name_of(actuators[0]).strip())
-    return named and (drive.findtext("type") or "").strip().endswith(SIMPLE)
-
-
-def _add(robot: ET.Element, joint: str, actuator: ET.Element | None) -> None:
-    """Add a transmission for one joint; an actuator's own gears go with it."""
-    name = name_of(actuator).strip() if actuator is not None else ""
-    add_motor(robot, joint, drive=f"{joint}_drive", motor=name).extend([] if actuator is None else list(actuator))
-
-
-def _repair_gears(drive: ET.Element, where: str, report: ImportReport) -> None:
+def _repair_gears(actuator: ET.Element, where: str, report: ImportReport) -> None:
     """Leave out gear figures that no motor has."""
-    for actuator, gear in list(_gears(drive)):
+    for gear in list(actuator):
         tag = gear.tag.removeprefix(DRAKE)
-        if tag == "mechanicalReduction":
-            right = _positive(gear.text)
-        else:
-            value = number(gear, "value")
-            right = value is not None and (value > 0 or (value == 0 and tag == "rotor_inertia"))
-        if not right:
+        if tag not in ("mechanicalReduction", "gear_ratio", "rotor_inertia"):
+            continue
+        values = numbers_in((gear.text if tag == "mechanicalReduction" else gear.get("value")) or "") or []
+        least = {"mechanicalReduction": -math.inf, "gear_ratio": 0.0, "rotor_inertia": 0.0}[tag]
+        if len(values) != 1 or values[0] < least or (values[0] == 0 and tag != "rotor_inertia"):
             actuator.remove(gear)
             report.add("dropped", where, f"its {tag} is no number that a motor can have")
-
-
-def _gears(drive: ET.Element) -> Iterator[tuple[ET.Element, ET.Element]]:
-    for actuator in drive.iterfind("actuator"):
-        for tag in ("mechanicalReduction", f"{DRAKE}gear_ratio", f"{DRAKE}rotor_inertia"):
-            for gear in actuator.findall(tag):
-                yield actuator, gear
-
-
-def _positive(text: str | None) -> bool:
-    try:
-        return float(text or "") != 0
-    except ValueError:
-        return False
 
 
 def _part_motors(robot: ET.Element, report: ImportReport) -> None:
@@ -177,13 +139,13 @@ def _repair_efforts(robot: ET.Element, options: ImportOptions, report: ImportRep
         likely = [_SHARE * effort for effort in (*efforts, *held) if effort <= _STRONGEST]
         least = max([LEAST_FORCE if prismatic else LEAST_TORQUE, *likely])
         for joint, effort in zip(missing, held, strict=True):
+            why = "by what it carries" if effort >= least else "the least beside the robot's other motors"
             known = loads[link_of(joint, "child")].mass > 0
-            _set_effort(joint, effort, least, known, report)
+            _set_effort(joint, max(effort, least), why if known else "a guess, for no mass is known", report)
         _set_velocities(group, prismatic, report)
 
 
-@dataclass(frozen=True)
-class _Load:
+class _Load(NamedTuple):
     """What hangs on a link."""
 
     mass: float  # the link's own included [kg]
@@ -193,12 +155,11 @@ class _Load:
 
 def _loads(robot: ET.Element) -> Mapping[str, _Load]:
     """Return what hangs on each link, itself included."""
-    starts = joints_at(robot)
-    own = {name_of(link): (mass_of(link), _offset(link.find("inertial"))) for link in robot.iterfind("link")}
+    starts, links = joints_at(robot), {name_of(link): link for link in robot.iterfind("link")}
     order = [root_link(robot), *(link_of(joint, "child") for joint in outward(starts, root_link(robot)))]
     loads: dict[str, _Load] = {}
     for link in reversed(order):
-        mass, reach = own[link]
+        mass, reach = mass_of(links[link]), _offset(links[link].find("inertial"))
         moment = mass * reach
         for joint in starts[link]:
             hung, offset = loads[link_of(joint, "child")], _offset(joint)
@@ -220,23 +181,16 @@ def _effort(load: _Load, whole: float, prismatic: bool) -> float:
     It holds three times what hangs on the joint and, where the robot floats, the rest of it once, which stands on
     this joint's end: ``whole`` [kg] is its mass.
     """
-    if load.mass == 0:
-        return UNKNOWN_EFFORT
-    rest = max(whole - load.mass, 0.0)
-    if prismatic:
-        return STANDARD_GRAVITY * max(SAFETY * load.mass, rest)
-    return STANDARD_GRAVITY * max(SAFETY * load.moment, rest * load.reach)
+    rest, reach = max(whole - load.mass, 0.0), 1.0 if prismatic else load.reach
+    hung = load.mass if prismatic else load.moment
+    return STANDARD_GRAVITY * max(SAFETY * hung, rest * reach) if load.mass else UNKNOWN_EFFORT
 
 
-def _set_effort(joint: ET.Element, held: float, least: float, known: bool, report: ImportReport) -> None:
-    limit, effort = child_of(joint, "limit"), _rounded_up(min(max(held, least), _ENDLESS))
-    text = limit.get("effort")
+def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport) -> None:
+    limit, effort = child_of(joint, "limit"), _rounded_up(min(effort, _ENDLESS))
+    text, unit = limit.get("effort"), "N" if joint.get("type") == "prismatic" else "N·m"
     limit.set("effort", written(effort))
     message = "has no effort" if text is None else f"effort {text} would not move it"
-    unit = "N" if joint.get("type") == "prismatic" else "N·m"
-    why = "by what it carries" if held >= least else "the least beside the robot's other motors"
-    if not known:
-        why = "a guess, for no mass is known"
     report.add("defaulted", f"joint '{name_of(joint)}' <limit>", f"{message}; {effort:g} {unit}, {why}")
 
 

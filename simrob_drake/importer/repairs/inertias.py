@@ -1,33 +1,68 @@
 """Inertias: what no body can have is mended, estimated or left out, and what looks wrong is told."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, Shape, Sphere
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import RotationalInertia, SpatialInertia
+from pydrake.multibody.tree import CalcSpatialInertia, RotationalInertia, SpatialInertia
 
 from simrob_drake.frames import Vector
-from simrob_drake.importer.options import ImportOptions, ImportReport
+from simrob_drake.importer.options import EntryKind, ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import find_base
-from simrob_drake.importer.repairs.inertial import (
-    SMALL_MASS,
-    Inertial,
-    ball,
-    inertia_of_shapes,
-    mended,
-    read_inertial,
-    with_mass,
-    write_inertia,
-)
+from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.robots.bodies import bodies, carriers
-from simrob_drake.robots.urdf import link_of, mass_of, name_of, pose_of, root_link, set_moments
+from simrob_drake.robots.urdf import (
+    DRAKE,
+    MOMENTS,
+    impossible,
+    link_of,
+    mass_of,
+    moments_of,
+    name_of,
+    pose_of,
+    root_link,
+    set_inertia,
+    set_moments,
+)
+from simrob_drake.robots.urdf_check import SHAPE_SIZES, shape_defect
 
-_HEAVIEST = 20_000.0  # kg/m³, as tungsten and gold
-_LIGHTEST = 1.0  # kg/m³, as air
+ROUNDING = 1e-3
+"""Moments that miss what a body can have by less than this part of the largest are rounded ones, and are mended."""
+SMALL_MASS = 0.1
+"""Of a link that has neither mass nor shape, such as the one between two axes that cross [kg]."""
+_MARGIN = 1e-9  # of the largest moment: what writing and reading may cost
+_HEAVIEST, _LIGHTEST = 20_000.0, 1.0  # kg/m³, as tungsten and gold, and as air
 _FAR = 1.0  # m, between a centre of mass and the middle of the shapes
 _ON_AXIS = 1e-6  # m
+_LEAST_VOLUME = 1e-9  # m³, a cube of 1 mm: less is a decal, not a body
+_MAKERS = {"box": Box, "cylinder": Cylinder, "capsule": Capsule, "sphere": Sphere, "ellipsoid": Ellipsoid}
+
+
+@dataclass(frozen=True)
+class _Inertial:
+    """What a link's ``<inertial>`` says: its mass [kg], 0 where it is missing, its moments and where they are.
+
+    The moments are about the centre of mass, (3, 3) [kg m²], or None where they are missing; products of inertia that
+    are missing are zero. ``place`` is the pose of the centre of mass, and of the axes of the moments, in the link.
+    """
+
+    mass: float
+    moments: Vector | None
+    place: RigidTransform
+
+    @property
+    def problem(self) -> str:
+        """What no body can have; empty if all is well."""
+        if self.mass < 0:
+            return f"mass {self.mass:g} kg is negative"
+        if not self.mass:
+            return "has moments of inertia but no mass"
+        if self.moments is None:
+            return "has a mass but no moments of inertia"
+        return impossible(self.moments)
 
 
 def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport) -> None:
@@ -35,37 +70,40 @@ def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptio
 
     The robot's shapes are repaired; their meshes lie in the folder.
     """
-    unusable: dict[str, Inertial] = {}
+    taken_out = {name_of(link): inertia for link in robot.iterfind("link") if (inertia := _repair(link, report))}
+    taken_out |= _take_out_points_on_axes(robot)
+    carrier = carriers(robot)
+    heavy = {carrier[name_of(link)] for link in robot.iterfind("link") if mass_of(link) > 0}
     for link in robot.iterfind("link"):
-        inertia = _repair(link, report)
-        if inertia is not None:
-            unusable[name_of(link)] = inertia
-    unusable |= _take_out_points_on_axes(robot)
-    taken_out = [(link, unusable[name_of(link)]) for link in robot.iterfind("link") if name_of(link) in unusable]
-    if options.estimate_inertia:
-        _estimate_unusable(taken_out, folder, options, report)
-    else:
-        _leave_out(robot, taken_out, report)
-    for carrier in _bodies_without_mass(robot, options):
+        if (inertia := taken_out.get(name_of(link))) is not None:
+            if options.estimate_inertia:
+                kind, how = _estimated(link, inertia, folder, options.density)
+            else:
+                kind, how = _left_out(link, inertia, has_moments=carrier[name_of(link)] in heavy)
+            report.add(kind, f"link '{name_of(link)}' <inertial>", f"{inertia.problem}{how}")
+    for name in _bodies_without_mass(robot, options):
         if options.estimate_inertia:
-            _estimate_body(carrier, bodies(robot)[carrier], folder, options, report)
+            _estimate_body(name, bodies(robot)[name], folder, options.density, report)
         else:
-            report.add(
-                "open",
-                f"link '{carrier}'",
-                "has no usable inertia: dynamic stations refuse this robot; estimate it with --estimate-inertia",
-            )
+            problem = "has no usable inertia: dynamic stations refuse this robot; estimate it with --estimate-inertia"
+            report.add("open", f"link '{name}'", problem)
     for link in robot.iterfind("link"):
         _report_implausible(link, folder, report)
 
 
-def _repair(link: ET.Element, report: ImportReport) -> Inertial | None:
+def _read(inertial: ET.Element) -> _Inertial:
+    diagonal = [number(inertial.find("inertia"), key) for key in MOMENTS[:3]]
+    moments = None if None in diagonal else moments_of(inertial)
+    return _Inertial(number(inertial.find("mass"), "value") or 0.0, moments, pose_of(inertial))
+
+
+def _repair(link: ET.Element, report: ImportReport) -> _Inertial | None:
     """Mend a link's inertia; where that is impossible, take it out and return what it said."""
     inertial = link.find("inertial")
     if inertial is None:
         return None
-    where, inertia = f"link '{name_of(link)}' <inertial>", read_inertial(inertial)
-    if inertia.is_empty:
+    where, inertia = f"link '{name_of(link)}' <inertial>", _read(inertial)
+    if not inertia.mass and (inertia.moments is None or not inertia.moments.any()):
         if inertial.find("mass") is None or inertial.find("inertia") is None:
             link.remove(inertial)
             report.add("dropped", where, "says nothing: no mass, no moments")
@@ -83,54 +121,55 @@ def _repair(link: ET.Element, report: ImportReport) -> Inertial | None:
     return inertia
 
 
-def _leave_out(robot: ET.Element, taken_out: list[tuple[ET.Element, Inertial]], report: ImportReport) -> None:
-    """Tell which inertias were taken out; a mass on a body that has moments already stays, as a point."""
-    carrier = carriers(robot)
-    heavy = {carrier[name_of(link)] for link in robot.iterfind("link") if mass_of(link) > 0}
-    for link, inertia in taken_out:
-        where = f"link '{name_of(link)}' <inertial>"
-        if inertia.mass > 0 and inertia.moments is None and carrier[name_of(link)] in heavy:
-            place = inertia.place.translation()
-            write_inertia(link, SpatialInertia.MakeFromCentralInertia(inertia.mass, place, RotationalInertia(0, 0, 0)))
-            report.add("defaulted", where, f"{inertia.problem}; a point of {inertia.mass:g} kg")
-        else:
-            report.add("dropped", where, f"{inertia.problem}; left out")
+def mended(moments: Vector) -> Vector | None:
+    """Return the nearest moments that a body can have; None if these are wrong by more than rounding."""
+    principal, axes = np.linalg.eigh(moments)
+    largest = float(np.abs(principal).max())
+    right = np.maximum(principal, 0.0)
+    excess = float(right[2] - right[0] - right[1])
+    if max(-float(principal[0]), excess) > ROUNDING * largest:
+        return None
+    margin = _MARGIN * largest
+    right += np.array([1.0, 1.0, -1.0]) * (max(excess, 0.0) + margin) / 3 + margin
+    result = axes @ np.diag(right) @ axes.T
+    return None if impossible(result) else np.asarray((result + result.T) / 2)
 
 
-def _estimate_unusable(
-    taken_out: list[tuple[ET.Element, Inertial]], folder: Path | None, options: ImportOptions, report: ImportReport
-) -> None:
-    for link, inertia in taken_out:
-        where = f"link '{name_of(link)}' <inertial>"
-        estimate = inertia_of_shapes(link, folder, options.density)
-        if estimate is not None and inertia.mass > 0:
-            text = _write(link, with_mass(estimate, inertia.mass))
-            how = f"estimated: {text} of its shapes, scaled to its mass of {inertia.mass:g} kg"
-        elif estimate is not None:
-            how = f"estimated: {_write(link, estimate)} of its shapes"
-        elif inertia.mass > 0:
-            text = _write(link, ball(inertia.mass, options.density).Shift(-inertia.place.translation()))
-            how = f"and it has no shape; a ball: {text}"
-        else:
-            report.add("dropped", where, f"{inertia.problem}, and it has no shape; left out")
-            continue
-        report.add("defaulted", where, f"{inertia.problem}; {how}")
+def _left_out(link: ET.Element, inertia: _Inertial, *, has_moments: bool) -> tuple[EntryKind, str]:
+    """Return what becomes of an inertia that is taken out; a mass on a body that ``has_moments`` stays, as a point."""
+    if not (inertia.mass > 0 and inertia.moments is None and has_moments):
+        return "dropped", "; left out"
+    point = RotationalInertia(0, 0, 0)
+    _write(link, SpatialInertia.MakeFromCentralInertia(inertia.mass, inertia.place.translation(), point))
+    return "defaulted", f"; a point of {inertia.mass:g} kg"
+
+
+def _estimated(link: ET.Element, inertia: _Inertial, folder: Path | None, density: float) -> tuple[EntryKind, str]:
+    """Estimate what an inertia should have been that is taken out, and return what was done."""
+    estimate = _of_shapes(link, folder, density)
+    if estimate is not None and inertia.mass > 0:
+        scaled = SpatialInertia(inertia.mass, estimate.get_com(), estimate.get_unit_inertia())
+        whole = f"scaled to its mass of {inertia.mass:g} kg"
+        return "defaulted", f"; estimated: {_write(link, scaled)} of its shapes, {whole}"
+    if estimate is not None:
+        return "defaulted", f"; estimated: {_write(link, estimate)} of its shapes"
+    if inertia.mass > 0:
+        ball = _ball(inertia.mass, density).Shift(-inertia.place.translation())
+        return "defaulted", f"; and it has no shape; a ball: {_write(link, ball)}"
+    return "dropped", ", and it has no shape; left out"
 
 
 def _estimate_body(
-    carrier: str, links: list[ET.Element], folder: Path | None, options: ImportOptions, report: ImportReport
+    carrier: str, links: list[ET.Element], folder: Path | None, density: float, report: ImportReport
 ) -> None:
     """Give a body without mass that of the shapes of its links, or a small one."""
-    found = False
-    for link in links:
-        estimate = inertia_of_shapes(link, folder, options.density)
-        if estimate is not None:
-            found = True
-            text = f"has no inertia; estimated: {_write(link, estimate)} of its shapes at {options.density:g} kg/m³"
-            report.add("defaulted", f"link '{name_of(link)}'", text)
-    if not found:
+    estimates = [(link, estimate) for link in links if (estimate := _of_shapes(link, folder, density)) is not None]
+    for link, estimate in estimates:
+        how = f"has no inertia; estimated: {_write(link, estimate)} of its shapes at {density:g} kg/m³"
+        report.add("defaulted", f"link '{name_of(link)}'", how)
+    if not estimates:
         link = next(link for link in links if name_of(link) == carrier)
-        guess = _write(link, ball(SMALL_MASS, options.density))
+        guess = _write(link, _ball(SMALL_MASS, density))
         report.add("defaulted", f"link '{carrier}'", f"has neither inertia nor shape; a small ball: {guess}")
 
 
@@ -144,13 +183,17 @@ def _bodies_without_mass(robot: ET.Element, options: ImportOptions) -> list[str]
 
 
 def _write(link: ET.Element, inertia: SpatialInertia) -> str:
-    """Write an inertia, about the link's origin and in its axes, into a link, and return it in words."""
-    moments = write_inertia(link, inertia)
-    listed = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(moments))
+    """Write an inertia, about the link's origin and in its axes, in place of a link's own; return it in words."""
+    com = inertia.get_com()
+    moments = np.asarray(inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3())
+    right = mended(moments) if impossible(moments) else moments
+    right = moments if right is None else right
+    set_inertia(link, mass=inertia.get_mass(), moments=right, pose=RigidTransform(com))
+    listed = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(right))
     return f"{inertia.get_mass():.4g} kg, {listed} kg m²"
 
 
-def _take_out_points_on_axes(robot: ET.Element) -> dict[str, Inertial]:
+def _take_out_points_on_axes(robot: ET.Element) -> dict[str, _Inertial]:
     """Take the inertias out, in place, that leave the mass matrix singular, and return what they said, by link.
 
     Only the last body of a chain is looked at: what is further in may be moved by what is further out.
@@ -158,38 +201,32 @@ def _take_out_points_on_axes(robot: ET.Element) -> dict[str, Inertial]:
     carrier, links = carriers(robot), bodies(robot)
     inner = {carrier[link_of(joint, "parent")] for joint in robot.iterfind("joint") if joint.get("type") != "fixed"}
     fixed = {link_of(j, "child"): j for j in robot.iterfind("joint") if j.get("type") == "fixed"}
-    taken: dict[str, Inertial] = {}
+    taken: dict[str, _Inertial] = {}
     for joint in robot.iterfind("joint"):
         last = link_of(joint, "child")
         if joint.get("type") in ("revolute", "continuous") and last not in inner:
-            inertials = {name_of(link): link.find("inertial") for link in links[last] if mass_of(link) > 0}
-            points = {name: read_inertial(found) for name, found in inertials.items() if found is not None}
-            if all(_is_on_axis(inertia, _pose_in_body(name, fixed), _axis(joint)) for name, inertia in points.items()):
-                taken |= {name: Inertial(inertia.mass, None, inertia.place) for name, inertia in points.items()}
-    for link in robot.iterfind("link"):
-        inertial = link.find("inertial")
-        if name_of(link) in taken and inertial is not None:
-            link.remove(inertial)
+            axis = joint.find("axis")
+            along = np.array(("1 0 0" if axis is None else axis.get("xyz", "1 0 0")).split(), dtype=float)
+            heavy = [(link, link.find("inertial")) for link in links[last] if mass_of(link) > 0]
+            points = [(link, inertial, _read(inertial)) for link, inertial in heavy if inertial is not None]
+            if all(_is_on_axis(point, name_of(link), fixed, along) for link, _, point in points):
+                for link, inertial, point in points:
+                    taken[name_of(link)] = _Inertial(point.mass, None, point.place)
+                    link.remove(inertial)
     return taken
 
 
-def _pose_in_body(link: str, fixed: Mapping[str, ET.Element]) -> RigidTransform:
-    """Return a link's pose in the link that carries it, given the fixed joints by the link that they hold."""
-    pose = RigidTransform()
+def _is_on_axis(inertia: _Inertial, link: str, fixed: dict[str, ET.Element], axis: Vector) -> bool:
+    """Whether a link's mass is a point on an axis through the origin of its body.
+
+    ``fixed`` are the fixed joints by the link that they hold.
+    """
+    if inertia.moments is None or inertia.moments.any():
+        return False
+    place = inertia.place.translation()
     while link in fixed:
-        pose, link = pose_of(fixed[link]) @ pose, link_of(fixed[link], "parent")
-    return pose
-
-
-def _axis(joint: ET.Element) -> Vector:
-    axis = joint.find("axis")
-    return np.array(("1 0 0" if axis is None else axis.get("xyz", "1 0 0")).split(), dtype=float)
-
-
-def _is_on_axis(inertia: Inertial, pose: RigidTransform, axis: Vector) -> bool:
-    """Whether a link's mass is a point on an axis through the origin of its body, in which the link has the pose."""
-    offset = np.cross(pose @ inertia.place.translation(), axis / np.linalg.norm(axis))
-    return inertia.moments is not None and not inertia.moments.any() and float(np.linalg.norm(offset)) < _ON_AXIS
+        place, link = pose_of(fixed[link]) @ place, link_of(fixed[link], "parent")
+    return float(np.linalg.norm(np.cross(place, axis / np.linalg.norm(axis)))) < _ON_AXIS
 
 
 def _report_implausible(link: ET.Element, folder: Path | None, report: ImportReport) -> None:
@@ -197,7 +234,7 @@ def _report_implausible(link: ET.Element, folder: Path | None, report: ImportRep
     inertial = link.find("inertial")
     if inertial is None or mass_of(link) == 0:
         return
-    inertia, solid = read_inertial(inertial), inertia_of_shapes(link, folder, 1.0)
+    inertia, solid = _read(inertial), _of_shapes(link, folder, 1.0)
     if solid is None or inertia.moments is None:
         return
     where, volume = f"link '{name_of(link)}' <inertial>", solid.get_mass()
@@ -214,3 +251,49 @@ def _report_implausible(link: ET.Element, folder: Path | None, report: ImportRep
     ratio = float(np.trace(inertia.moments)) / inertia.mass / spread
     if ratio > 100 or 0 < ratio < 0.01:
         report.add("read", where, f"its moments are {ratio:.3g} times those of a solid body of its mass and shapes")
+
+
+def _of_shapes(link: ET.Element, folder: Path | None, density: float) -> SpatialInertia | None:
+    """Return the inertia of a link's collision shapes, or of its visuals if it has none, as if they were solid [kg/m³].
+
+    It is about the link's origin, in its axes; None if it has no shape with a volume. Shapes are positive, and those
+    that overlap count twice; meshes lie below the robot's folder, and are left out without one.
+    """
+    for role in ("collision", "visual"):
+        parts = [part for element in link.iterfind(role) if (part := _solid(element, folder, density)) is not None]
+        for part in parts[1:]:
+            parts[0] += part
+        if parts and parts[0].get_mass() >= _LEAST_VOLUME * density:
+            return parts[0]
+    return None
+
+
+def _ball(mass: float, density: float) -> SpatialInertia:
+    """Return the inertia of a solid ball of a mass [kg] and density [kg/m³] at a link's origin."""
+    return SpatialInertia.SolidSphereWithMass(mass=mass, radius=(3 * mass / (4 * np.pi * density)) ** (1 / 3))
+
+
+def _solid(element: ET.Element, folder: Path | None, density: float) -> SpatialInertia | None:
+    """Return the inertia of a visual or collision element in its link."""
+    shape = element.find("geometry/*")
+    try:
+        solid = None if shape is None else _shape(shape, folder)
+        inertia = None if solid is None else CalcSpatialInertia(shape=solid, density=density)
+    except (RuntimeError, ValueError, SystemExit):  # flat or empty meshes; failed assertions come as SystemExit
+        return None
+    pose = pose_of(element)
+    return None if inertia is None else inertia.ReExpress(pose.rotation()).Shift(-pose.translation())
+
+
+def _shape(element: ET.Element, folder: Path | None) -> Shape | None:
+    if element.tag == "mesh":
+        scale = [float(word) for word in element.get("scale", "1").split()]
+        name = element.get("filename", "")
+        if folder is None or not name or not all(scale):
+            return None
+        return Convex(str(folder / name), scale * 3 if len(scale) == 1 else scale)
+    sizes = SHAPE_SIZES.get(element.tag)
+    if sizes is None or shape_defect(element):
+        return None
+    values = (float(word) for key in sizes for word in element.attrib[key].split())
+    return _MAKERS[element.tag.removeprefix(DRAKE)](*values)

@@ -57,7 +57,6 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
         if kind != "fixed":
             _repair_axis(joint, where, report)
             _repair_limits(joint, where, report)
-        if joint.get("type") != "fixed":
             _repair_dynamics(joint, where, options, report)
     if not movable_joints(robot):
         raise report.refusal("", "has no joint that moves, so no motor could; a rigid thing is a piece, not a robot")
@@ -145,78 +144,61 @@ def _repair_dynamics(joint: ET.Element, where: str, options: ImportOptions, repo
 
 
 def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
-    """Repair the lower and upper limit of a joint that moves, in place; effort and velocity come later."""
-    where = f"{where} <limit>"
-    limit = joint.find("limit")
-    if limit is not None:
-        acceleration = number(limit, _ACCELERATION)
-        if acceleration is not None and acceleration <= 0:
-            del limit.attrib[_ACCELERATION]
-            report.add("dropped", where, f"acceleration {acceleration:g} is not positive")
+    """Repair the lower and upper limit of a joint that moves, in place; effort and velocity come later.
+
+    A continuous joint has limits all the same if they are whole, for Drake heeds them. Both zero is how they are left
+    out, and a joint without limits moves.
+    """
+    where, limit, kind = f"{where} <limit>", joint.find("limit"), joint.get("type")
+    acceleration = number(limit, _ACCELERATION)
+    if limit is not None and acceleration is not None and acceleration <= 0:
+        del limit.attrib[_ACCELERATION]
+        report.add("dropped", where, f"acceleration {acceleration:g} is not positive")
     lower, upper = number(limit, "lower"), number(limit, "upper")
-    if joint.get("type") == "continuous":
-        _repair_continuous(joint, lower, upper, where, report)
-    elif (lower or 0.0) == (upper or 0.0) == 0.0:
-        _open(joint, lower, upper, where, report)
-    else:
-        _repair_range(joint, lower or 0.0, upper or 0.0, where, report)
+    said = _range_text(lower, upper)
+    if kind == "continuous" and lower is not None and upper is not None and lower < upper:
+        report.add("read", where, f"limits {lower:g} and {upper:g} of a continuous joint are heeded")
+    elif kind == "continuous" and (lower is not None or upper is not None):
+        _set_range(joint, None, None)
+        report.add("dropped", where, f"{said}, which are no range; a continuous joint needs none")
+    elif kind != "continuous" and (lower or upper):
+        _repair_range(joint, lower, upper, where, report)
+    elif kind == "prismatic":
+        _set_range(joint, -DEFAULT_STROKE, DEFAULT_STROKE)
+        report.add("defaulted", where, f"{said}; a prismatic joint needs a range, ±{DEFAULT_STROKE:g} m")
+    elif kind == "revolute":
+        _set_range(joint, None, None)
+        joint.set("type", "continuous")
+        report.add("defaulted", where, f"{said}, so nothing stops it; continuous instead of revolute")
 
 
-def _repair_continuous(
+def _repair_range(
     joint: ET.Element, lower: float | None, upper: float | None, where: str, report: ImportReport
 ) -> None:
-    """Keep limits that a continuous joint has all the same, for Drake heeds them; but only whole ones."""
-    if lower is None and upper is None:
-        return
-    if lower is not None and upper is not None and lower < upper:
-        report.add("read", where, f"limits {lower:g} and {upper:g} of a continuous joint are heeded")
-        return
-    _unset_range(joint)
-    report.add("dropped", where, f"{_range_text(lower, upper)}, which are no range; a continuous joint needs none")
-
-
-def _open(joint: ET.Element, lower: float | None, upper: float | None, where: str, report: ImportReport) -> None:
-    """Let a joint without limits move: both zero is how they are left out."""
-    range_text = _range_text(lower, upper)
-    if joint.get("type") == "prismatic":
-        _set_range(joint, -DEFAULT_STROKE, DEFAULT_STROKE)
-        report.add("defaulted", where, f"{range_text}; a prismatic joint needs a range, ±{DEFAULT_STROKE:g} m")
-    else:
-        _unset_range(joint)
-        joint.set("type", "continuous")
-        report.add("defaulted", where, f"{range_text}, so nothing stops it; continuous instead of revolute")
-
-
-def _repair_range(joint: ET.Element, lower: float, upper: float, where: str, report: ImportReport) -> None:
-    limit = joint.find("limit")
-    for key in ("lower", "upper"):
-        if number(limit, key) is None:
+    for key, value in (("lower", lower), ("upper", upper)):
+        if value is None:
             report.add("defaulted", where, f"has no {key}; 0, as the format has it")
-    if lower > upper:
-        report.add("repaired", where, f"lower {lower:g} is above upper {upper:g}; exchanged")
-        lower, upper = upper, lower
-    if lower == upper:
-        _fix_at(joint, lower)
-        report.add("repaired", where, f"lower and upper are both {lower:g}, so it can't move; fixed there")
+    low, high = lower or 0.0, upper or 0.0
+    if low > high:
+        report.add("repaired", where, f"lower {low:g} is above upper {high:g}; exchanged")
+        low, high = high, low
+    if low == high:
+        _fix_at(joint, low)
+        report.add("repaired", where, f"lower and upper are both {low:g}, so it can't move; fixed there")
         return
-    _set_range(joint, lower, upper)
-    largest = max(-lower, upper)
-    if joint.get("type") != "revolute":
-        return
-    if largest > _ENDLESS:
-        _unset_range(joint)
+    _set_range(joint, low, high)
+    largest, said = max(-low, high), _range_text(low, high)
+    if joint.get("type") == "revolute" and largest > _ENDLESS:
+        _set_range(joint, None, None)
         joint.set("type", "continuous")
-        report.add("repaired", where, f"{_range_text(lower, upper)} rad stop nothing; continuous instead of revolute")
-    elif largest > _MANY_TURNS:
-        turns = largest / math.tau
-        report.add("read", where, f"{_range_text(lower, upper)} rad are {turns:.1f} turns; were degrees meant?")
+        report.add("repaired", where, f"{said} rad stop nothing; continuous instead of revolute")
+    elif joint.get("type") == "revolute" and largest > _MANY_TURNS:
+        report.add("read", where, f"{said} rad are {largest / math.tau:.1f} turns; were degrees meant?")
 
 
 def _fix_at(joint: ET.Element, value: float) -> None:
-    """Fix a joint at a position [rad or m]."""
-    axis = joint.find("axis")
-    assert axis is not None  # repaired before
-    x, y, z = (float(word) for word in axis.get("xyz", "").split())
+    """Fix a joint, whose axis is repaired, at a position [rad or m]."""
+    x, y, z = (float(word) for word in child_of(joint, "axis").get("xyz", "").split())
     length = math.hypot(x, y, z)
     direction = [x / length, y / length, z / length]
     if joint.get("type") == "prismatic":
@@ -225,22 +207,17 @@ def _fix_at(joint: ET.Element, value: float) -> None:
         motion = RigidTransform(RotationMatrix(AngleAxis(angle=value, axis=direction)), [0, 0, 0])
     place(joint, pose_of(joint) @ motion)
     joint.set("type", "fixed")
-    for tag in ("axis", "limit", "dynamics"):
-        for element in joint.findall(tag):
-            joint.remove(element)
+    for element in [child for child in joint if child.tag in ("axis", "limit", "dynamics")]:
+        joint.remove(element)
 
 
-def _set_range(joint: ET.Element, lower: float, upper: float) -> None:
-    limit = child_of(joint, "limit")
+def _set_range(joint: ET.Element, lower: float | None, upper: float | None) -> None:
+    """Write limits of a joint that are others than it has; None takes them out."""
     for key, value in (("lower", lower), ("upper", upper)):
-        if number(limit, key) != value:
-            limit.set(key, written(value))
-
-
-def _unset_range(joint: ET.Element) -> None:
-    limit = joint.find("limit")
-    if limit is not None:
-        for key in ("lower", "upper"):
+        limit = joint.find("limit")
+        if value is not None and number(limit, key) != value:
+            child_of(joint, "limit").set(key, written(value))
+        elif value is None and limit is not None:
             limit.attrib.pop(key, None)
 
 

@@ -4,13 +4,15 @@ Colours are as in RViz: a mesh that brings its own keeps them, and the URDF's ma
 of a mesh becomes a ``<visual>`` of its own; a texture stays with its mesh.
 """
 
+import re
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Literal
+from dataclasses import replace
+from pathlib import Path, PurePath
 
+from simrob_drake.errors import shortened
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.hulls import box_of, hull_of, is_hull
 from simrob_drake.importer.meshes.library import Mesh, MeshLibrary, MeshWriter, Scale
@@ -18,20 +20,15 @@ from simrob_drake.importer.meshes.parts import MeshPart, Rgba, plain, points_of
 from simrob_drake.importer.meshes.places import MeshPlaces
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import OutsideBorder
-from simrob_drake.importer.repairs.names import free_name
-from simrob_drake.importer.repairs.shape_elements import (
-    PLAIN,
-    ShapeNames,
-    check_geometry,
-    drop,
-    mesh_name,
-    mesh_of,
-    report_mesh,
-    scale_of,
-    set_shape,
-    shapes_of,
-)
+from simrob_drake.importer.repairs.names import FreeNames, free_name
 from simrob_drake.robots.urdf import DRAKE, add_colour, drop_collision, name_of, place, pose_of, text
+from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in, shape_defect
+
+PLAIN = "simrob_plain"
+"""Attribute of a mesh whose own colours and textures are not shown; that of a visual's material is."""
+_UNSCALED = 1.0, 1.0, 1.0
+_Drawn = tuple[str, Rgba | None, bool]
+"""A file of a mesh, the colour that the mesh itself gives it, and whether it has a texture."""
 
 
 def import_shapes(
@@ -49,207 +46,160 @@ def import_shapes(
     Raises:
         InvalidModel: a mesh, or a file that it names, lies outside of the folders that may be read.
     """
-    library = MeshLibrary(MeshPlaces(source, options.mesh_path))
-    writer, names = MeshWriter(folder), ShapeNames(robot)
-    visuals = Visuals(library, writer, names, report)
-    collisions = Collisions(library, writer, names, report, options.collision)
+    shapes = _Shapes(robot, MeshLibrary(MeshPlaces(source, options.mesh_path)), MeshWriter(folder), options, report)
     for link in robot.iterfind("link"):
         _check_shapes(link, report)
         drawn = [deepcopy(element) for element in link.iterfind("visual")]
         try:
-            visuals.rewrite(link)
-            collisions.rewrite(link, drawn)
+            shapes.rewrite_visuals(link)
+            shapes.rewrite_collisions(link, drawn)
         except OutsideBorder as problem:
             raise report.refusal(f"link '{name_of(link)}'", str(problem)) from problem
-    collisions.finish(robot)
+    shapes.finish()
 
 
-def _check_shapes(link: ET.Element, report: ImportReport) -> None:
-    """Drop what is no shape."""
-    for tag in ("visual", "collision"):
-        for where, element in shapes_of(link, tag):
-            problem = check_geometry(element, where, report)
-            if problem:
-                drop(link, element, where, problem, report)
+class _Shapes:
+    """Rewrites the shapes of one robot, link by link; what several links show or touch with is written once.
 
+    Files and materials are named after links, never after a file.
+    """
 
-@dataclass(frozen=True)
-class _Drawn:
-    """A file of a mesh, with the look that the mesh itself gives it."""
+    def __init__(
+        self, robot: ET.Element, library: MeshLibrary, writer: MeshWriter, options: ImportOptions, report: ImportReport
+    ) -> None:
+        self._robot, self._library, self._writer, self._report = robot, library, writer, report
+        self._kind = options.collision
+        self._stems, self._free, self._counts = dict[str, str](), FreeNames(), Counter[tuple[str, str]]()
+        self._materials = FreeNames(name_of(element) for element in robot.iter("material"))
+        self._shown = dict[tuple[Path, Scale, bool], tuple[Mesh, list[_Drawn]]]()
+        self._hulls = dict[tuple[Path, Scale], tuple[Mesh, str, str]]()
+        self._drawn: list[tuple[ET.Element, Sequence[ET.Element]]] = []
 
-    name: str
-    rgba: Rgba | None
-    textured: bool
+    def _next(self, link: ET.Element, role: str) -> str:
+        """Return the name of a link's next mesh in a role, as in ``upper_arm_visual_1``, shared or not."""
+        name = name_of(link)
+        if name not in self._stems:
+            clean = re.sub(r"[^A-Za-z0-9_]", "_", name)[:80] or "link"
+            free = self._free.take(clean.lower())  # some disks do not tell A from a
+            self._stems[name] = clean + free[len(clean) :]
+        self._counts[name, role] += 1
+        return f"{self._stems[name]}_{role}_{self._counts[name, role]}"
 
-
-@dataclass
-class Visuals:
-    """Rewrites the visuals of one robot, link by link."""
-
-    library: MeshLibrary
-    writer: MeshWriter
-    names: ShapeNames
-    report: ImportReport
-    _done: dict[tuple[Path, Scale, bool], tuple[Mesh, list[_Drawn]]] = field(default_factory=dict, init=False)
-
-    def rewrite(self, link: ET.Element) -> None:
+    def rewrite_visuals(self, link: ET.Element) -> None:
         """Rewrite the visuals of a link that are meshes; drop those that cannot be read."""
-        for where, element in shapes_of(link, "visual"):
-            mesh = mesh_of(element)
-            if mesh is None:
-                continue
-            try:
-                self._rewrite_mesh(link, element, mesh, where)
-            except UnreadableMesh as problem:
-                drop(link, element, where, f"{mesh_name(mesh)} {problem}", self.report)
+        for where, element in _shapes_of(link, "visual"):
+            mesh = element.find("geometry/mesh")
+            if mesh is not None:
+                try:
+                    self._rewrite_visual(link, element, mesh, where)
+                except UnreadableMesh as problem:
+                    _drop(link, element, where, f"{_mesh_name(mesh)} {problem}", self._report)
 
-    def _rewrite_mesh(self, link: ET.Element, element: ET.Element, mesh: ET.Element, where: str) -> None:
-        uri, scale = mesh.get("filename", ""), scale_of(mesh, where, self.report)
-        loaded, drawn = self._written(link, uri, scale, PLAIN in mesh.attrib)
-        note = self.library.places.find(uri).note
-        report_mesh(self.report, where, mesh, loaded, [file.name for file in drawn], [note, *_colours(element, drawn)])
-        place = list(link).index(element)
+    def _rewrite_visual(self, link: ET.Element, element: ET.Element, mesh: ET.Element, where: str) -> None:
+        uri, scale, bare = mesh.get("filename", ""), _scale_of(mesh, where, self._report), PLAIN in mesh.attrib
+        key = self._library.path_of(uri), scale, bare
+        if key in self._shown:
+            loaded, drawn = self._shown[key]
+            for _ in drawn:
+                self._next(link, "visual")
+        else:
+            loaded = self._library.load(uri, scale)
+            drawn = [self._file(link, loaded, part) for part in ([plain(loaded.parts)] if bare else loaded.parts)]
+            self._shown[key] = loaded.remembered(), drawn
+        note = self._library.places.find(uri).note
+        _report_mesh(self._report, where, mesh, loaded, [name for name, _, _ in drawn], [note, *_looks(element, drawn)])
+        index = list(link).index(element)
         link.remove(element)
-        for index, file in enumerate(drawn):
-            link.insert(place + index, self._element(link, element, file))
-
-    def _written(self, link: ET.Element, uri: str, scale: Scale, bare: bool) -> tuple[Mesh, list[_Drawn]]:
-        """Return what a mesh has become; a mesh that several links show is written once, named by the first."""
-        key = self.library.path_of(uri), scale, bare
-        if key in self._done:
-            for _ in self._done[key][1]:
-                self.names.next(link, "visual")  # names count what is shown, whether it is shared or not
-            return self._done[key]
-        loaded = self.library.load(uri, scale)
-        drawn = [self._file(link, loaded, part) for part in ([plain(loaded.parts)] if bare else loaded.parts)]
-        self._done[key] = loaded.remembered(), drawn
-        return loaded, drawn
+        for number, file in enumerate(drawn):
+            link.insert(index + number, self._visual(link, element, file))
 
     def _file(self, link: ET.Element, loaded: Mesh, part: MeshPart) -> _Drawn:
-        name = self.writer.write(part, role="visual", stem=self.names.next(link, "visual"), original=loaded.original)
-        return _Drawn(name, part.rgba, part.image is not None)
+        name = self._writer.write(part, role="visual", stem=self._next(link, "visual"), original=loaded.original)
+        return name, part.rgba, part.image is not None
 
-    def _element(self, link: ET.Element, element: ET.Element, file: _Drawn) -> ET.Element:
+    def _visual(self, link: ET.Element, element: ET.Element, file: _Drawn) -> ET.Element:
         """Return the visual of one file of a mesh; where the mesh gives it no look the URDF's material stays."""
-        visual = deepcopy(element)
+        visual, (name, rgba, textured) = deepcopy(element), file
         if name_of(visual):
             visual.set("name", free_name(name_of(visual), map(name_of, link.iterfind("visual"))))
-        set_shape(visual, ET.Element("mesh", filename=file.name))
-        if file.rgba or file.textured:
-            for material in visual.findall("material"):
-                visual.remove(material)
-        if file.rgba:
-            add_colour(visual, self.names.material(Path(file.name).stem), file.rgba)
+        _set_shape(visual, ET.Element("mesh", filename=name))
+        for material in visual.findall("material") if rgba or textured else ():
+            visual.remove(material)
+        if rgba:
+            add_colour(visual, self._materials.take(Path(name).stem), rgba)
         return visual
 
-
-def _colours(element: ET.Element, drawn: list[_Drawn]) -> list[str]:
-    """Say which colours are shown where the mesh brings its own."""
-    own = [file for file in drawn if file.rgba or file.textured]
-    notes = [f"{len(drawn)} colours, a <visual> for each"] if len(drawn) > 1 else []
-    notes += ["its own colour is kept"] if len(drawn) == 1 and drawn[0].rgba else []
-    if own and element.find("material") is not None:
-        notes.append("the URDF's material gives way to its own look, as in RViz")
-    return notes
-
-
-@dataclass
-class Collisions:
-    """Rewrites the collision shapes of one robot, link by link."""
-
-    library: MeshLibrary
-    writer: MeshWriter
-    names: ShapeNames
-    report: ImportReport
-    kind: Literal["hull", "box", "none"]
-    _drawn: list[tuple[ET.Element, list[ET.Element]]] = field(default_factory=list, init=False)
-    _hulls: dict[tuple[Path, Scale], tuple[Mesh, str, str]] = field(default_factory=dict, init=False)
-
-    def rewrite(self, link: ET.Element, drawn: Sequence[ET.Element]) -> None:
+    def rewrite_collisions(self, link: ET.Element, drawn: Sequence[ET.Element]) -> None:
         """Rewrite the collision shapes of a link.
 
-        Args:
-            link: the ``link`` element.
-            drawn: its visuals as the URDF gave them: they take the place of collision meshes that cannot be read.
+        ``drawn`` are its visuals as the URDF gave them: they take the place of collision meshes that cannot be read.
         """
-        self._drawn.append((link, list(drawn)))
-        if self.kind == "none":
-            return
+        self._drawn.append((link, drawn))
         failed = []
-        for where, element in shapes_of(link, "collision"):
+        for where, element in _shapes_of(link, "collision") if self._kind != "none" else ():
             try:
-                self._rewrite(link, element, where, self.report)
+                self._rewrite_collision(link, element, where, self._report)
             except UnreadableMesh as problem:
-                failed.append((where, element, f"{mesh_name(mesh_of(element))} {problem}"))
-        if failed:
-            self._fall_back(link, drawn, failed)
+                failed.append((where, element, f"{_mesh_name(element.find('geometry/mesh'))} {problem}"))
+        for where, element, why in failed[1:]:
+            _drop(link, element, where, why, self._report)
+        for where, element, why in failed[:1]:
+            if self._touch_by_visuals(link, drawn):
+                link.remove(element)
+                self._report.add("repaired", where, f"{why}; the shape of the link's visuals is taken")
+            else:
+                _drop(link, element, where, why, self._report)
 
-    def finish(self, robot: ET.Element) -> None:
+    def finish(self) -> None:
         """Make collision shapes of the visuals of a robot that has no others, or drop all if none are wanted."""
-        count = len(robot.findall("link/collision"))
-        if self.kind == "none":
-            drop_collision(robot)
+        count = len(self._robot.findall("link/collision"))
+        if self._kind == "none":
+            drop_collision(self._robot)
             if count:
-                self.report.add("dropped", "", f"{count} collision shapes: none were asked for; nothing is touched")
-        elif not count:
-            made = sum(self._of_visuals(link, drawn) for link, drawn in self._drawn)
-            if made:
-                self.report.add("defaulted", "", f"no link has a collision shape; {made} are made of the visuals")
+                self._report.add("dropped", "", f"{count} collision shapes: none were asked for; nothing is touched")
+        elif not count and (made := sum(self._touch_by_visuals(link, drawn) for link, drawn in self._drawn)):
+            self._report.add("defaulted", "", f"no link has a collision shape; {made} are made of the visuals")
 
-    def _fall_back(
-        self, link: ET.Element, drawn: Sequence[ET.Element], failed: list[tuple[str, ET.Element, str]]
-    ) -> None:
-        """Put the shapes that a link shows in the place of the meshes that it should collide with."""
-        for where, element, problem in failed[1:]:
-            drop(link, element, where, problem, self.report)
-        where, element, problem = failed[0]
-        made = self._of_visuals(link, drawn)
-        if made:
-            link.remove(element)
-            self.report.add("repaired", where, f"{problem}; the shape of the link's visuals is taken")
-        else:
-            drop(link, element, where, problem, self.report)
-
-    def _of_visuals(self, link: ET.Element, drawn: Sequence[ET.Element]) -> int:
+    def _touch_by_visuals(self, link: ET.Element, drawn: Sequence[ET.Element]) -> int:
         """Add a collision shape for each visual of a link that can be read; return how many."""
-        quiet, made = ImportReport(self.report.source), 0
+        quiet, made = ImportReport(self._report.source), 0
         for visual in drawn:
             collision = ET.SubElement(link, "collision")
             collision.extend(deepcopy(child) for child in visual if child.tag in ("origin", "geometry"))
             try:
-                self._rewrite(link, collision, "", quiet)
+                self._rewrite_collision(link, collision, "", quiet)
                 made += 1
             except UnreadableMesh:
                 link.remove(collision)
         return made
 
-    def _rewrite(self, link: ET.Element, element: ET.Element, where: str, report: ImportReport) -> None:
+    def _rewrite_collision(self, link: ET.Element, element: ET.Element, where: str, report: ImportReport) -> None:
         """Rewrite a collision shape if it is a mesh.
 
         Raises:
             UnreadableMesh: it can't be had.
         """
-        mesh = mesh_of(element)
+        mesh = element.find("geometry/mesh")
         if mesh is None:
             return
-        uri, scale = mesh.get("filename", ""), scale_of(mesh, where, report)
-        if self.kind == "box":
-            loaded = self.library.load(uri, scale)
+        uri, scale = mesh.get("filename", ""), _scale_of(mesh, where, report)
+        if self._kind == "box":
+            loaded = self._library.load(uri, scale)
             become, change = _box(element, loaded)
         else:
             loaded, become, change = self._hull(link, uri, scale)
             shape = ET.Element("mesh", filename=become)
             ET.SubElement(shape, f"{DRAKE}declare_convex")  # then Drake can press it into others, not just touch points
-            set_shape(element, shape)
-        report_mesh(report, where, mesh, loaded, [become], [self.library.places.find(uri).note, change])
+            _set_shape(element, shape)
+        _report_mesh(report, where, mesh, loaded, [become], [self._library.places.find(uri).note, change])
 
     def _hull(self, link: ET.Element, uri: str, scale: Scale) -> tuple[Mesh, str, str]:
-        """Return a mesh, the file of its hull, and what was done, in words; what several links share is made once."""
-        key = self.library.path_of(uri), scale
+        """Return a mesh, the file of its hull, and what was done, in words."""
+        key = self._library.path_of(uri), scale
         if key in self._hulls:
-            self.names.next(link, "collision")  # names count the shapes, whether they are shared or not
+            self._next(link, "collision")
             return self._hulls[key]
-        loaded = self.library.load(uri, scale)
+        loaded = self._library.load(uri, scale)
         if len(loaded.parts) == 1 and is_hull(loaded.parts[0]):
             part, original, change = replace(loaded.parts[0], image=None), loaded.original, ""
         else:
@@ -257,15 +207,109 @@ class Collisions:
             part, original = hull.part, None
             change = f"its convex hull of {len(part.faces)} faces, {hull.gap * 1e3:.2g} mm inside at most"
             change += f", made {hull.thickened * 1e3:.2g} mm thick" if hull.thickened else ""
-        stem = self.names.next(link, "collision")  # only now that nothing can fail: the next import counts the same
-        name = self.writer.write(part, role="collision", stem=stem, original=original)
+        stem = self._next(link, "collision")  # only now that nothing can fail: the next import counts the same
+        name = self._writer.write(part, role="collision", stem=stem, original=original)
         self._hulls[key] = loaded.remembered(), name, change
         return loaded, name, change
+
+
+def _check_shapes(link: ET.Element, report: ImportReport) -> None:
+    """Drop what is no shape."""
+    for tag in ("visual", "collision"):
+        for where, element in _shapes_of(link, tag):
+            problem = _check_geometry(element, where, report)
+            if problem:
+                _drop(link, element, where, problem, report)
+
+
+def _check_geometry(element: ET.Element, where: str, report: ImportReport) -> str:
+    """Leave one shape in a ``<visual>`` or ``<collision>``; return what is wrong if it has none that can be used."""
+    geometry = element.find("geometry")
+    if geometry is None:
+        return "has no <geometry>"
+    shapes = [child for child in geometry if child.tag in SHAPE_SIZES or child.tag == "mesh"]
+    if not shapes:
+        tags = ", ".join(f"<{child.tag.rpartition('}')[2]}>" for child in geometry)
+        return f"{tags} is no shape that is known" if tags else "its <geometry> is empty"
+    for child in [child for child in geometry if child is not shapes[0]]:
+        geometry.remove(child)
+        report.add("dropped", where, f"<{child.tag}>: a <geometry> holds one shape; <{shapes[0].tag}> stays")
+    defect = "" if shapes[0].tag == "mesh" else shape_defect(shapes[0])
+    return f"<{shapes[0].tag.rpartition('}')[2]}> {defect}" if defect else ""
+
+
+def _looks(element: ET.Element, drawn: list[_Drawn]) -> list[str]:
+    """Say which colours are shown where the mesh brings its own."""
+    notes = [f"{len(drawn)} colours, a <visual> for each"] if len(drawn) > 1 else []
+    notes += ["its own colour is kept"] if len(drawn) == 1 and drawn[0][1] else []
+    if any(rgba or textured for _, rgba, textured in drawn) and element.find("material") is not None:
+        notes.append("the URDF's material gives way to its own look, as in RViz")
+    return notes
 
 
 def _box(element: ET.Element, loaded: Mesh) -> tuple[str, str]:
     """Give a collision element the tightest box around its mesh; return what it is, in words."""
     size, pose, thickened = box_of(points_of(loaded.parts))
-    set_shape(element, ET.Element("box", size=text(size)))
+    _set_shape(element, ET.Element("box", size=text(size)))
     place(element, pose_of(element) @ pose)
     return "a box", f"{text(size)} m large" + (f", made {thickened * 1e3:.2g} mm thick" if thickened else "")
+
+
+def _drop(link: ET.Element, element: ET.Element, where: str, problem: str, report: ImportReport) -> None:
+    """Take a shape away and say what follows from that."""
+    link.remove(element)
+    if element.tag == "visual":
+        effect = "it is not shown"
+    elif link.find("collision") is None:
+        effect = "the link touches nothing with it"
+    else:
+        effect = "the link's other collision shapes stay"
+    report.add("dropped", where, f"{problem}; {effect}")
+
+
+def _shapes_of(link: ET.Element, tag: str) -> list[tuple[str, ET.Element]]:
+    """Return the shapes of a link, each with the words that a message names it by."""
+    elements, name = link.findall(tag), f"link '{name_of(link)}' <{tag}>"
+    if len(elements) == 1:
+        return [(name, elements[0])]
+    return [(f"{name} {number}", element) for number, element in enumerate(elements, start=1)]
+
+
+def _set_shape(element: ET.Element, shape: ET.Element) -> None:
+    """Put a shape in the place of the one that a ``<visual>`` or ``<collision>`` has."""
+    for geometry in element.iterfind("geometry"):
+        geometry[:] = [shape]
+
+
+def _mesh_name(mesh: ET.Element | None) -> str:
+    """Return the words that a message names a mesh by."""
+    return f"mesh '{shortened('' if mesh is None else mesh.get('filename', ''))}'"
+
+
+def _report_mesh(
+    report: ImportReport, where: str, mesh: ET.Element, loaded: Mesh, become: list[str], changes: list[str]
+) -> None:
+    """Note what a mesh has become: ``read`` if nothing but its name is new."""
+    scale = mesh.get("scale")
+    notes = [*loaded.changes, *filter(None, changes), *([f"scaled by {scale}"] if scale is not None else [])]
+    faces = f"mesh '{PurePath(mesh.get('filename', '')).name}' ({loaded.faces} faces)"
+    files = become[0] if len(become) == 1 else f"{become[0]} to {Path(become[-1]).name}"
+    if loaded.original is not None and not notes:
+        report.add("read", where, f"{faces} is {files} as it was")
+    else:
+        report.add("repaired", where, "; ".join([f"{faces} is now {files}", *notes]))
+    for remark in loaded.remarks:
+        report.add("read", where, f"{_mesh_name(mesh)} {remark}")
+
+
+def _scale_of(mesh: ET.Element, where: str, report: ImportReport) -> Scale:
+    """Return a mesh's scale; one that is none counts as 1, which is told."""
+    text = mesh.get("scale")
+    if text is None:
+        return _UNSCALED
+    numbers = numbers_in(text) or numbers_in(text.replace(",", " ")) or []
+    numbers = numbers * 3 if len(numbers) == 1 else numbers
+    if len(numbers) != 3 or not all(1e-12 < abs(number) < 1e12 for number in numbers):
+        report.add("repaired", where, f'scale="{shortened(text)}" is no scale; 1 is taken')
+        return _UNSCALED
+    return numbers[0], numbers[1], numbers[2]

@@ -1,4 +1,4 @@
-r"""A loop whose law was learnt: a network, of an ONNX file, says by what it observes how far each axis is to move.
+r"""A loop whose law was learnt: a network says by what it observes how far each axis is to move.
 
 At each sample the observation is a vector o of what the section names, and the action that the network gives for it,
 within ±1, moves the axes from their reference,
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -19,75 +19,13 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.blocks.sampled import BlockFails, Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter, UnknownName, shown
-from simrob_drake.extras import needed
-from simrob_drake.files import NotRead, content_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.controllers.network import Network
 from simrob_drake.parts.controllers.support import rotation_of
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.robots.axis_map import PositiveAxisValues
 from simrob_drake.sections import Frequency, Number, Positive
-
-_LARGEST = 10_000_000
-"""Of a file [bytes]: a policy of a million weights has less than half of it."""
-_FLOATS = {"tensor(float)": np.float32, "tensor(double)": np.float64}
-
-
-class Network:
-    """A function of one vector that gives one, from an ONNX file, evaluated by ONNX Runtime on one thread.
-
-    Attributes:
-        inputs: the size of what it takes.
-        outputs: the size of what it gives.
-    """
-
-    def __init__(self, file: Path, key: str) -> None:
-        """Read the file.
-
-        Args:
-            file: with a network of one input and one output, of shapes (size,) or (batch, size).
-            key: where the file is named, for errors.
-
-        Raises:
-            SimrobError: no such file, no network, or one of another kind; ONNX Runtime is missing.
-        """
-        with needed("a policy of kind ONNX", "rl"):
-            import onnxruntime
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1  # it is small, and runs beside others
-        options.log_severity_level = 4
-        try:
-            content = content_of(file, _LARGEST)
-            self._session: Any = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-        except NotRead as problem:
-            raise InvalidParameter(key, str(file), f"an ONNX file that can be read ({problem})") from problem
-        except Exception as problem:  # ONNX Runtime has many classes of its own, without a base
-            detail = " ".join(str(problem).split())
-            raise InvalidParameter(key, str(file), f"a network as ONNX ({detail})") from problem
-        takes, gives = self._session.get_inputs(), self._session.get_outputs()
-        if len(takes) != 1 or len(gives) != 1:
-            detail = f"a network of one input and one output (it has {len(takes)} and {len(gives)})"
-            raise InvalidParameter(key, str(file), detail)
-        self.inputs, self.outputs = (_size(port, file, key) for port in (takes[0], gives[0]))
-        self._input, self._output, self._kind = takes[0].name, gives[0].name, _FLOATS[takes[0].type]
-        self._shape = (1, self.inputs) if len(takes[0].shape) == 2 else (self.inputs,)
-
-    def __call__(self, values: Vector) -> Vector:
-        """Return what it gives (outputs,) for values (inputs,)."""
-        fed = np.asarray(values, dtype=self._kind).reshape(self._shape)
-        (output,) = self._session.run([self._output], {self._input: fed})
-        return np.asarray(output, dtype=float).reshape(self.outputs)
-
-
-def _size(port: Any, file: Path, key: str) -> int:
-    *batch, size = port.shape or [None]
-    if port.type not in _FLOATS or len(batch) > 1 or not isinstance(size, int):
-        expected = (
-            f"a network of floats of shapes (size,) or (batch, size) ('{port.name}' is a {port.type} of {port.shape})"
-        )
-        raise InvalidParameter(key, str(file), expected)
-    return size
-
 
 _READS = {"position": "position", "velocity": "velocity", "attitude": "orientation"}
 """Which input tells what is observed, where that is not called the same."""
@@ -143,16 +81,8 @@ class Policy(LoopSection):
             if output not in site.outputs:
                 raise UnknownName(f"what {key} observes", output, [*_READS, *_REMEMBERED, *site.outputs])
         sizes = {name: site.outputs[name].size() for name in self._outputs}
-        block = LearntPolicy(
-            period=1 / self.rate,
-            observes=self.observes,
-            sizes=sizes,
-            reach=self.reach(robot),
-            home=robot.initial,
-            upright=robot.base.rotation(),
-            clock=self.clock,
-            goal=np.array(self.goal),
-        )
+        upright = robot.base.rotation()
+        block = LearntPolicy(self, sizes=sizes, reach=self.reach(robot), home=robot.initial, upright=upright)
         if self.network is not None:
             network = Network(self.network, f"{key}.network")
             if (network.inputs, network.outputs) != (block.observed, block.acts):
@@ -179,49 +109,45 @@ class LearntPolicy(SampledBlock):
     Attributes:
         law: gives an action (m,) for an observation; without one the action is as it was asked for.
         clock: frequencies of which sine and cosine are seen, shape (k,) [Hz].
+        sizes: of all that it may observe, by name.
         observed, acts: the sizes of observation and action.
     """
 
     def __init__(
         self,
+        section: Policy,
         *,
-        period: float,
-        observes: Sequence[str],
         sizes: Mapping[str, int] | None = None,
         reach: Vector,
         home: Vector,
         upright: RotationMatrix | None = None,
-        clock: Sequence[float] = (),
-        goal: Vector | None = None,
     ) -> None:
-        """Make the block.
+        """Make the block of a section.
 
         Args:
-            period: between samples [s].
-            observes: what, in this order; as of :class:`Policy`.
+            section: its parameters.
             sizes: of other outputs of the station that it observes, by name.
             reach: how far an action of 1 moves each axis, shape (n,) [rad].
             home: positions are seen from here, shape (n,) [rad].
             upright: the attitude is seen from here.
-            clock: frequencies of which sine and cosine are seen [Hz].
-            goal: figures that are seen as they are.
         """
         self.units = {"offset": "rad"}
         self.law: Callable[[Vector], Vector] | None = None
         moved = np.flatnonzero(reach)
         self.acts = len(moved)
-        self._observes, self._home = list(observes), home
+        self._observes, self._home = section.observes, home
         self._matrix = np.eye(len(reach))[:, moved] * reach[moved]
         self._upright = (upright or RotationMatrix()).inverse()
-        self.clock = np.array(clock, dtype=float)
-        goal = np.zeros(0) if goal is None else goal
+        self.clock, goal = np.array(section.clock, dtype=float), np.array(section.goal)
         seen = {"position": len(reach), "velocity": len(reach), "attitude": 3, "angular_velocity": 3, **(sizes or {})}
-        every = {**seen, "action": self.acts, "clock": 2 * len(self.clock), "goal": len(goal)}
-        self.observed = sum(every[name] for name in observes)
-        reads = {_READS.get(name, name): 4 if name == "attitude" else seen[name] for name in observes if name in seen}
+        self.sizes = {**seen, "action": self.acts, "clock": 2 * len(self.clock), "goal": len(goal)}
+        self.observed = sum(self.sizes[name] for name in self._observes)
+        reads = {
+            _READS.get(name, name): 4 if name == "attitude" else seen[name] for name in self._observes if name in seen
+        }
         goals = {"goal": goal} if len(goal) else {}
         super().__init__(
-            period=period,
+            period=1 / section.rate,
             reads=reads,
             memory={"offset": np.zeros(len(reach)), "action": np.zeros(self.acts), **goals, "count": np.zeros(1)},
             gives=("offset", "action", *goals),

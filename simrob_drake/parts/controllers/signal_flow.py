@@ -86,7 +86,7 @@ class FlowForce(Strict):
         frame = frame_of(site.plant, self.at)
         for output in self.sums(name):
             turns = output.startswith("applied_torque")
-            block = add_external_force(builder, site.plant.plant, frame, name=output, point=self.point, turns=turns)
+            block = add_external_force(builder, site.plant.stepped, frame, name=output, point=self.point, turns=turns)
             builder.Connect(ports[output], block.get_command_input_port())
             site.spatial_forces.append(block.get_spatial_forces_output_port())
             what, unit = ("torque", "N·m") if turns else ("force", "N")

@@ -64,7 +64,7 @@ def add_force(
     output_port = builder.AddNamedSystem(f"force.{name}.source", source).get_output_port(0)
     point = point + section.offset
     force = section.shaped(builder, site, f"force.{name}", frame, point, output_port)
-    block = add_external_force(builder, site.plant.plant, frame, name=f"force.{name}", point=point)
+    block = add_external_force(builder, site.plant.stepped, frame, name=f"force.{name}", point=point)
     builder.Connect(force, block.get_command_input_port())
     label = f"Force '{name}'\n{caption}\nat {place}"
     for system in (f"force.{name}", f"force.{name}.source"):

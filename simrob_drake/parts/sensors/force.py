@@ -94,7 +94,7 @@ class Force(ShapeSensor):
         block = ForceSensor(
             plant=plant, body=body, other=other, frame=frame, normal_only=site.station.scheme == "cenic"
         )
-        poses = plant.get_body_poses_output_port()
+        poses = site.plant.stepped.get_body_poses_output_port()
         wrench = fed(builder, f"sensor.{name}", block, _contacts(builder, site), poses)
         site.draw(f"sensor.{name}", "sensor", sensor_label("Force sensor", name, self.rate))
         split = Demultiplexer([3, 3])
@@ -159,8 +159,10 @@ class MeasuredWrench(SampledBlock):
 
 def _contacts(builder: DiagramBuilder, site: Site) -> OutputPort:
     """Return the port of the block that reads the plant's contacts for all sensors; the first one adds it."""
+    if site.plant.engine is not None:
+        return site.plant.engine.get_contact_results_output_port()
     if not builder.HasSubsystemNamed(_CONTACTS):
-        fed(builder, _CONTACTS, ContactReader(), site.plant.plant.get_contact_results_output_port())
+        fed(builder, _CONTACTS, ContactReader(), site.plant.stepped.get_contact_results_output_port())
         site.draw_nothing(_CONTACTS)
     return builder.GetSubsystemByName(_CONTACTS).get_output_port()
 

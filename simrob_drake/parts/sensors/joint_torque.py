@@ -29,8 +29,8 @@ class JointTorque(Sensor):
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the robot exists, and that the scheme tells reaction forces."""
         station.robot(self.robot, key)
-        if station.scheme == "cenic":
-            expected = "left out under cenic, whose reaction forces are not the joints'; read the output torque"
+        if station.scheme in ("cenic", "mujoco"):
+            expected = f"left out under {station.scheme}, which tells no forces of joints; read the output torque"
             raise InvalidParameter(key, "a joint_torque sensor", expected)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:

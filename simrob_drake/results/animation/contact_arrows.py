@@ -1,9 +1,9 @@
 """The contact forces of a run as arrows in its recording: where they act, and their sum on each body."""
 
-from collections.abc import Sequence, Set
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence, Set
 
 import numpy as np
-from pydrake.common.value import Value
 from pydrake.geometry import (
     Cylinder,
     GeometryId,
@@ -15,8 +15,6 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.meshcat import ContactVisualizer, ContactVisualizerParams
-from pydrake.multibody.plant import ContactResults
 
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.frames import Vector
@@ -30,6 +28,7 @@ _SMALLEST = 0.01  # part of that force that is still drawn
 _SUM = Rgba(*rgb(SUM_OF_FORCES), 0.8)
 _HEAD = 0.02  # m
 
+_Pair = tuple[GeometryId, GeometryId]
 _Force = tuple[Vector, Vector]  # where it acts, shape (3,) [m], and its size [N]
 
 
@@ -49,22 +48,12 @@ def draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, sh
     inspector = result.plant.scene_graph.model_inspector()
     _draw_spheres(meshcat, inspector, {each for pair in contacts.pairs for each in pair})
     large = max(float(np.percentile(sizes, _LARGE)), np.finfo(float).tiny)
-    params = ContactVisualizerParams(
-        prefix="contact_forces",
-        force_threshold=_SMALLEST * large,
-        newtons_per_meter=large / _ARROW,
-        radius=_RADIUS,
-        color=Rgba(*rgb(FORCE)),
-    )
-    arrows = ContactVisualizer(meshcat, params)
-    context = arrows.CreateDefaultContext()
-    for time, results in zip(shown, result.contacts_at(times), strict=True):
-        context.SetTime(time)
-        arrows.contact_results_input_port().FixValue(context, Value[ContactResults](results))
-        arrows.ForcedPublish(context)
+    for number, forces in enumerate(_each(moments, _SMALLEST * large)):
+        _draw_arrow(meshcat, f"contact_forces/{number}", forces, shown, large, Rgba(*rgb(FORCE)))
     sums = [_sums(inspector, now) for now in moments]
     for number, bodies in enumerate(sorted({bodies for now in sums for bodies in now})):
-        _draw_sum(meshcat, f"contact_forces/sum_{number}", [now.get(bodies) for now in sums], shown, large)
+        own = [now.get(bodies) for now in sums]
+        _draw_arrow(meshcat, f"contact_forces/sum_{number}", own, shown, large, _SUM)
 
 
 def _draw_spheres(meshcat: Meshcat, inspector: SceneGraphInspector, touched: Set[GeometryId]) -> None:
@@ -79,6 +68,25 @@ def _draw_spheres(meshcat: Meshcat, inspector: SceneGraphInspector, touched: Set
             path = f"station/{body}/contact_sphere_{shape.get_value()}"
             meshcat.SetObject(path, sphere, _SPHERE)
             meshcat.SetTransform(path, inspector.GetPoseInFrame(shape))
+
+
+def _each(moments: Sequence[Contacts], least: float) -> Iterator[list[_Force | None]]:
+    """Yield the force of each point and surface of contact over time; None where it is less than that [N]."""
+    places = [list(_numbered(now.pairs)) for now in moments]
+    for place in dict.fromkeys(place for now in places for place in now):
+        rows = [now.index(place) if place in now else None for now in places]
+        yield [
+            None if row is None or np.linalg.norm(now.forces[row]) < least else (now.points[row], now.forces[row])
+            for now, row in zip(moments, rows, strict=True)
+        ]
+
+
+def _numbered(pairs: Iterable[_Pair]) -> Iterator[tuple[_Pair, int]]:
+    """Yield pairs of shapes with a number each, since two shapes may touch at several points."""
+    seen = Counter[_Pair]()
+    for pair in pairs:
+        yield pair, seen[pair]
+        seen[pair] += 1
 
 
 def _sums(inspector: SceneGraphInspector, contacts: Contacts) -> dict[tuple[str, str], _Force]:
@@ -99,12 +107,12 @@ def _sums(inspector: SceneGraphInspector, contacts: Contacts) -> dict[tuple[str,
     return found
 
 
-def _draw_sum(
-    meshcat: Meshcat, path: str, forces: Sequence[_Force | None], shown: Sequence[float], large: float
+def _draw_arrow(
+    meshcat: Meshcat, path: str, forces: Sequence[_Force | None], shown: Sequence[float], large: float, colour: Rgba
 ) -> None:
     """Draw a force over the times at which it is ``shown``, None where there is none."""
-    meshcat.SetObject(f"{path}/shaft", Cylinder(_RADIUS, 1.0), _SUM)
-    meshcat.SetObject(f"{path}/head/cone", MeshcatCone(_HEAD, _HEAD / 2, _HEAD / 2), _SUM)
+    meshcat.SetObject(f"{path}/shaft", Cylinder(_RADIUS, 1.0), colour)
+    meshcat.SetObject(f"{path}/head/cone", MeshcatCone(_HEAD, _HEAD / 2, _HEAD / 2), colour)
     meshcat.SetTransform(f"{path}/head/cone", RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0.0, 0.0, _HEAD]))
     for part in ("shaft", "head/cone"):
         meshcat.SetProperty(f"{path}/{part}/<object>", "material.depthTest", False)  # it is seen through the body

@@ -38,6 +38,7 @@ from simrob_drake.results.animation.camera import (
 from simrob_drake.results.animation.scene import RENDERER, ViewedStation, with_floor_under
 from simrob_drake.results.record.events import events_of
 from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.stations.config import StationConfig
 
 Pixels = npt.NDArray[np.uint8]
 Frames: TypeAlias = int | Literal["events"]
@@ -47,6 +48,8 @@ _HEIGHT, _LOW, _FEW = 360, 240, 7  # pixels of a frame; of one of many, and how 
 _GAP = 6  # pixels between frames
 _CAPTION = 0.1  # height of the line under the frames, as a part of theirs
 _WIDEST = 5.8  # width of a strip, in heights of a frame
+_STILL = 360, 480  # pixels of a picture without a run: height, width
+_AROUND = 10.0  # m of floor about where such a station begins
 _VIDEO_SIZE = 960, 540  # pixels; even, as H.264 needs them
 _BACKGROUND = np.array([0.98, 0.98, 0.98])
 _ASPECTS = 0.6, 2.4  # narrowest and widest picture
@@ -241,22 +244,61 @@ class Studio:
         points = scene.extents_of_run(result, way)
         width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), _ASPECTS[0], widest))
         self._camera = camera_on(points, aspect=width / height, azimuth=azimuth)
-        self._oversampling = oversampling
-        distance = float(np.linalg.norm(self._camera.target - self._camera.eye))
-        lens = CameraInfo(width=width * oversampling, height=height * oversampling, fov_y=FIELD_OF_VIEW)
-        depth = ClippingRange(distance / 20, distance * 20)
-        self._lens = ColorRenderCamera(RenderCameraCore(RENDERER, lens, depth, RigidTransform()))
+        self._lens = _Lens(self._camera, height=height, width=width, oversampling=oversampling)
 
     def images(self, times: Vector) -> Iterator[Pixels]:
         """Yield an image, shape (height, width, 3), for each time, shape (k,) [s]."""
         ways = np.zeros((len(times), 3)) if self.way is None else self.way(times)
         for positions, way in zip(self._result.positions_at(times), ways, strict=True):
-            self._scene.place(positions)
-            query, pose = self._scene.query(), _pose(self._camera.moved(way))
-            rendered = query.RenderColorImage(self._lens, query.inspector().world_frame_id(), pose)
-            size = rendered.width(), rendered.height()
-            image = Image.frombuffer("RGBX", size, rendered.data, "raw", "RGBX", 0, 1)
-            yield np.asarray(image.reduce(self._oversampling))[:, :, :3].copy()
+            yield self._lens.image(self._scene, positions, self._camera.moved(way))
+
+
+class Still:
+    """A station before a camera, without a run: that goes beside a robot on legs.
+
+    Its pictures are (360, 480, 3).
+    """
+
+    def __init__(self, config: StationConfig) -> None:
+        """Set the camera up.
+
+        Raises:
+            InvalidModel: a robot that cannot be built.
+        """
+        around = np.array([[-_AROUND, -_AROUND, 0.0], [_AROUND, _AROUND, 0.0]])
+        config = with_floor_under(config, around)
+        self._scene = scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()))
+        self._walks = any(robot.floats for robot in scene.station.robots.values())
+        plant = scene.station.plant
+        points = scene.extents(plant.GetPositions(plant.CreateDefaultContext())[np.newaxis])
+        height, width = _STILL
+        self._middle, azimuth = points.mean(axis=0), side(scene.station)
+        self._camera = camera_on(points, aspect=width / height, azimuth=azimuth)
+        self._lens = _Lens(self._camera, height=height, width=width, oversampling=1)
+
+    def image(self, positions: Vector) -> Pixels:
+        """Return an image of a configuration, shape (nq,)."""
+        gone = self._scene.extents(positions[np.newaxis]).mean(axis=0) - self._middle if self._walks else np.zeros(3)
+        return self._lens.image(self._scene, positions, self._camera.moved(gone * [1, 1, 0]))
+
+
+class _Lens:
+    """What makes images of a scene, as a camera that may move sees it."""
+
+    def __init__(self, camera: Camera, *, height: int, width: int, oversampling: int) -> None:
+        self._oversampling = oversampling
+        distance = float(np.linalg.norm(camera.target - camera.eye))
+        lens = CameraInfo(width=width * oversampling, height=height * oversampling, fov_y=FIELD_OF_VIEW)
+        depth = ClippingRange(distance / 20, distance * 20)
+        self._lens = ColorRenderCamera(RenderCameraCore(RENDERER, lens, depth, RigidTransform()))
+
+    def image(self, scene: ViewedStation, positions: Vector, camera: Camera) -> Pixels:
+        scene.place(positions)
+        query = scene.query()
+        rendered = query.RenderColorImage(self._lens, query.inspector().world_frame_id(), _pose(camera))
+        size = rendered.width(), rendered.height()
+        image = Image.frombuffer("RGBX", size, rendered.data, "raw", "RGBX", 0, 1)
+        return np.asarray(image.reduce(self._oversampling))[:, :, :3].copy()
 
 
 def _engine_params() -> RenderEngineVtkParams:

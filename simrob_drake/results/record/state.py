@@ -109,7 +109,7 @@ class State:
                     values[robot.name] = np.full(len(robot.axes), np.nan)
             return values
 
-        plant, blocks = ports.plant.plant, {}
+        plant, blocks = ports.plant.stepped, {}
         for system in _with_memory(diagram, plant):
             own = system.GetMyContextFromRoot(context)
             if own.num_continuous_states() or own.num_discrete_state_groups() or own.num_abstract_states():
@@ -118,7 +118,8 @@ class State:
         if diagram.HasSubsystemNamed(plant.get_name()):
             own = plant.GetMyContextFromRoot(context)
             q, v = plant.GetPositions(own), plant.GetVelocities(own)
-            joints = {name: JointState(q[places], v[speeds]) for name, places, speeds in joints_of(plant)}
+            known = joints_of(ports.plant.plant)
+            joints = {name: JointState(q[places], v[speeds]) for name, places, speeds in known}
         return cls(of_robots("position"), of_robots("velocity"), of_robots("reference"), joints, blocks)
 
     def check(self) -> None:
@@ -152,7 +153,7 @@ class State:
         for robot in ports.plant.robots.values():
             for values in (self.positions, self.velocities):
                 self._check(robot.name, values.get(robot.name), len(robot.axes))
-        plant = ports.plant.plant
+        plant = ports.plant.stepped
         for system in _with_memory(diagram, plant):
             kept = self.blocks.get(system.get_name())
             if kept is not None:
@@ -279,7 +280,7 @@ class State:
             )
 
 
-def _with_memory(diagram: Diagram, plant: MultibodyPlant) -> Iterator[System]:
+def _with_memory(diagram: Diagram, plant: System) -> Iterator[System]:
     """Yield the blocks whose state is theirs to keep: not the plant, whose joints have names, and no monitor."""
     for system in diagram.GetSystems():
         if system is not plant and not isinstance(system, Monitor):

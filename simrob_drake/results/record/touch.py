@@ -80,18 +80,18 @@ class Touch:
         if not (walkers or pressed):
             return cls(times, rate)
         plant = station.plant
-        root = plant.CreateDefaultContext() if context_of is None else context_of()
-        context = root if context_of is None else plant.GetMyMutableContextFromRoot(root)
+        root = None if context_of is None else context_of()
+        context = plant.CreateDefaultContext()
         links = [(robot, link) for robot in walkers if robot.feet is not None for link in robot.feet.links]
         frames = [plant.GetFrameByName(link, robot.instance) for robot, link in links]
         poses, depths = np.empty((len(frames), len(times), 4, 4)), dict[frozenset[GeometryId], tuple[float, float]]()
-        shapes = plant.get_geometry_query_input_port() if pressed else None
         for row, (time, positions) in enumerate(zip(times.tolist(), positions_at(times), strict=True)):
             plant.SetPositions(context, positions)
             for foot, frame in enumerate(frames):
                 poses[foot, row] = frame.CalcPoseInWorld(context).GetAsMatrix4()
-            if shapes is not None:
-                _keep_deepest(shapes.Eval(context), time, depths)
+            if pressed and root is not None:
+                station.place(root, positions)
+                _keep_deepest(station.query(root), time, depths)
         slides = {
             (robot.name, link): _slide(robot, link, station.ground, own)
             for (robot, link), own in zip(links, poses, strict=True)

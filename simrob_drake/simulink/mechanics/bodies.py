@@ -98,7 +98,8 @@ PUSH = "External Force and Torque"
 GEARS = "Common Gear Constraint", "Bevel Gear Constraint", "Rack and Pinion Constraint", "Worm and Gear Constraint"
 ROD, SPRING, BETWEEN = "Distance Constraint", "Spring and Damper Force", "Internal Force"
 _MARKS = ("Reference Frame", PUSH)
-_GEOMETRY_ONLY = {"Infinite Plane", "Disk", "Point", "Point Cloud", "Grid Surface", "Spline", "Line Segment"}
+CLOUD = "Point Cloud"
+_GEOMETRY_ONLY = {"Infinite Plane", "Disk", "Point", CLOUD, "Grid Surface", "Spline", "Line Segment"}
 """Curves and surfaces: their frame is the left port."""
 
 
@@ -302,7 +303,7 @@ def read_contacts(network: Connections) -> list[ContactPair]:
             continue
         ends = [geometry.get(network.net(node, side)) for side in ("lconn", "rconn")]
         if ends[0] is None or ends[1] is None:
-            node.findings.report.add("dropped", node.path, "the contact: one of its ends is no solid or plane")
+            node.findings.report.add("lost", node.path, "the contact: one of its ends is no solid or plane")
             continue
         sensed = _DISTANCE_AFTER if node.is_on("SenseSeparationDistance") else 0
         contacts.append(ContactPair(node, (ends[0], ends[1]), _surface(node), sensed))
@@ -311,7 +312,7 @@ def read_contacts(network: Connections) -> list[ContactPair]:
 
 def _geometry_ports(node: Node) -> Iterator[tuple[str, int]]:
     """Return the ports that hand out a shape."""
-    if node.kind in ("Infinite Plane", "Disk"):
+    if node.kind in ("Infinite Plane", "Disk", CLOUD):
         yield "rconn", 1
     elif node.kind in SOLIDS:
         yield from ((port.side, port.number) for port in solid_ports(node) if port.what == GEOMETRY)
@@ -320,10 +321,12 @@ def _geometry_ports(node: Node) -> Iterator[tuple[str, int]]:
 def _surface(node: Node) -> ContactParameters:
     report = node.findings.report
     if node.text("NormalForceType", "SmoothSpringDamper") != "SmoothSpringDamper":
-        report.add("dropped", node.path, "its normal force comes from a signal: the figures of the block are taken")
+        report.add(
+            "approximated", node.path, "its normal force comes from a signal: the figures of the block are taken"
+        )
     friction = node.text("FrictionType", "SmoothStickSlip")
     if friction not in ("SmoothStickSlip", "None"):
-        report.add("dropped", node.path, "its friction comes from a signal: the figures of the block are taken")
+        report.add("approximated", node.path, "its friction comes from a signal: the figures of the block are taken")
     without = friction == "None"
     static = 0.0 if without else node.number("CoefficientOfStaticFriction", "0.5")
     dynamic = 0.0 if without else node.number("CoefficientOfDynamicFriction", "0.3")

@@ -9,6 +9,7 @@ from pydrake.common.eigen_geometry import AngleAxis, Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.frames import Vector
+from simrob_drake.simulink.mechanics.floating import Pull, read_pulls, sensed_parts
 from simrob_drake.simulink.model.nodes import Node
 
 AXES = {f"{sign}{name}": factor * row + 0.0 for sign, factor in (("+", 1.0), ("-", -1.0)) for name, row in
@@ -153,13 +154,6 @@ _SENSED = (
     ("SenseLowerLimitTorqueForce", "lower"),
     ("SenseUpperLimitTorqueForce", "upper"),
 )
-_FLOATING_SENSED: dict[str, dict[str, tuple[int, ...]]] = {
-    **{f"P{axis}": {"SensePosition": (place,), "SenseVelocity": (place + 7,), "SenseAcceleration": (),
-                    "SenseTorqueForce": ()} for place, axis in enumerate("xyz")},
-    "Sph": {"SensePosition": (3, 4, 5, 6), "SenseVelocityX": (10,), "SenseVelocityY": (11,), "SenseVelocityZ": (12,),
-            "SenseVelocity": (10, 11, 12), **{f"SenseAcceleration{axis}": () for axis in ("X", "Y", "Z", "")}},
-}  # fmt: skip
-"""What the ports of a floating joint hand out: which parts of a frame sensor; none of what no station measures."""
 _SPHERE_SENSED = ("SensePosition", "SenseVelocityX", "SenseVelocityY", "SenseVelocityZ", "SenseVelocity",
                   "SenseAccelerationX", "SenseAccelerationY", "SenseAccelerationZ", "SenseAcceleration",
                   "SenseTorqueX", "SenseTorqueY", "SenseTorqueZ", "SenseTorqueForce",
@@ -197,25 +191,6 @@ class Freedom:
     speed_counts: float = 1e-5
     driven: str = "free"
     stop: tuple[float, float] | None = None
-
-
-@dataclass(frozen=True)
-class Pull:
-    """What acts along or about one axis of the base of a floating joint.
-
-    Attributes:
-        place: 0 to 2 of a force along x, y, z; 3 to 5 of a torque about them.
-        port: the left port of its signal; 0 without.
-        stiffness, rest, damping: of its spring and damper.
-        stops: of a force, a place beyond which a spring pushes back, which way (1 up, -1 down), and how stiff it is.
-    """
-
-    place: int
-    port: int
-    stiffness: float
-    rest: float
-    damping: float
-    stops: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(eq=False)
@@ -361,10 +336,18 @@ def _ball(node: Node, prefix: str) -> list[Freedom]:
         freedom.damping = damping
     limited = [end for end in ("Lower", "Upper") if node.is_on(f"{prefix}{end}LimitSpecify")]
     if limited or node.number(f"{prefix}SpringStiffness", unit="N*m/rad"):
-        node.findings.report.add("dropped", node.path, "the spring and limits of a ball joint")
+        node.findings.report.add("lost", node.path, "the spring and limits of a ball joint")
     if node.is_on(f"{prefix}PositionTargetSpecify"):
         for freedom, angle in zip(turns, xyz_angles(rotation(node, f"{prefix}PositionTarget")), strict=True):
             freedom.start, freedom.start_counts = angle, _COUNTS["High"]
+    if node.is_on(f"{prefix}VelocityTargetSpecify"):
+        rates = node.numbers(f"{prefix}VelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
+        first, middle, last = (turn(freedom.start or 0.0) for turn, freedom in zip(_TURNS.values(), turns, strict=True))
+        if node.text(f"{prefix}VelocityTargetInFollowerFrame", "on") == "on":
+            rates = first @ middle @ last @ rates
+        axes = np.column_stack([turns[0].axis, first @ turns[1].axis, first @ middle @ turns[2].axis])
+        for freedom, speed in zip(turns, np.linalg.solve(axes, rates), strict=True):
+            freedom.start_speed, freedom.speed_counts = float(speed), _COUNTS["High"]
     return turns
 
 
@@ -389,41 +372,4 @@ def _read_floating(node: Node, joint: Joint) -> None:
     if node.is_on("SphVelocityTargetSpecify"):
         rates = node.numbers("SphVelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
         joint.start_speed[3:] = turn @ rates if node.text("SphVelocityTargetInFollowerFrame", "on") == "on" else rates
-    joint.pulls = _pulls(node)
-    port = 2
-    for kind in PRIMITIVES[node.kind]:
-        for sensed, parts in _FLOATING_SENSED[kind].items():
-            if node.is_on(f"{kind}{sensed}"):
-                joint.senses[port] = parts
-                port += 1
-
-
-def _pulls(node: Node) -> list[Pull]:
-    """Return what acts in a joint that leaves all free, along its base's axes: signals, springs, dampers, stops."""
-    pulls, port = [], 2
-    for place, kind in enumerate(("Px", "Py", "Pz")):
-        driven = node.text(f"{kind}TorqueActuationMode") == "InputTorque"
-        stiffness = node.number(f"{kind}SpringStiffness", unit="N/m")
-        damping = node.number(f"{kind}DampingCoefficient", unit="N*s/m")
-        stops = []
-        for end, way in (("Lower", 1.0), ("Upper", -1.0)):
-            if node.is_on(f"{kind}{end}LimitSpecify"):
-                bound = node.number(f"{kind}{end}LimitBound", unit="m")
-                stops.append((bound, way, node.number(f"{kind}{end}LimitStiffness", "1e4", unit="N/m")))
-        if stops:
-            node.findings.report.add(
-                "approximated", node.path, f"its stops along {kind[1]} are springs without dampers"
-            )
-        if driven or stiffness or damping or stops:
-            rest = node.number(f"{kind}EquilibriumPosition", unit="m") if stiffness else 0.0
-            pulls.append(Pull(place, port if driven else 0, stiffness, rest, damping, tuple(stops)))
-        port += driven
-    turning = node.number("SphDampingCoefficient", unit="N*m*s/rad")
-    for place, axis in enumerate(("X", "Y", "Z")):
-        driven = node.is_on(f"SphActuateTorque{axis}")
-        if driven or turning:
-            pulls.append(Pull(3 + place, port if driven else 0, 0.0, 0.0, turning))
-        port += driven
-    if node.number("SphSpringStiffness", unit="N*m/rad"):
-        node.findings.report.add("lost", node.path, "its spring against turning")
-    return pulls
+    joint.pulls, joint.senses = read_pulls(node), sensed_parts(node)

@@ -11,6 +11,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.parts.site import WORLD
 from simrob_drake.simulink.mechanics.bodies import (
+    CLOUD,
     Bodies,
     ContactPair,
     ContactParameters,
@@ -27,6 +28,8 @@ from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames
 
 _PLANE = "Infinite Plane"
+_POINT, _MOST_POINTS = 1e-3, 100
+"""Radius of a sphere that stands for a point of a cloud [m], and how many of them touch at most."""
 MOST_DISSIPATION = 50.0
 """s/m: a contact that damps more does not bounce either way, and is hard to integrate."""
 
@@ -55,16 +58,24 @@ def read_touching(contacts: list[ContactPair], bodies: Bodies, network: Connecti
     touching = Touching()
     for contact in contacts:
         one, other = ((bodies.by_place[frame_place(network, node)], node) for node in contact.pair)
-        touching.ends.append((contact, one, other))
+        surface = contact.surface
         for body, node in (one, other):
+            if node.kind == CLOUD:
+                points = node.numbers("CoordinatesMatrix", "[0 0 0]", unit="m").reshape(-1, 3)
+                if node not in touching.colliding:
+                    body.solids += _cloud(node, points, body.frames[network.net(node, "lconn")])
+                share = len(points) / sum(solid.node is node for solid in body.solids)
+                surface = replace(surface, stiffness=surface.stiffness * share, damping=surface.damping * share)
             touching.colliding.add(node)
+        touching.ends.append((replace(contact, surface=surface), one, other))
+        for body, node in (one, other):
             if node.kind not in (_PLANE, "Disk"):
                 continue
             pose = body.frames[network.net(node, "lconn")]
             there = turn @ pose
             flat = np.allclose(there.rotation().matrix()[:, 2], [0, 0, 1], atol=1e-6)
             if not body.grounded:
-                node.findings.report.add("dropped", contact.node.path, f"contact of {node.path}, a surface that moves")
+                node.findings.report.add("lost", contact.node.path, f"contact of {node.path}, a surface that moves")
             elif node.kind == _PLANE and flat and abs(there.translation()[2]) < 1e-6:
                 touching.floor = True
             elif node not in touching.slabs:
@@ -84,6 +95,19 @@ def _slab(node: Node, pose: RigidTransform) -> SolidBody:
     return SolidBody(node, NOTHING, shape, grey, visible=node.kind != _PLANE, pose=under)
 
 
+def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
+    """Return the points (n, 3) of a cloud as small spheres; of many, those that are farthest apart."""
+    taken, away = [0], np.linalg.norm(points - points[0], axis=1)
+    while len(taken) < min(_MOST_POINTS, len(points)) and away.max() > 0:
+        taken.append(int(away.argmax()))
+        away = np.minimum(away, np.linalg.norm(points - points[taken[-1]], axis=1))
+    message = f"{len(taken)} of its {len(points)} points touch, as spheres of {_POINT:g} m"
+    node.findings.report.add("approximated", node.path, message)
+    sphere, grey = Shape("sphere", (_POINT,)), (0.5, 0.5, 0.5, 1.0)
+    places = [pose @ RigidTransform(points[place]) for place in taken]
+    return [SolidBody(node, NOTHING, sphere, grey, visible=False, pose=place) for place in places]
+
+
 def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: ImportReport) -> dict[str, Any] | None:
     """Return the feet of a robot as its `robot.yaml` has them: spheres of one radius, or None.
 
@@ -98,19 +122,22 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
             if body not in robot.links or body.grounded or node in seen:
                 continue
             seen.add(node)
-            solid = next((solid for solid in body.solids if solid.node is node), None)
-            if solid is None or solid.shape is None or solid.shape.kind not in ("sphere", "box"):
+            solids = [solid for solid in body.solids if solid.node is node]
+            shapes = [solid.shape for solid in solids if solid.shape and solid.shape.kind in ("sphere", "box")]
+            if not shapes:
                 message = f"contact of {node.path}: only spheres and boxes of robots touch"
-                report.add("dropped", contact.node.path, message)
+                report.add("lost", contact.node.path, message)
                 continue
             touching.standing.add(node)
-            own, radius, share = _spheres(solid.shape)
+            _, radius, share = _spheres(shapes[0])
             if share > 1:
                 report.add("repaired", node.path, f"a box that touches: spheres of {radius:.3g} m in its corners")
-            pose, surface = robot.frames[body].inverse() @ solid.pose, contact.surface
-            places = [[round(float(value), 12) for value in pose.multiply(point)] for point in own]
-            points.setdefault(robot.links[body], []).extend(places)
-            radii += [radius] * share
+            surface = contact.surface
+            for solid, shape in zip(solids, shapes, strict=True):
+                pose = robot.frames[body].inverse() @ solid.pose
+                places = [[round(float(value), 12) for value in pose.multiply(point)] for point in _spheres(shape)[0]]
+                points.setdefault(robot.links[body], []).extend(places)
+                radii += [radius] * share
             surfaces.append(replace(surface, stiffness=surface.stiffness / share, damping=surface.damping / share))
     if not points:
         return None

@@ -1,4 +1,4 @@
-"""The page of an arm, in the order of use: its tool and pieces, jogging, targets, branches, and the program."""
+"""The page of an arm, in the order of use: its tool and pieces, jogging, targets, branches, and its lines to them."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -7,11 +7,13 @@ from nicegui import ui
 
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.programs.moves.move import Move
-from simrob_drake.teach.pages import line_list, target_list
+from simrob_drake.programs.moves.move_j import MoveJ
+from simrob_drake.teach.pages import target_list
 from simrob_drake.teach.pages.arm_jogging import ArmState, Jogging
-from simrob_drake.teach.pages.elements import follow
-from simrob_drake.teach.pages.move_forms import choices_of, offers
-from simrob_drake.teach.pages.phrases import Phrases
+from simrob_drake.teach.pages.elements import KEYS, card, follow, rebuild
+from simrob_drake.teach.pages.move_forms import choices_of, offers, speed_field
+from simrob_drake.teach.pages.move_list import MoveList
+from simrob_drake.teach.pages.phrases import MILLI, Phrases, motions
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
@@ -21,19 +23,19 @@ _PIECES, _TOOLS = "pieces", "tools"
 
 def build(session: Session, t: Words) -> None:
     """Build the page into the present slot; it is there as soon as an arm is."""
-    room = ui.column().classes("w-full gap-4")
-    shown: list[Any] = []
+
+    def robot() -> Mapping[str, Any]:
+        found: Mapping[str, Any] = session.description.get("robots", {}).get(session.robot, {})
+        return found
+
+    def state() -> list[Any]:
+        return [session.robot, robot().get("kind"), [axis["name"] for axis in robot().get("axes", ())]]
 
     def show() -> None:
-        robot = session.description.get("robots", {}).get(session.robot, {})
-        now = [session.robot, [axis["name"] for axis in robot.get("axes", ())]]
-        if robot.get("kind") == "arm" and now != shown:
-            shown[:] = now
-            room.clear()
-            with room:
-                _build(session, t, robot)
+        if robot().get("kind") == "arm":
+            _build(session, t, robot())
 
-    follow(session, show, "description")
+    rebuild(session, state, show, "description")
 
 
 def _build(session: Session, t: Words, robot: Mapping[str, Any]) -> None:
@@ -46,11 +48,10 @@ def _build(session: Session, t: Words, robot: Mapping[str, Any]) -> None:
         "targets": lambda: target_list.build_targets(session, t, place),
         "postures": lambda: target_list.build_branches(session, phrases),
         "other": lambda: offers(session, phrases, choices_of(session, robot), others),
-        "program": lambda: line_list.build(session, phrases),
+        "program": lambda: _build_program(session, phrases, robot),
     }
     for number, (name, part) in enumerate(parts.items(), 1):
-        with ui.element("section").classes("w-full"):
-            ui.html(f"{number}  {t(f'arm.{name}')}", tag="h2", sanitize=False).classes("text-base font-medium pb-1")
+        with card(t(f"arm.{name}"), number):
             part()
 
 
@@ -75,8 +76,8 @@ def _build_hand(session: Session, t: Words, place: ArmState) -> None:
     place.subscribe(show)
 
 
-def _choice(label: str) -> ui.select:
-    field = ui.select([], label=label).props("dense outlined options-dense").classes("grow")
+def _choice(label: str, options: Any = None, value: Any = None) -> ui.select:
+    field = ui.select(options or [], label=label, value=value).props("dense outlined options-dense").classes("grow")
     return field.style("min-width: 8rem")
 
 
@@ -88,3 +89,50 @@ def _put(session: Session, text: str, kind: type[Move], piece: ui.select) -> Non
     )
     piece.on_value_change(lambda event: button.set_enabled(bool(event.value)))
     button.set_enabled(False)
+
+
+def _build_program(session: Session, phrases: Phrases, robot: Mapping[str, Any]) -> None:
+    """Build what adds a line that goes to a target, the list of them, and what was tried and is not stored."""
+    t, kinds = phrases.t, motions()
+
+    def tried() -> None:
+        if session.pending:
+            what = "; ".join(phrases.move(move, session.targets) for move in session.pending)
+            with ui.row().classes("w-full items-center gap-2"):
+                ui.label(t("arm.tried", what=what)).classes("grow")
+                ui.button(t("legs.add"), on_click=session.add).props("dense no-caps")
+                ui.button(t("arm.discard"), on_click=session.discard).props("dense flat no-caps")
+
+    with ui.row().classes("w-full items-start gap-2"):
+        titles = {key: phrases.title(kind) for key, kind in kinds.items()}
+        kind = _choice(t("arm.move"), titles, MoveJ.key)
+        via, target, speed = _choice(t("arm.via")), _choice(t("arm.target")), speed_field(t)
+        add = ui.button(t("arm.add_line"), icon="playlist_add").props("no-caps")
+        add.props[KEYS] = "Alt+A"
+
+    def goes_via() -> bool:
+        return "via" in kinds[kind.value].model_fields
+
+    def adapt() -> None:
+        via.set_visibility(goes_via())
+        add.set_enabled(bool(target.value and (not goes_via() or via.value)))
+
+    def store() -> None:
+        how: dict[str, Any] = {"speed": speed.value * MILLI} if speed.value else {}
+        session.add_line(kind.value, target.value, via=via.value if goes_via() else None, **how)
+
+    def targets() -> None:
+        names = list(session.targets)
+        new = names != target.options
+        for field in (target, via):
+            field.set_options(names, value=field.value if field.value in names else None)
+        if new and names:
+            target.value = names[-1]  # the one that was taught last
+        adapt()
+
+    add.on_click(store)
+    for field in (kind, via, target):
+        field.on_value_change(adapt)
+    follow(session, targets, "program", "description")
+    MoveList(session, phrases, robot)
+    rebuild(session, lambda: (session.pending, dict(session.targets)), tried, "program")

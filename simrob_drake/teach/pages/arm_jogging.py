@@ -5,23 +5,19 @@ from __future__ import annotations
 from asyncio import sleep, wrap_future
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from math import isfinite
 from typing import Any
 
 from nicegui import background_tasks, context, ui
 
 from simrob_drake.teach.pages.elements import KEYS, Dial, follow
-from simrob_drake.teach.pages.phrases import Phrases, frame_words, joint_words, pose_of, pose_text
+from simrob_drake.teach.pages.joints import axis_dial
+from simrob_drake.teach.pages.phrases import MILLI, Phrases, frame_words, joint_words, pose_of, pose_text
 from simrob_drake.teach.session import Session
 
 WAY, TURN = 100.0, 30.0
 """How far the sliders of the tool go to either side unless it is changed [mm, deg]; LimPos and LimRot of SimRob."""
 
-_MILLI = 1e-3
 _WAYS, _TURNS = ("x", "y", "z"), ("Rz", "Ry", "Rx")
-_FAR = {"deg": 360.0, "m": 1.0}
-"""How far a slider goes where an axis has no limit."""
-_STEPS = {"deg": 1.0, "m": 0.01}
 _SAME = 1e-6  # m or deg
 _QUIET = 0.4  # s without a jog until the sliders show where the arm is: more may be on the way
 
@@ -46,16 +42,8 @@ class Jogging:
         place.subscribe(self._follow)
 
     def _joint(self, phrases: Phrases, axis: Mapping[str, Any]) -> Dial:
-        name, far = axis["name"], _FAR[axis["unit"]]
-        return Dial(
-            joint_words(phrases, name).capitalize(),
-            low=axis["low"] if isfinite(axis["low"]) else -far,
-            high=axis["high"] if isfinite(axis["high"]) else far,
-            step=_STEPS[axis["unit"]],
-            unit=phrases.unit(name).strip(),
-            wrong=self._t("arm.beyond"),
-            moved=lambda: self._jog_joint(name),
-        )
+        name, words = axis["name"], joint_words(phrases, axis["name"]).capitalize()
+        return axis_dial(phrases, axis, words, live=True, moved=lambda: self._jog_joint(name))
 
     def _build_tool(self) -> None:
         t = self._t
@@ -71,8 +59,8 @@ class Jogging:
                 field.props(f'dense outlined prefix="±" debounce=600 aria-label="{t(f"arm.{name}")}"').classes("w-28")
             ui.button(t("arm.centre"), icon="filter_center_focus", on_click=self._recentre).props("flat dense no-caps")
         self._dials = [
-            Dial(name, low=-far, high=far, step=1.0, unit=unit, wrong=t("arm.beyond"), moved=self._jog_tool)
-            for names, far, unit in ((_WAYS, WAY, "mm"), (_TURNS, TURN, "°"))
+            Dial(t, name, low=-far, high=far, unit=unit, live=True, moved=self._jog_tool)
+            for names, far, unit in ((_WAYS, WAY, " mm"), (_TURNS, TURN, "°"))
             for name in names
         ]
         self._pose = ui.input(
@@ -93,14 +81,16 @@ class Jogging:
             self._place.ask()
 
     def _jog_joint(self, name: str) -> None:
-        self._by_tool = False
-        self._await(self._session.jog_axes({name: self._joints[name].value}))
+        self._by_tool, value = False, self._joints[name].value
+        if value is not None:
+            self._await(self._session.jog_axes({name: value}))
 
     def _jog_tool(self) -> None:
         self._by_tool = True
-        scales = [_MILLI] * len(_WAYS) + [1.0] * len(_TURNS)
-        delta = [dial.value * scale for dial, scale in zip(self._dials, scales, strict=True)]
-        self._await(self._session.jog_tool(delta, self._place.frame, start=self._middle))
+        held = [value for dial in self._dials if (value := dial.value) is not None]
+        if len(held) == len(self._dials):
+            delta = [value * MILLI if number < len(_WAYS) else value for number, value in enumerate(held)]
+            self._await(self._session.jog_tool(delta, self._place.frame, start=self._middle))
 
     def _go(self) -> None:
         """Go to the pose that was typed."""
@@ -157,7 +147,6 @@ class ArmState:
         self.values: dict[str, Any] = {}
         self._session, self._client = session, context.client
         self._callbacks: list[Callable[[], object]] = []
-        self._asking = self._again = False
         follow(session, self.ask, "phase", "description")
 
     def subscribe(self, callback: Callable[[], object]) -> None:
@@ -165,23 +154,14 @@ class ArmState:
         self._callbacks.append(callback)
 
     def ask(self) -> None:
-        """Ask, or once more after the answer that is awaited."""
-        self._again = self._asking
-        if not self._asking and self._session.phase == "idle":
+        """Ask, unless the arm is on its way: it is asked when it stands."""
+        if self._session.phase == "idle":
             background_tasks.create(self.asked())
 
     async def asked(self) -> None:
         """Ask, and wait until all who are to hear the answer have."""
-        self._asking = True
-        try:
-            values = await wrap_future(self._session.where(self.frame))
-        finally:
-            self._asking = False
-        if self._client.is_deleted:
-            return
-        if values:
+        values = await wrap_future(self._session.where(self.frame))
+        if values and not self._client.is_deleted:
             self.values = values
             for callback in self._callbacks:
                 callback()
-        if self._again:
-            self.ask()

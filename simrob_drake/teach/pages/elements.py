@@ -10,8 +10,16 @@ from nicegui import ElementFilter, context, core, ui
 from simrob_drake.teach.pages.phrases import figure
 from simrob_drake.teach.pages.words import Words
 
-_SLACK = 1e-6
-"""How far beyond a limit a number may be that was made of another one."""
+_DIGITS = 3  # behind the point
+_SLACK, _SAME = 0.5 * 10**-_DIGITS, 1e-6
+"""How far beyond a limit a number may be shown, which stands for the limit then; and how far it is the same."""
+_DEBOUNCE = 600
+"""After the last key until a typed number counts, unless the user ends it with Enter [ms]."""
+
+
+def step_of(unit: str) -> float:
+    """Return the step of fields and sliders for numbers of a unit."""
+    return 0.01 if unit == " m" else 1.0
 
 
 class NumberField:
@@ -19,6 +27,8 @@ class NumberField:
 
     Attributes:
         field: as the page has it.
+        low: the smallest number.
+        high: the largest one.
     """
 
     def __init__(
@@ -30,12 +40,13 @@ class NumberField:
         low: float = -inf,
         high: float = inf,
         unit: str = "",
-        step: float = 1.0,
+        step: float | None = None,
         whole: bool = False,
         titled: bool = True,
     ) -> None:
         """Build it in the present place; it shows its label if it is titled, and the unit behind the number."""
-        self._t, self._low, self._high, self._unit, self._whole = t, low, high, unit, whole
+        step = step or step_of(unit)
+        self._t, self.low, self.high, self._unit, self._whole = t, low, high, unit, whole
         self.field = ui.number(label if titled else None, value=value, step=step, suffix=unit.strip() or None)
         self.field.props("dense outlined hide-bottom-space no-error-icon").validation = self.problem
         set_label(self.field, label)
@@ -46,7 +57,8 @@ class NumberField:
         value = self.field.value
         if value is None or self.problem(value) is not None:
             return None
-        return int(value) if self._whole else float(value)
+        limited = min(max(float(value), self.low), self.high)
+        return int(value) if self._whole else limited if abs(limited - value) > _SAME else float(value)
 
     def needed(self) -> float | None:
         """Return what it holds; where that is nothing or refused, None, and the user is taken there."""
@@ -57,17 +69,11 @@ class NumberField:
 
     def problem(self, value: Any) -> str | None:
         """Return what is wrong with a value, if anything is."""
-        within = value is None or self._low - _SLACK <= value <= self._high + _SLACK
+        within = value is None or self.low - _SLACK <= value <= self.high + _SLACK
         if within and not (self._whole and value is not None and value % 1):
             return None
-        low, high = (f"{figure(limit)}{self._unit}" for limit in (self._low, self._high))
+        low, high = (f"{figure(limit)}{self._unit}" for limit in (self.low, self.high))
         return self._t("legs.whole_limits" if self._whole else "legs.limits", low=low, high=high)
-
-
-_DEBOUNCE = 600
-"""After the last key until a typed number counts, unless the user ends it with Enter [ms]."""
-_DIGITS = 3  # behind the point
-_LABEL = "min-width: 3.4rem; white-space: nowrap"
 
 
 class Slider(ui.slider):
@@ -77,69 +83,81 @@ class Slider(ui.slider):
 
 
 class Dial:
-    """A number, and a slider between two values; both show the same, and only what can be is taken.
+    """A number, and a slider for it; both show the same, and only what can be is taken.
 
-    Limits count as they are shown, and what is set never lies beyond them.
+    Attributes:
+        number: its field.
+        row: that all of it stands in.
     """
 
     def __init__(
-        self, name: str, *, low: float, high: float, step: float, unit: str, wrong: str, moved: Callable[[], object]
+        self,
+        t: Words,
+        name: str,
+        *,
+        low: float,
+        high: float,
+        unit: str,
+        side: float = inf,
+        about: str = "",
+        live: bool = False,
+        moved: Callable[[], object],
     ) -> None:
         """Build it, at 0.
 
         Args:
+            t: the words.
             name: what it is called.
             low: the smallest value.
             high: the largest one.
-            step: of its arrow keys.
-            unit: that stands behind the number.
-            wrong: what is said of a number beyond them, with ``{low}`` and ``{high}``.
-            moved: called after each change by the user to a value that can be.
+            unit: that stands behind the number, as :class:`Phrases` has it.
+            side: how far the slider goes to either side where there is no nearer limit.
+            about: what stands below its name.
+            live: whether something moves with it: a number that is typed counts after a while, or with Enter.
+            moved: called after each change by the user, also to what cannot be.
         """
-        self._value, self._moved, self._wrong, self._unit, self._quiet = 0.0, moved, wrong, unit, False
-        with ui.row().classes("w-full items-center gap-x-3 gap-y-0"):
-            ui.label(name).classes("grow").style("flex-basis: 5rem; min-width: 4rem")
-            self._field = ui.number(value=0, step=step, suffix=unit, validation=self._problem)
-            self._field.props(f'dense outlined hide-bottom-space debounce={_DEBOUNCE} aria-label="{name}"')
-            self._field.classes("w-28").on_value_change(lambda event: self._set(event.value))
-            with ui.row().classes("grow items-center gap-2 no-wrap").style("flex-basis: 13rem"):
-                self._from = ui.label().classes("text-xs opacity-70 text-right").style(_LABEL)
-                self._slider = Slider(min=low, max=high, step=step, value=0).props(f'dense aria-label="{name}"')
-                self._slider.on_value_change(lambda event: self._set(event.value))
-                self._to = ui.label().classes("text-xs opacity-70").style(_LABEL)
+        self._moved, self._unit, self._side, self._quiet = moved, unit, side, False
+        with ui.row().classes("w-full items-center gap-x-2 gap-y-0 px-2 py-1 rounded") as self.row:
+            with ui.column().classes("gap-0 grow").style("flex-basis: 11rem"):
+                ui.label(name)
+                if about:
+                    ui.label(about).classes("text-xs opacity-70")
+            self.number = NumberField(t, name, 0.0, unit=unit, titled=False)
+            self.number.field.classes("w-28").props(f"debounce={_DEBOUNCE}" if live else "")
+            with ui.column().classes("gap-0 grow").style("flex-basis: 7rem"):
+                self._slider = Slider(min=0, max=1, step=step_of(unit), value=0).props("dense").classes("w-full px-2")
+                set_label(self._slider, name)
+                with ui.row().classes("w-full justify-between text-xs opacity-70"):
+                    self._ends = ui.label(), ui.label()
         self.between(low, high)
+        self.number.field.on_value_change(lambda: self._set(self.number.field.value))
+        self._slider.on_value_change(lambda: self._set(self._slider.value))
 
     @property
-    def value(self) -> float:
-        """What it is set to."""
-        return min(max(self._value, self._low), self._high)
+    def value(self) -> float | None:
+        """What it is set to; None where that cannot be."""
+        return self.number.value
 
     def between(self, low: float, high: float) -> None:
         """Let it go between other values."""
-        self._low, self._high = low, high
-        self._slider.props["min"], self._slider.props["max"] = round(low, _DIGITS), round(high, _DIGITS)
+        self.number.low, self.number.high = low, high
+        ends = max(low, -self._side), min(high, self._side)
+        self._slider.props["min"], self._slider.props["max"] = (round(end, _DIGITS) for end in ends)
         self._slider.update()
-        self._from.text, self._to.text = self._with_unit(low), self._with_unit(high)
+        for label, limit in zip(self._ends, (low, high), strict=True):
+            label.text = f"{figure(limit)}{self._unit}" if isfinite(limit) else ""
 
     def show(self, value: float) -> None:
         """Show a value, without moving anything."""
         self._quiet = True
-        self._value = round(value, _DIGITS) + 0.0
-        self._field.value = self._slider.value = self._value
+        self.number.field.value = self._slider.value = round(value, _DIGITS) + 0.0
         self._quiet = False
 
     def _set(self, value: float | None) -> None:
-        if not self._quiet and value is not None and self._problem(value) is None and value != self._value:
-            self.show(value)
+        if not self._quiet:
+            if value is not None and self.number.problem(value) is None:
+                self.show(value)
             self._moved()
-
-    def _problem(self, value: Any) -> str | None:
-        if value is None or round(self._low, _DIGITS) <= value <= round(self._high, _DIGITS):
-            return None
-        return self._wrong.format(low=self._with_unit(self._low), high=self._with_unit(self._high))
-
-    def _with_unit(self, value: float) -> str:
-        return f"{figure(value)} {self._unit}".replace(" °", "°") if isfinite(value) else ""
 
 
 KEYS = "aria-keyshortcuts"
@@ -209,3 +227,37 @@ def follow(session: Any, update: Callable[[], object], *topics: str) -> None:
     forget = session.listen(hear)
     client.on_delete(forget)
     update()
+
+
+def rebuild(session: Any, state: Callable[[], Any], build: Callable[[], object], *topics: str) -> Callable[[], None]:
+    """Build a part in the present place now, and anew after changes of some topics where its state is another.
+
+    ``state`` tells what the part is built of. What is returned looks whether that has changed.
+    """
+    place, built = ui.column().classes("w-full gap-4"), list[Any]()
+
+    def show() -> None:
+        now = state()
+        if built != [now]:
+            built[:] = [now]
+            place.clear()
+            with place:
+                build()
+
+    follow(session, show, *topics)
+    return show
+
+
+def card(title: str, number: int = 0, about: str = "") -> ui.column:
+    """Make a part of a page with a heading; ``number`` is its place in the order of use."""
+    with ui.column().classes("pendant-plate w-full min-w-0 gap-2 p-3").props("role=group") as found:
+        set_label(found, title)
+        ui.label(numbered(title, number)).classes("text-base font-bold").props("role=heading aria-level=2")
+        if about:
+            ui.label(about).classes("text-sm opacity-70")
+    return found
+
+
+def numbered(text: str, number: int) -> str:
+    """Return a text with its number, if it has one."""
+    return f"{number}. {text}" if number else text

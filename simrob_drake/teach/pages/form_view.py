@@ -52,17 +52,40 @@ class FormView:
         return field.key.removeprefix(f"{self._under}.")
 
     def _switch(self, field: Field) -> Callable[[Field], object]:
-        return self._switched(field, lambda on: on).update
+        return self._switched(field, lambda on: on)
 
     def _section(self, field: Field) -> Callable[[Field], object]:
         """Draw the heading of a section; one that may be missing has a switch."""
         if field.removable:
-            return self._switched(field, lambda on: {} if on else None).update
+            return self._switched(field, lambda on: {} if on else None)
         ui.label(self._name(field)).classes("font-bold pt-2").tooltip(field.help)
         return lambda new: None
 
-    def _switched(self, field: Field, value: Callable[[bool], Any]) -> "_Switch":
-        return _Switch(self._name(field), field, lambda on: self._give(field.key, value(on)))
+    def _switched(self, field: Field, value: Callable[[bool], Any]) -> Callable[[Field], object]:
+        """Draw a switch with its help below, or what is wrong."""
+        with ui.column().classes("w-full gap-0"):
+            switch = ui.switch(self._name(field), value=bool(field.value)).props("dense").classes("pt-2")
+            message = ui.label()
+        shown = [switch.value]
+
+        def tell(wrong: str) -> None:
+            message.text = wrong or field.help
+            message.classes(replace=f"text-xs {'text-negative' if wrong else 'opacity-70'}")
+
+        async def changed() -> None:
+            if switch.value != shown[0]:
+                wrong = await self._give(field.key, value(switch.value))
+                tell(wrong)
+                if wrong:
+                    switch.value = shown[0]
+
+        def update(new: Field) -> None:
+            shown[0] = switch.value = bool(new.value)
+            tell("")
+
+        tell("")
+        switch.on_value_change(changed)
+        return update
 
     def _choice(self, field: Field) -> Callable[[Field], object]:
         select = ui.select(list(field.choices), label=self._name(field), value=field.value)
@@ -134,33 +157,6 @@ class FormView:
         return lambda new: None
 
 
-class _Switch:
-    """A switch of a field, with its help below, or what is wrong."""
-
-    def __init__(self, name: str, field: Field, give: Callable[[bool], Awaitable[str]]) -> None:
-        self._give, self._shown, self._help = give, bool(field.value), field.help
-        with ui.column().classes("w-full gap-0"):
-            self._switch = ui.switch(name, value=self._shown, on_change=self._changed).props("dense").classes("pt-2")
-            self._message = ui.label().classes("text-xs")
-        self._tell("")
-
-    async def _changed(self) -> None:
-        if self._switch.value != self._shown:
-            wrong = await self._give(self._switch.value)
-            self._tell(wrong)
-            if wrong:
-                self._switch.value = self._shown
-
-    def _tell(self, wrong: str) -> None:
-        self._message.text = wrong or self._help
-        self._message.classes(replace=f"text-xs {'text-negative' if wrong else 'opacity-70'}")
-
-    def update(self, field: Field) -> None:
-        """Show what the station has."""
-        self._shown = self._switch.value = bool(field.value)
-        self._tell("")
-
-
 _TUNED = ("kp", "ki", "kd", "torque_limit", "gravity", "static", "dynamic")
 """Last parts of the keys that have a slider where they hold one number."""
 _DECADES = 1.0  # that a slider goes to each side of the present figure
@@ -172,27 +168,26 @@ def tuners(fields: Sequence[Field], give: Give) -> None:
     for field in fields:
         value = field.value
         if field.key.rpartition(".")[2] in _TUNED and isinstance(value, (int, float)) and value > 0:
-            _Tuner(field, float(value), give)
+            _tuner(field, float(value), give)
 
 
-class _Tuner:
-    def __init__(self, field: Field, value: float, give: Give) -> None:
-        self._field, self._value, self._give = field, value, give
-        with ui.row().classes("w-full items-center no-wrap gap-3"):
-            ui.label(field.key).classes("text-sm w-32 shrink-0")
-            self._slider = ui.slider(min=-_DECADES, max=_DECADES, step=0.01, value=0.0, on_change=self._show)
-            self._slider.classes("grow").props(f'aria-label="{field.key}"')
-            self._slider.on("change", self._turned, args=[])
-            self._label = ui.label().classes("text-sm w-36 shrink-0")
-        self._wrong = ui.label().classes("text-xs text-negative")
-        self._show()
+def _tuner(field: Field, value: float, give: Give) -> None:
+    with ui.row().classes("w-full items-center no-wrap gap-3"):
+        ui.label(field.key).classes("text-sm w-32 shrink-0")
+        slider = ui.slider(min=-_DECADES, max=_DECADES, step=0.01, value=0.0)
+        slider.classes("grow").props(f'aria-label="{field.key}"')
+        label = ui.label().classes("text-sm w-36 shrink-0")
+    wrong = ui.label().classes("text-xs text-negative")
 
-    @property
-    def _now(self) -> float:
-        return float(f"{self._value * 10 ** (self._slider.value or 0.0):.{_DIGITS}g}")
+    def now() -> float:
+        return float(f"{value * 10 ** (slider.value or 0.0):.{_DIGITS}g}")
 
-    def _show(self) -> None:
-        self._label.text = f"{self._now:g} {self._field.unit}"
+    def show() -> None:
+        label.text = f"{now():g} {field.unit}"
 
-    async def _turned(self) -> None:
-        self._wrong.text = await self._give(self._field.key, self._now)
+    async def turned() -> None:
+        wrong.text = await give(field.key, now())
+
+    slider.on_value_change(show)
+    slider.on("change", turned, args=[])
+    show()

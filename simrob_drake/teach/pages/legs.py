@@ -7,78 +7,65 @@ from typing import Any
 from nicegui import ui
 
 from simrob_drake.programs.moves.kinds import KINDS
-from simrob_drake.teach.pages import move_list, plots
-from simrob_drake.teach.pages.elements import KEYS, follow, set_label
+from simrob_drake.teach.pages import plots
+from simrob_drake.teach.pages.elements import KEYS, card, follow, numbered, rebuild
 from simrob_drake.teach.pages.joints import Joints
 from simrob_drake.teach.pages.move_forms import choices_of, duration_field, offers
+from simrob_drake.teach.pages.move_list import MoveList
 from simrob_drake.teach.pages.phrases import Content, Phrases
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
-_KIND = "legs"
-
 
 def build(session: Session, t: Words) -> None:
     """Build the page of a session's robot in the present place; it is built anew for another robot."""
-    place = ui.column().classes("w-full gap-4")
-    built: list[Any] = []
+
+    def robot() -> Content:
+        found: Content = session.description.get("robots", {}).get(session.robot, {})
+        return found
+
+    def state() -> list[Any]:
+        axes = [{key: value for key, value in axis.items() if key != "now"} for axis in robot().get("axes", ())]
+        loops = [loop["name"] for loop in session.description.get("loops", ())]
+        return [{**robot(), "axes": axes}, loops, session.description.get("pieces")]
 
     def show() -> None:
-        robot = session.description.get("robots", {}).get(session.robot, {})
-        if _what_counts(session, robot) == built:
-            return
-        built[:] = _what_counts(session, robot)
-        place.clear()
-        with place:
-            if robot.get("kind") == _KIND and robot.get("axes"):
-                _build(session, t, robot)
-            else:
-                ui.label(t("legs.none"))
+        if robot().get("kind") == "legs" and robot()["axes"]:
+            _build(session, t, robot())
+        else:
+            ui.label(t("legs.none"))
 
-    follow(session, show, "description")
-
-
-def _what_counts(session: Session, robot: Content) -> list[Any]:
-    """Return what the page is built of."""
-    axes = [{key: value for key, value in axis.items() if key != "now"} for axis in robot.get("axes", ())]
-    loops = [loop["name"] for loop in session.description.get("loops", ())]
-    return [{**robot, "axes": axes}, loops, session.description.get("pieces")]
+    rebuild(session, state, show, "description")
 
 
 def _build(session: Session, t: Words, robot: Content) -> None:
     phrases = Phrases(t, robot["axes"])
     _Teaching(session, phrases, robot)
-    with _card(t("legs.motions")):
+    with card(t("legs.motions")):
         _button(t("legs.step"), session.step, keys="Alt+P")
         offers(session, phrases, choices_of(session, robot), [kind for kind in KINDS.values() if kind.of_legs])
     if session.description.get("loops"):
-        with _card(t("legs.loops")):
+        with card(t("legs.loops")):
             _loops(session, phrases)
-    with _card(t("legs.program")):
-        move_list.build(session, phrases, robot)
+    with card(t("legs.program")):
+        MoveList(session, phrases, robot)
     _plots(session, phrases)
 
 
 def _plots(session: Session, phrases: Phrases) -> None:
     """Build the plots, which are there while their place is open, and anew where there are other signals."""
-    drawn: list[Any] = []
-    with ui.expansion(phrases.t("legs.plots")).classes("pendant-plate w-full") as expansion:
-        panel = ui.column().classes("w-full")
+
+    def names() -> list[Any]:
+        return list(session.description.get("signals", ())) if expansion.value else []
 
     def show() -> None:
-        names = session.description.get("signals", []) if expansion.value else []
-        if names == drawn:
-            return
-        drawn[:] = names
-        panel.clear()
-        if names:
-            with panel:
-                moves = [*session.pending, *(move.entry() for move in session.program.moves)]
-                moved = {phrases.plain(axis) for move in moves for axis in move.get("target_deg", ())}
-                plots.build(session, phrases.t, moved)
+        if names():
+            moves = [*session.pending, *(move.entry() for move in session.program.moves)]
+            moved = {phrases.plain(axis) for move in moves for axis in move.get("target_deg", ())}
+            plots.build(session, phrases.t, moved)
 
-    expansion.on_value_change(show)
-    follow(session, show, "description")
+    with ui.expansion(phrases.t("legs.plots")).classes("pendant-plate w-full") as expansion:
+        expansion.on_value_change(rebuild(session, names, show, "description"))
 
 
 class _Teaching:
@@ -86,7 +73,7 @@ class _Teaching:
 
     def __init__(self, session: Session, phrases: Phrases, robot: Content) -> None:
         self._session, self._phrases, t = session, phrases, phrases.t
-        with _card(t("legs.joints"), 1) as card:
+        with card(t("legs.joints"), 1) as plate:
             self._joints = Joints(phrases, robot["axes"], changed=self._tell, entered=self._test)
             self._chosen = ui.label().classes("text-sm").props("aria-live=polite")
             with ui.row().classes("w-full items-start gap-2"):
@@ -101,7 +88,7 @@ class _Teaching:
                 _button(t("legs.reset"), lambda: self._back(session.reset), keys="Alt+R").props("outline")
         self._axes, self._reference = robot["axes"], _reference_of(session)
         if self._reference:
-            plots.watch(session, self._reference, card)
+            plots.watch(session, self._reference, plate)
         follow(session, self._tell, "program")
         follow(session, self._show_where, "phase", "tick")
 
@@ -139,12 +126,11 @@ class _Teaching:
         if session.phase == "running":
             return
         asked = plots.at(session.history.get(self._reference, ()), session.time) if session.time else None
-        if asked is not None:
-            self._joints.follow(
-                {axis["name"]: _shown(axis, value) for axis, value in zip(self._axes, asked, strict=True)}
-            )
-        elif not session.time:
-            self._joints.follow({axis["name"]: axis["now"] for axis in self._axes})
+        if asked is not None or not session.time:
+            shown = [axis["now"] for axis in self._axes] if asked is None else asked
+            turns = [asked is not None and axis["unit"] == "deg" for axis in self._axes]
+            values = [degrees(value) if turn else value for turn, value in zip(turns, shown, strict=True)]
+            self._joints.follow({axis["name"]: value for axis, value in zip(self._axes, values, strict=True)})
 
     def _tell(self) -> None:
         """Say what would be tested, and what was."""
@@ -154,11 +140,6 @@ class _Teaching:
         moves = "; ".join(phrases.move(move) for move in self._session.pending)
         self._tested.text = t("legs.tested", moves=moves) if moves else ""
         self._add.set_enabled(bool(moves))
-
-
-def _shown(axis: Content, value: float) -> float:
-    """Return a position [rad or m] as users are told it."""
-    return degrees(value) if axis["unit"] == "deg" else value
 
 
 def _reference_of(session: Session) -> str:
@@ -188,21 +169,10 @@ def _loops(session: Session, phrases: Phrases) -> None:
     follow(session, show, "description")
 
 
-def _card(title: str, number: int = 0) -> ui.column:
-    with ui.column().classes("pendant-plate w-full gap-2 p-3").props("role=group") as card:
-        set_label(card, title)
-        ui.html(_numbered(title, number), tag="h2", sanitize=False).classes("text-base font-bold")
-    return card
-
-
 def _button(text: str, on_click: Callable[[], object], number: int = 0, keys: str = "") -> ui.button:
     """Build a button; ``number`` is its place in the order of use, ``keys`` press it."""
-    button = ui.button(_numbered(text, number), on_click=on_click).props("no-caps")
+    button = ui.button(numbered(text, number), on_click=on_click).props("no-caps")
     if keys:
         button.props[KEYS] = keys
         button.tooltip(keys)
     return button
-
-
-def _numbered(text: str, number: int) -> str:
-    return f"{number}. {text}" if number else text

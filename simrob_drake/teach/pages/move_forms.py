@@ -9,17 +9,20 @@ from nicegui import ui
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.programs.moves.kinds import KINDS
+from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, kind_of
 from simrob_drake.teach.form import Field, as_text, as_value, content_of, move_fields
 from simrob_drake.teach.pages.elements import KEYS, NumberField, icon_button, set_label
 from simrob_drake.teach.pages.joints import axis_field
-from simrob_drake.teach.pages.phrases import Content, Phrases
+from simrob_drake.teach.pages.phrases import MILLI, Content, Phrases
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 from simrob_drake.yaml_files import parse_yaml
 
 SHORTEST, LONGEST = 0.05, 600.0
 """Durations of moves that fields take [s]."""
+SPEED, _FASTEST = 200.0, 5000.0
+"""Of an arm's tool unless another one is asked for, v200 of RAPID; and that a field takes [mm/s]."""
 AXES, ORIGIN = "axes", "origin"
 """What a form asks for by fields of its own; see :class:`~simrob_drake.programs.moves.move.Move`."""
 _AT_ORIGIN = [0.0] * 6
@@ -72,6 +75,8 @@ def _try(session: Session, read: Read) -> None:
 def stored_form(phrases: Phrases, choices: Content, move: Content) -> Read:
     """Build a form for a stored move as a file has it: what its kind asks for, and the rest as YAML."""
     kind = kind_of(move, KINDS.values())
+    if kind is not None and issubclass(kind, ArmMotion):
+        return _motion_form(phrases, kind, content_of(kind, move))
     if kind is None or not kind.form:
         return yaml_form(phrases.t("legs.as_yaml"), move)
     content = content_of(kind, move)
@@ -81,6 +86,24 @@ def stored_form(phrases: Phrases, choices: Content, move: Content) -> Read:
     def read() -> dict[str, Any] | None:
         entry, further = asked(), rest()
         return None if entry is None or further is None else _entry(kind, {**content_of(kind, entry), **further})
+
+    return read
+
+
+def _motion_form(phrases: Phrases, kind: type[Move], content: dict[str, Any]) -> Read:
+    """Build a form for the speed of a stored move of an arm, or the time that it takes, whichever is filled last."""
+    t, speed = phrases.t, content.get("speed")
+    with ui.row().classes("items-start gap-2"):
+        fields = speed_field(t, speed and speed / MILLI), duration_field(t, content.get("duration"))
+    for one, other in (fields, fields[::-1]):
+        one.field.on_value_change(lambda event, other=other: event.value is None or other.field.set_value(None))
+    rest = {key: value for key, value in content.items() if key not in ("speed", "duration", "times")}
+
+    def read() -> dict[str, Any] | None:
+        if any(field.value is None and field.field.value is not None for field in fields):
+            return None
+        fast, long = (field.value for field in fields)
+        return {kind.key: rest | ({"duration": long} if long else {"speed": fast * MILLI} if fast else {})}
 
     return read
 
@@ -163,9 +186,14 @@ def _text(label: str, field: Field) -> _Get:
     return get
 
 
-def duration_field(t: Words, value: float = MOVE_TIME) -> NumberField:
+def duration_field(t: Words, value: float | None = MOVE_TIME) -> NumberField:
     """Build a field for the duration of a move [s]."""
     return NumberField(t, t("fields.duration"), value, low=SHORTEST, high=LONGEST, unit=" s", step=0.1)
+
+
+def speed_field(t: Words, value: float | None = SPEED) -> NumberField:
+    """Build a field for the speed of an arm's tool [mm/s]."""
+    return NumberField(t, t("fields.speed"), value, low=1.0, high=_FASTEST, unit=" mm/s", step=10)
 
 
 def yaml_form(label: str, content: Content) -> Read:
@@ -192,7 +220,7 @@ def _targets(phrases: Phrases, axes: list[Content], targets: Mapping[str, float]
 
     def add(name: str, value: float) -> None:
         with rows, ui.row().classes("w-full items-center no-wrap gap-2") as row:
-            fields[name] = axis_field(phrases, known[name], value, titled=True)
+            fields[name] = axis_field(phrases, known[name], value)
             fields[name].field.classes("grow")
 
             def drop() -> None:

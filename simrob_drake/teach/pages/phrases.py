@@ -15,6 +15,9 @@ from simrob_drake.teach.pages.words import Words
 Content = Mapping[str, Any]
 """A move as a program's file has it, an axis as a description has it."""
 
+Taught = Mapping[str, Mapping[str, Any]]
+"""Targets by name, as a session has them."""
+
 MINUS = "\N{MINUS SIGN}"
 _UNITS = {"deg": "°", "m": " m"}
 
@@ -51,11 +54,16 @@ class Phrases:
         """Return what stands behind a number of an axis."""
         return _UNITS[self._axes[name]["unit"]] if name in self._axes else ""
 
-    def move(self, move: Content) -> str:
-        """Return a move in one line: in the words that the pages have for its kind, else in its own."""
+    def move(self, move: Content, targets: Taught | None = None) -> str:
+        """Return a move in one line: in the words that the pages have for its kind, else in its own.
+
+        One that leads to taught targets has their names.
+        """
         kind = kind_of(move, KINDS.values())
         if kind is None:
             return as_text(move)
+        if issubclass(kind, ArmMotion):
+            return self._motion(kind, content_of(kind, move), targets or {})
         caption, phrase = check_move(move).caption(), self._named("said", kind.key, "")
         if caption not in ("", kind.key) and not phrase:
             return caption
@@ -95,6 +103,12 @@ class Phrases:
             return self.field(kind, key)
         value_text = self._value(kind, key, value)
         return value_text if isinstance(what, str) else f"{self._named('fields', key).lower()} {value_text}"
+
+    def _motion(self, kind: type[ArmMotion], said: Content, targets: Taught) -> str:
+        """Return a move of an arm in one line, with the names of taught targets that it goes to."""
+        ways = [_target(kind, said, key, targets) for key in ("via", "targets") if key == "targets" or key in said]
+        how = [_how(self, key, said[key]) for key in _HOW if said.get(key) is not None]
+        return ", ".join([f"{self.title(kind)} {' → '.join(ways)}", *how])
 
     def change(self, change: Change, grid: float) -> str:
         """Return a change of a run in one line; ``grid`` is the program's [s]."""
@@ -142,9 +156,6 @@ _PLACE = 3  # figures
 _TURNS = ("Rz", "Ry", "Rx")
 _SAME = 1e-6  # m or deg
 
-Taught = Mapping[str, Mapping[str, Any]]
-"""Targets by name, as a session has them."""
-
 
 def joint_words(phrases: Phrases, name: str) -> str:
     """Return what a joint is called: the joints of arms by their number."""
@@ -184,17 +195,6 @@ def pose_of(text: str) -> list[float]:
     if len(values) != len("xyz") + len(_TURNS) or not all(map(isfinite, values)):
         return []
     return [value * MILLI if number < _PLACE else value for number, value in enumerate(values)]
-
-
-def line_words(phrases: Phrases, move: Mapping[str, Any], targets: Taught) -> str:
-    """Return a line of a program in words, with the names of taught targets that it goes to."""
-    kind = motions().get(next(iter(move)))
-    if kind is None:
-        return phrases.move(move)
-    said = content_of(kind, move)
-    ways = [_target(kind, said, key, targets) for key in ("via", "targets") if key == "targets" or key in said]
-    how = [_how(phrases, key, said[key]) for key in _HOW if said.get(key) is not None]
-    return ", ".join([f"{phrases.title(kind)} {' → '.join(ways)}", *how])
 
 
 def motions() -> dict[str, type[ArmMotion]]:

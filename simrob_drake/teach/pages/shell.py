@@ -12,7 +12,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.files import models_root
 from simrob_drake.robots.catalog import load_robot, robot_names
 from simrob_drake.stations.load import station_names
-from simrob_drake.teach.pages import arm, legs, runbar, station, view
+from simrob_drake.teach.pages import arm, legs, station, view
 from simrob_drake.teach.pages.elements import KEYS, follow, icon_button, set_label, shortcuts
 from simrob_drake.teach.pages.words import Words, languages
 from simrob_drake.teach.pendant import Pendant
@@ -58,7 +58,7 @@ def build(pendant: Pendant) -> None:
     with ui.element("main").classes("pendant-main"):
         with ui.element("section").classes("pendant-plate pendant-see"):
             view.build(session, t)
-            runbar.build(pendant)
+            view.build_bar(session, t)
             view.build_pad(session, t)
         with ui.element("section").classes("pendant-plate"):
             _tabs(session, t)

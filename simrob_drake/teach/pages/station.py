@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
+from html import unescape
 from typing import Any
 
 from nicegui import background_tasks, context, ui
 
 from simrob_drake.stations.load import station_content
+from simrob_drake.stations.schema import station_schema
 from simrob_drake.teach.describe import block_meaning
 from simrob_drake.teach.form import Field, as_text, form_fields
-from simrob_drake.teach.pages.elements import follow
+from simrob_drake.teach.pages.elements import card, follow
 from simrob_drake.teach.pages.form_view import FormView, tuners
-from simrob_drake.teach.pages.picture import BlockPicture
 from simrob_drake.teach.pages.plots import scope
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
@@ -40,20 +42,20 @@ class _Page:
         self._content: dict[str, Any] = {}
         self._endings: list[str] = []
         self._heard = session.ending
-        self._sections: dict[str, _Section] = {}
+        self._sections: dict[str, Callable[[list[Field]], None]] = {}
         self._panels = next((one for one in context.slot.parent.ancestors() if isinstance(one, ui.tab_panels)), None)
         self._asked = True
-        with _card(t("station.blocks"), t("station.blocks_help")):
+        with card(t("station.blocks"), about=t("station.blocks_help")):
             self._wrong_picture = ui.label().classes("text-negative")
             self._picture = BlockPicture(self._show_block, t("station.enlarge"))
-        with _card(t("station.block")):
+        with card(t("station.block")):
             self._block = ui.column().classes("w-full gap-2")
-        with _card(t("station.stops")):
+        with card(t("station.stops")):
             self._stops = ui.column().classes("w-full gap-1")
         with ui.element("div").classes(_COLUMNS):
-            with _card(t("station.check")):
+            with card(t("station.check")):
                 self._findings = ui.column().classes("w-full gap-1")
-            with _card(t("station.keys"), t("station.keys_help")):
+            with card(t("station.keys"), about=t("station.keys_help")):
                 self._changed = ui.row().classes("gap-2 items-center")
                 self._sought = ui.input(t("station.search"), on_change=self._search)
                 self._sought.props("clearable dense").classes("w-full")
@@ -81,7 +83,7 @@ class _Page:
         if not session.description:
             return
         self._content = station_content(session.config)
-        self._fields = form_fields(session.schema(), self._content)
+        self._fields = form_fields(station_schema(), self._content)
         self._show_form()
         self._search()
         self._show_changed()
@@ -133,13 +135,27 @@ class _Page:
             self._form.clear()
             with self._form:
                 title = self._t("station.general")
-                self._sections = {top: _Section(top, top or title, self) for top in tops}
+                self._sections = {top: self._section(top, top or title) for top in tops}
         for top, fields in tops.items():
-            self._sections[top].show(fields)
+            self._sections[top](fields)
 
-    def view(self, under: str = "") -> FormView:
-        """Make an empty column of fields in the present place, whose keys are told without what they are under."""
-        return FormView(self._t, self._give, under=under)
+    def _section(self, top: str, title: str) -> Callable[[list[Field]], None]:
+        """Make a section of the form, folded, and return what shows fields in it."""
+        shown, views = list[Field](), list[FormView]()
+
+        def fill() -> None:
+            if fold.value and not views:
+                with fold:
+                    views.append(FormView(self._t, self._give, under=top))
+            for view in views if fold.value else ():
+                view.show(shown)
+
+        def show(fields: list[Field]) -> None:
+            shown[:] = fields
+            fill()
+
+        fold = ui.expansion(title, on_value_change=fill).classes("w-full").props("dense")
+        return show
 
     def _search(self) -> None:
         """Show the fields whose key or help has all the words that are sought, in place of the sections."""
@@ -200,30 +216,7 @@ class _Page:
                 scope(self._session, self._t, name, only=next(own, ""))
             tuners(fields, self._give)
             with ui.expansion(self._t("station.parameters"), value=len(fields) <= _FEW).classes("w-full"):
-                self.view().show(fields)
-
-
-class _Section:
-    """A section of the form, folded; what stands in it is made when it is unfolded."""
-
-    def __init__(self, top: str, title: str, page: _Page) -> None:
-        self._fields: list[Field] = []
-        self._view: FormView | None = None
-        self._top, self._page = top, page
-        self._fold = ui.expansion(title, on_value_change=self._fill).classes("w-full").props("dense")
-
-    def show(self, fields: list[Field]) -> None:
-        """Show fields."""
-        self._fields = fields
-        self._fill()
-
-    def _fill(self) -> None:
-        if not self._fold.value:
-            return
-        if self._view is None:
-            with self._fold:
-                self._view = self._page.view(self._top)
-        self._view.show(self._fields)
+                FormView(self._t, self._give).show(fields)
 
 
 def _show_finding(finding: Mapping[str, str], icon: str, called: str) -> None:
@@ -234,14 +227,99 @@ def _show_finding(finding: Mapping[str, str], icon: str, called: str) -> None:
         ui.label(": ".join(filter(None, (finding["subject"], finding["text"])))).classes("text-sm min-w-0")
 
 
-def _card(title: str, about: str = "") -> ui.card:
-    with ui.card().props("flat bordered").classes("w-full min-w-0") as card:
-        ui.label(title).classes("text-lg").props("role=heading aria-level=2")
-        if about:
-            ui.label(about).classes("text-sm opacity-70")
-    return card
-
-
 def _field_text(field: Field) -> str:
     name = field.key.rpartition(".")[2].removesuffix("_deg").replace("_", " ")
     return f"{name} {as_text(field.value)} {field.unit}".strip()
+
+
+_NODE = re.compile(r'<g class="node"><title>(.*?)</title>(.*?)</g>', re.DOTALL)
+_TEXT = re.compile(r"<text[^>]*>(.*?)</text>")
+_WIDTH = re.compile(r'<svg ([^>]*width="(\d+)")')
+_CHOOSE = """(event) => {
+    const node = event.target.closest('[data-block]');
+    if (!node || (event.type === 'keydown' && event.key !== 'Enter' && event.key !== ' ')) return;
+    event.preventDefault();
+    emit(node.dataset.block);
+}"""
+_ENLARGE = """(event) => {
+    const picture = event.target.closest('.block-picture');
+    document.fullscreenElement ? document.exitFullscreen() : picture.requestFullscreen();
+}"""
+_LOOK = """
+.block-picture {overflow: auto}
+.block-picture svg {width: 100%; height: auto; display: block; margin: auto}
+.block-picture:fullscreen {background: #fff}
+.block-picture:fullscreen svg {min-width: 0 !important}
+.body--dark .block-picture:fullscreen {background: #191919}
+.block-picture .q-btn {position: sticky; left: calc(100% - 3rem)}
+.block-picture .node {cursor: pointer; outline: none}
+.block-picture .node:hover > path:first-of-type {stroke-width: 2}
+.block-picture .node:focus-visible > path:first-of-type,
+.block-picture .chosen > path:first-of-type {stroke: #d81b60; stroke-width: 3}
+.body--dark .block-picture svg {filter: invert(0.9) hue-rotate(180deg)}
+"""
+
+
+class BlockPicture:
+    """The picture of a station's blocks, of which one is chosen; it can be as large as the screen.
+
+    Attributes:
+        labels: what stands in each block, by its name.
+        chosen: the name of the block that is marked; empty for none.
+    """
+
+    def __init__(self, on_choice: Callable[[str], object], enlarge: str) -> None:
+        """Make an empty picture.
+
+        Args:
+            on_choice: is told the name of a block that the user chooses.
+            enlarge: what the button is called that shows it as large as the screen.
+        """
+        self.labels: dict[str, str] = {}
+        self.chosen = ""
+        self._svg = ""
+        self._on_choice = on_choice
+        ui.add_css(_LOOK)
+        with ui.element("div").classes("block-picture w-full"):
+            whole = ui.button(icon="fullscreen").props(f'flat round dense aria-label="{enlarge}"').tooltip(enlarge)
+            whole.on("click", js_handler=_ENLARGE)
+            self._place = ui.html("")
+        self._place.on("click", lambda event: self.choose(event.args), js_handler=_CHOOSE)
+        self._place.on("keydown", lambda event: self.choose(event.args), js_handler=_CHOOSE)
+
+    def show(self, svg: str) -> None:
+        """Show a drawing, with the same block chosen as before if it is there."""
+        self._svg, self.labels = svg, labels_of(svg)
+        self.choose(self.chosen if self.chosen in self.labels else "")
+
+    def choose(self, block: str) -> None:
+        """Mark a block, and tell of it."""
+        self.chosen = block
+        self._place.set_content(with_buttons(self._svg, block))
+        self._on_choice(block)
+
+
+def labels_of(svg: str) -> dict[str, str]:
+    """Return what stands in the blocks that have words, by their names."""
+    texts = {unescape(name): _TEXT.findall(inner) for name, inner in _NODE.findall(svg)}
+    lines = {name: [unescape(line).strip() for line in found] for name, found in texts.items()}
+    return {name: "\n".join(filter(None, found)) for name, found in lines.items() if any(found)}
+
+
+def with_buttons(svg: str, chosen: str = "") -> str:
+    """Return a drawing whose blocks say that they are buttons; bars, which say nothing, are none.
+
+    It is as wide as its place, but never so small that it cannot be read, nor larger than twice as it was drawn.
+    """
+    labels = labels_of(svg)
+
+    def button(found: re.Match[str]) -> str:
+        name = found[1]
+        if unescape(name) not in labels:
+            return found[0]
+        mark, pressed = (" chosen", "true") if unescape(name) == chosen else ("", "false")
+        attributes = f'data-block="{name}" tabindex="0" role="button" aria-pressed="{pressed}"'
+        return found[0].replace('<g class="node">', f'<g class="node{mark}" {attributes}>')
+
+    sized = _WIDTH.sub(r'<svg style="min-width: calc(0.9 * \2px); max-width: calc(2 * \2px)" \1', svg, count=1)
+    return _NODE.sub(button, sized)

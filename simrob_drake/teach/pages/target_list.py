@@ -7,7 +7,7 @@ from typing import Any
 from nicegui import ui
 
 from simrob_drake.teach.pages.arm_jogging import ArmState
-from simrob_drake.teach.pages.elements import KEYS, follow, icon_button
+from simrob_drake.teach.pages.elements import KEYS, icon_button, rebuild
 from simrob_drake.teach.pages.phrases import (
     MILLI,
     WORLD,
@@ -39,22 +39,16 @@ def build_targets(session: Session, t: Words, place: ArmState) -> None:
         frame = ui.select({WORLD: t("arm.frame_world")}, value=WORLD, label=t("arm.goes_with"), with_input=True)
         frame.props("dense outlined options-dense").classes("grow").style("min-width: 8rem")
         ui.button(t("arm.teach"), icon="add_location", on_click=teach).props("no-caps").props[KEYS] = "Alt+T"
-    found = ui.element("ul").classes("w-full p-0 m-0").style("list-style: none")
-    shown: list[Any] = []
+    place.subscribe(frames)
 
     def show() -> None:
-        if shown == [session.targets]:
-            return
-        shown[:] = [dict(session.targets)]
-        found.clear()
-        with found:
+        with ui.element("ul").classes("w-full p-0 m-0").style("list-style: none"):
             for target, taught in session.targets.items():
                 _target(session, t, target, taught)
-            if not session.targets:
-                ui.label(t("arm.no_targets")).classes("opacity-70 py-1")
+        if not session.targets:
+            ui.label(t("arm.no_targets")).classes("opacity-70 py-1")
 
-    place.subscribe(frames)
-    follow(session, show, "program")
+    rebuild(session, lambda: dict(session.targets), show, "program")
 
 
 def _target(session: Session, t: Words, name: str, taught: Mapping[str, Any]) -> None:
@@ -74,20 +68,14 @@ def build_branches(session: Session, phrases: Phrases) -> None:
     with ui.row().classes("w-full items-center gap-2"):
         ui.button(t("arm.branches"), icon="call_split", on_click=partial(session.branches, None)).props("no-caps")
         hide = ui.button(t("arm.hide"), on_click=session.hide_ghosts).props("flat no-caps")
-    found = ui.element("ol").classes("w-full p-0 m-0").style("list-style: none; max-height: 22rem; overflow-y: auto")
-    shown: list[Any] = []
 
     def show() -> None:
         hide.set_visibility(bool(session.ghosts))
-        if shown == [session.ghosts]:
-            return
-        shown[:] = [session.ghosts]
-        found.clear()
-        with found:
+        with ui.element("ol").classes("w-full p-0 m-0").style("list-style: none; max-height: 22rem; overflow-y: auto"):
             for number, branch in enumerate(session.ghosts):
                 _branch(session, phrases, number, branch)
 
-    follow(session, show, "program")
+    rebuild(session, lambda: list(session.ghosts), show, "program")
 
 
 def _branch(session: Session, phrases: Phrases, number: int, branch: Mapping[str, Any]) -> None:

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from simrob_drake.errors import one_of
 from simrob_drake.yaml_files import read_yaml
@@ -13,14 +13,27 @@ _FOLDER = Path(__file__).parent / "strings"
 _BETWEEN = "."
 
 
-class Words(Protocol):
-    """What the pages call ``t``: a text by its key, ``section.name``."""
+@dataclass(frozen=True)
+class Words:
+    """What the pages call ``t``: a text by its key, ``section.name``; and what the engine says, in the language."""
+
+    _texts: dict[str, str]
+    _sentences: tuple[tuple[re.Pattern[str], str], ...]
 
     def __call__(self, key: str, **values: object) -> str:
         """Return a text with figures put in where it has their names in braces."""
+        return self._texts[key].format(**values) if values else self._texts[key]
 
     def of_engine(self, text: str) -> str:
         """Return what the engine says in English, line by line, in the language; what it does not know as it is."""
+        return "\n".join(map(self._said, text.split("\n"))) if self._sentences else text
+
+    def _said(self, line: str) -> str:
+        """Return a line in the words of the first sentence that it is, and so its parts, which are shorter."""
+        for pattern, sentence in self._sentences:
+            if (found := pattern.fullmatch(line)) is not None:
+                return sentence.format(**{name: self._said(part) for name, part in found.groupdict().items()})
+        return line
 
 
 def languages() -> list[str]:
@@ -34,26 +47,7 @@ def words(language: str) -> Words:
     Raises:
         UnknownName: there is no such language.
     """
-    return _Words(texts_of(one_of("language", language, languages())), _sentences_of(language))
-
-
-@dataclass(frozen=True)
-class _Words:
-    texts: dict[str, str]
-    sentences: tuple[tuple[re.Pattern[str], str], ...]
-
-    def __call__(self, key: str, **values: object) -> str:
-        return self.texts[key].format(**values) if values else self.texts[key]
-
-    def of_engine(self, text: str) -> str:
-        return "\n".join(map(self._said, text.split("\n"))) if self.sentences else text
-
-    def _said(self, line: str) -> str:
-        """Return a line in the words of the first sentence that it is, and so its parts, which are shorter."""
-        for pattern, sentence in self.sentences:
-            if (found := pattern.fullmatch(line)) is not None:
-                return sentence.format(**{name: self._said(part) for name, part in found.groupdict().items()})
-        return line
+    return Words(texts_of(one_of("language", language, languages())), _sentences_of(language))
 
 
 @cache

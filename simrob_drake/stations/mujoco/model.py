@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import mujoco
 import numpy as np
 from pydrake.geometry import GeometryId
 
-from simrob_drake.mujoco.contact import (
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.parts.forces.force import place_of
+from simrob_drake.parts.site import StationPlant
+from simrob_drake.stations.dynamic import stops_of
+from simrob_drake.stations.mujoco.contact import (
     FOOT_SPEED,
     Softness,
     TouchingPair,
@@ -19,17 +24,13 @@ from simrob_drake.mujoco.contact import (
     softness,
     surfaces,
 )
-from simrob_drake.mujoco.coordinates import Coordinates
-from simrob_drake.mujoco.drives import add_force, add_servos
-from simrob_drake.mujoco.limits import check_sayable
-from simrob_drake.mujoco.names import Names
-from simrob_drake.mujoco.sensors import OutputSensors, add_sensors
-from simrob_drake.mujoco.shapes import add_shapes
-from simrob_drake.mujoco.tree import add_tree
-from simrob_drake.parts.forces.force import place_of
-from simrob_drake.stations.closed import ClosedStation
-from simrob_drake.stations.dynamic import stops_of
-from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.mujoco.coordinates import Coordinates
+from simrob_drake.stations.mujoco.drives import add_force, add_motors, add_servos
+from simrob_drake.stations.mujoco.names import Names
+from simrob_drake.stations.mujoco.sensors import OutputSensors, add_sensors
+from simrob_drake.stations.mujoco.shapes import add_shapes
+from simrob_drake.stations.mujoco.tree import add_tree
+from simrob_drake.stations.resolve import ResolvedStation
 
 mujoco.set_mju_user_warning(lambda _: None)  # runs that go astray are told by their results
 
@@ -48,59 +49,76 @@ class MujocoModel:
         spec: of the model, with the figures for its step.
         model: compiled.
         outputs: how the model's sensors give outputs of the station, by their names.
+        shapes: of the plant, by the names of the model's geoms.
     """
 
     spec: mujoco.MjSpec
     model: mujoco.MjModel
     outputs: Mapping[str, OutputSensors]
+    shapes: Mapping[str, GeometryId]
+
+
+Driver = Literal["controls", "diagram", "motion"]
 
 
 def mujoco_model(
-    closed: ClosedStation,
+    station: ResolvedStation,
+    plant: StationPlant,
     *,
     step: float = STEP,
     integrator: str | None = None,
     seen: bool = False,
-    moved_by_torque: bool = True,
+    driver: Driver = "controls",
 ) -> MujocoModel:
     """Return a station as a MuJoCo model that stands where the station begins.
 
     Args:
-        closed: the station, built.
+        station: what it is made of.
+        plant: it, built.
         step: length of a step [s].
         integrator: MuJoCo's name of it; unless given ``discrete``, which treats servos and contacts in one implicit
             solve, and ``implicitfast`` where there are no servos, which takes nothing from what swings.
         seen: with the pictures of all bodies.
-        moved_by_torque: with servos and forces; without, it is there to be asked for its inverse dynamics.
+        driver: what moves it: the model's own controls, servos and forces, with sensors to tell; a diagram, where the
+            model has servos without limits alone; or a given motion, for inverse dynamics.
 
     Raises:
         InvalidParameter: something that MJCF cannot say.
     """
-    ports = closed.ports
-    check_sayable(ports.config, ports.plant.robots, moved_by_torque=moved_by_torque)
-    spec, names = mujoco.MjSpec(), Names(ports.plant.plant)
-    spec.modelname = ports.config.name
+    spec, names = mujoco.MjSpec(), Names(plant.plant)
+    spec.modelname = station.config.name
     spec.compiler.degree = False
-    _set_options(spec, ports, step, integrator or ("discrete" if ports.plant.robots else "implicitfast"))
-    add_tree(spec, ports.plant, names)
-    shapes = add_shapes(spec, ports.plant, names, seen=seen)
-    pairs = surfaces(ports.plant) if moved_by_torque else []
+    _set_options(spec, plant, step, integrator or ("discrete" if plant.robots else "implicitfast"))
+    add_tree(spec, plant, names)
+    shapes, outputs = add_shapes(spec, plant, names, seen=seen), dict[str, OutputSensors]()
+    pairs = [] if driver == "motion" else surfaces(plant)
     _add_pairs(spec, shapes, pairs)
-    if moved_by_torque:
-        for robot in ports.plant.robots.values():
+    if driver == "controls":
+        for robot in plant.robots.values():
             add_servos(spec, robot, names)
-        _add_forces(spec, ports, names)
-    outputs = add_sensors(spec, ports, names, shapes, moved_by_torque=moved_by_torque)
-    model = spec.compile()
-    if moved_by_torque:
-        _soften(spec, model, ports, names, [surface for _, _, surface in pairs])
+        _add_forces(spec, station, plant, names)
+    elif driver == "diagram":
+        add_motors(spec, plant.plant, names)
+    if driver != "diagram":
+        outputs = add_sensors(spec, station, plant, names, shapes, moved_by_torque=driver == "controls")
+    model = _compiled(spec)
+    if driver != "motion":
+        _soften(spec, model, station, plant, names, [surface for _, _, surface in pairs])
         model = spec.compile()
-    return MujocoModel(spec, model, outputs)
+    return MujocoModel(spec, model, outputs, {name: shape for shape, name in shapes.items()})
 
 
-def _set_options(spec: mujoco.MjSpec, ports: StationPorts, step: float, integrator: str) -> None:
+def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    try:
+        return spec.compile()
+    except ValueError as problem:
+        why = " ".join(str(problem).split())
+        raise InvalidParameter("station", spec.modelname, f"one that MuJoCo takes, which says: {why}") from problem
+
+
+def _set_options(spec: mujoco.MjSpec, plant: StationPlant, step: float, integrator: str) -> None:
     option = spec.option
-    option.gravity = ports.plant.plant.gravity_field().gravity_vector()
+    option.gravity = plant.plant.gravity_field().gravity_vector()
     option.timestep = step
     option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -121,14 +139,19 @@ def _add_pairs(
         )
 
 
-def _add_forces(spec: mujoco.MjSpec, ports: StationPorts, names: Names) -> None:
-    for name, force in ports.config.forces.items():
-        frame, point = place_of(ports.plant, force.place_name(f"forces.{name}", ports.station))
+def _add_forces(spec: mujoco.MjSpec, station: ResolvedStation, plant: StationPlant, names: Names) -> None:
+    for name, force in station.config.forces.items():
+        frame, point = place_of(plant, force.place_name(f"forces.{name}", station))
         add_force(spec, frame, point, name=f"force.{name}", names=names)
 
 
 def _soften(
-    spec: mujoco.MjSpec, model: mujoco.MjModel, ports: StationPorts, names: Names, pairs: list[TouchingPair]
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    station: ResolvedStation,
+    plant: StationPlant,
+    names: Names,
+    pairs: list[TouchingPair],
 ) -> None:
     """Give contacts, joint stops and dry friction their figures, which need the inertias of the compiled model."""
     step, data = spec.option.timestep, mujoco.MjData(model)
@@ -144,36 +167,45 @@ def _soften(
         pair.solref, pair.solimp = softnesses[-1].solref, softnesses[-1].solimp
         pair.solreffriction = [0.0, -softnesses[-1].impedance / step]
     spec.option.impratio = _STICK / min((found.impedance for found in softnesses), default=1.0)
-    _soften_joints(spec, model, ports, names, ahead)
+    _soften_joints(spec, model, station, plant, names, ahead)
     if ahead == 0.0:
-        _weigh_again(spec, ports, names, softnesses)
+        _weigh_again(spec, plant, names, softnesses)
 
 
-def _soften_joints(spec: mujoco.MjSpec, model: mujoco.MjModel, ports: StationPorts, names: Names, step: float) -> None:
+def _soften_joints(
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    station: ResolvedStation,
+    plant: StationPlant,
+    names: Names,
+    step: float,
+) -> None:
     """Give joint stops and dry friction their figures."""
-    for robot in ports.plant.robots.values():
+    for robot in plant.robots.values():
         for joint, most in zip(robot.joints, robot.model.friction, strict=True):
             if most > 0:
                 own, slope = spec.joint(names.joint(joint)), most / robot.model.drives.friction_speed
                 _put(own, "friction", dry_friction(slope, _inverse_inertia(model, own.name), step))
                 own.frictionloss = most
-    plant, stops = ports.plant.plant, stops_of(ports)
-    for joint in map(plant.get_joint, plant.GetJointIndices()):
+    stops = stops_of(station.config, plant)
+    for joint in map(plant.plant.get_joint, plant.plant.GetJointIndices()):
         if joint.num_velocities() == 1:
             own = spec.joint(names.joint(joint))
             weight, (stiffness, damping) = _inverse_inertia(model, own.name), stops[:, joint.velocity_start()].tolist()
             _put(own, "limit", softness(stiffness, damping / 2 * np.sqrt(weight / stiffness), weight, step))
 
 
-def _weigh_again(spec: mujoco.MjSpec, ports: StationPorts, names: Names, softnesses: list[Softness]) -> None:
+def _weigh_again(spec: mujoco.MjSpec, plant: StationPlant, names: Names, softnesses: list[Softness]) -> None:
     """Correct contacts by the inverse masses that ``discrete`` takes where the station begins."""
-    model, plant = spec.compile(), ports.plant.plant
+    model = spec.compile()
     model.pair_margin[:] = _FAR  # so that all touch
-    data, context = mujoco.MjData(model), plant.CreateDefaultContext()
-    start = plant.GetPositions(context), plant.GetVelocities(context)
-    data.qpos[:], data.qvel[:] = Coordinates.of(plant, model, names).to_mujoco(*start)
-    targets = np.concatenate([np.zeros(0), *(robot.initial for robot in ports.plant.robots.values())])
-    data.ctrl[: len(targets)] = targets  # at their limits servos would not hold
+    data, context = mujoco.MjData(model), plant.plant.CreateDefaultContext()
+    start = plant.plant.GetPositions(context), plant.plant.GetVelocities(context)
+    data.qpos[:], data.qvel[:] = Coordinates.of(plant.plant, model, names).to_mujoco(*start)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_transmission(model, data)
+    servos = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)  # the other ones are forces
+    data.ctrl[servos] = data.actuator_length[servos]  # at their limits servos would not hold
     mujoco.mj_forward(model, data)
     found = {
         frozenset(model.geom(name).id for name in (pair.geomname1, pair.geomname2)): (pair, own)

@@ -23,9 +23,9 @@ from pydrake.geometry import (
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.mujoco.names import Names, free_name
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.parts.targets import own_name
+from simrob_drake.stations.mujoco.names import Names, free_name
 
 _SEEN = 1  # the group of shapes that are only seen, as viewers of MuJoCo have them; those that touch are of group 3
 _TOUCHES = 3

@@ -8,9 +8,11 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Joint, JointActuatorIndex, PrismaticJoint, RevoluteJoint, RigidBody, WeldJoint
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.mujoco.names import Names
 from simrob_drake.parts.site import StationPlant
+from simrob_drake.stations.mujoco.names import Names
 
+_LEAST = 1e-9
+"""MuJoCo takes no body without moments of inertia, as point masses on a link are [kg m²]."""
 _KINDS = {RevoluteJoint: mujoco.mjtJoint.mjJNT_HINGE, PrismaticJoint: mujoco.mjtJoint.mjJNT_SLIDE}
 
 
@@ -76,7 +78,8 @@ def _add_body(onto: mujoco.MjsBody, link: RigidBody, names: Names, pose: RigidTr
     if inertia.get_mass() > 0:
         about_centre = inertia.Shift(inertia.get_com()).CalcRotationalInertia()
         body.mass, body.ipos, body.explicitinertial = inertia.get_mass(), inertia.get_com(), True
-        body.fullinertia = np.concatenate([about_centre.get_moments(), about_centre.get_products()])
+        moments = about_centre.get_moments() + _LEAST * (about_centre.CalcPrincipalMomentsOfInertia().min() < _LEAST)
+        body.fullinertia = np.concatenate([moments, about_centre.get_products()])
     return body
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from pydrake.multibody.tree import Frame
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame, JointActuatorIndex
 
 from simrob_drake.frames import Vector
-from simrob_drake.mujoco.names import Names
 from simrob_drake.parts.site import StationRobot
+from simrob_drake.stations.mujoco.names import Names
 
 _POSITION = mujoco.mjtCtrlInput.mjINPUT_POS
 
@@ -42,6 +43,16 @@ def add_servos(spec: mujoco.MjSpec, robot: StationRobot, names: Names) -> None:
             servo.set_to_pid(kp=float(kp), kv=float(kd), ki=float(ki), imax=float(most / ki), ctrlspec=_POSITION)
         else:
             servo.set_to_position(kp=float(kp), kv=float(kd))
+
+
+def add_motors(spec: mujoco.MjSpec, plant: MultibodyPlant, names: Names) -> None:
+    """Add a servo for each motor of a plant that has gains, under the motor's number, and without a limit."""
+    for number in range(plant.num_actuators()):
+        motor = plant.get_joint_actuator(JointActuatorIndex(number))
+        if motor.has_controller():
+            gains, joint = motor.get_controller_gains(), names.joint(motor.joint())
+            servo = spec.add_actuator(name=str(number), trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint)
+            servo.set_to_position(kp=gains.p, kv=gains.d)
 
 
 def add_force(spec: mujoco.MjSpec, frame: Frame, point: Vector, *, name: str, names: Names) -> None:

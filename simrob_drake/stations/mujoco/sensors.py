@@ -11,12 +11,12 @@ import numpy as np
 from pydrake.geometry import GeometryId
 
 from simrob_drake.frames import Vector
-from simrob_drake.mujoco.drives import add_site
-from simrob_drake.mujoco.names import Names
 from simrob_drake.parts.sensors.distance import Distance
 from simrob_drake.parts.sensors.force import Force
-from simrob_drake.parts.site import Site, StationRobot
+from simrob_drake.parts.site import StationPlant, StationRobot, Surroundings
 from simrob_drake.parts.targets import shapes_of
+from simrob_drake.stations.mujoco.drives import add_site
+from simrob_drake.stations.mujoco.names import Names
 from simrob_drake.stations.poses import unit_poses
 
 _SENSES, _OBJECTS = mujoco.mjtSensor, mujoco.mjtObj
@@ -49,7 +49,13 @@ class OutputSensors:
 
 
 def add_sensors(
-    spec: mujoco.MjSpec, site: Site, names: Names, shapes: Mapping[GeometryId, str], *, moved_by_torque: bool = True
+    spec: mujoco.MjSpec,
+    station: Surroundings,
+    plant: StationPlant,
+    names: Names,
+    shapes: Mapping[GeometryId, str],
+    *,
+    moved_by_torque: bool = True,
 ) -> dict[str, OutputSensors]:
     """Add sensors for positions, velocities, torques, poses, and the station's sensors of force and distance.
 
@@ -57,7 +63,7 @@ def add_sensors(
         the outputs that the model tells, by the names of the station's ports.
     """
     outputs: dict[str, OutputSensors] = {}
-    for robot in site.plant.robots.values():
+    for robot in plant.robots.values():
         if moved_by_torque:
             outputs |= _of_servos(spec, robot)
         frames = {"base_pose": robot.root, **{f"tcp_pose.{tool}": frame for tool, frame in robot.tools.items()}}
@@ -67,16 +73,16 @@ def add_sensors(
             outputs[f"{robot.prefix}{output}"] = _pose(spec, place, _OBJECTS.mjOBJ_SITE, place)
         if robot.tcp:
             outputs[f"{robot.prefix}tcp_pose"] = outputs[f"{robot.prefix}tcp_pose.{robot.tcp}"]
-    for piece, body in site.plant.free_pieces.items():
+    for piece, body in plant.free_pieces.items():
         outputs[f"piece_pose.{piece}"] = _pose(spec, f"piece.{piece}", _OBJECTS.mjOBJ_XBODY, names.body(body))
         outputs[f"piece_velocity.{piece}"] = _velocity(spec, f"piece.{piece}", _OBJECTS.mjOBJ_XBODY, names.body(body))
     pairs = {(pair.geomname1, pair.geomname2) for pair in spec.pairs}
-    for name, section in site.station.sensors.items():
-        if isinstance(section, Force | Distance) and site.station.has_contact:
-            own = [shapes.get(shape, "") for shape in shapes_of(site.plant, site.station, section.body)]
+    for name, section in station.sensors.items():
+        if isinstance(section, Force | Distance) and station.has_contact:
+            own = [shapes.get(shape, "") for shape in shapes_of(plant, station, section.body)]
             others = list(shapes.values())
             if section.other is not None:
-                others = [shapes.get(shape, "") for shape in shapes_of(site.plant, site.station, section.other)]
+                others = [shapes.get(shape, "") for shape in shapes_of(plant, station, section.other)]
             found = [(a, b) for a in own for b in others if (a, b) in pairs or (b, a) in pairs]
             outputs |= _of_shapes(spec, section.kind, name, found)
     return outputs

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.frames import Vector
-from simrob_drake.mujoco.names import Names
+from simrob_drake.stations.mujoco.names import Names
 
 Places = npt.NDArray[np.intp]
 
@@ -60,11 +60,25 @@ class Coordinates:
 
     def to_mujoco(self, q: Vector, v: Vector) -> tuple[Vector, Vector]:
         """Return MuJoCo's positions (nq,) and velocities (nv,), of the plant's."""
-        qpos, qvel = np.empty_like(q), np.empty_like(v)
+        qpos, qvel, back = np.empty_like(q), np.empty_like(v), np.empty(4)
         qpos[self.positions], qvel[self.velocities] = q, v
         for quaternion, turning in self.free:
-            qvel[turning] = turned(qpos[np.newaxis, quaternion], qvel[np.newaxis, turning], -1.0)[0]
+            mujoco.mju_negQuat(back, qpos[quaternion])
+            qvel[turning] = _turned(back, qvel[turning])
         return qpos, qvel
+
+    def state(self, qpos: Vector, qvel: Vector) -> Vector:
+        """Return positions and velocities (nq + nv,) of the plant, of MuJoCo's (nq,) and (nv,)."""
+        speeds = qvel.copy()
+        for quaternion, turning in self.free:
+            speeds[turning] = _turned(qpos[quaternion], qvel[turning])
+        return np.concatenate([qpos[self.positions], speeds[self.velocities]])
+
+
+def _turned(quaternion: Vector, vector: Vector) -> Vector:
+    turned = np.empty(3)
+    mujoco.mju_rotVecQuat(turned, vector, quaternion)
+    return turned
 
 
 def turned(quaternions: Vector, vectors: Vector, sense: float) -> Vector:
