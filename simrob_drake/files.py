@@ -144,7 +144,7 @@ def _rows(file: Path) -> Iterator[tuple[int, list[str]]]:
         reader = csv.reader(iter(lambda: lines.readline(_LONGEST_LINE), ""), delimiter=separator)
         for row in reader:
             if "".join(row).strip():
-                yield reader.line_num, row
+                yield reader.line_num, [cell.replace(",", ".") for cell in row] if separator == ";" else row
     except (NotRead, csv.Error) as problem:
         raise InvalidConfig(file, "", f"cannot be read ({problem})") from problem
 

@@ -44,11 +44,16 @@ def export(
 def compare(
     station: StationArgument,
     with_: Annotated[
-        Path | None, typer.Option("--with", metavar="FILE", help="Logged signals: CSV with a header, or .mat.")
+        Path | None,
+        typer.Option("--with", metavar="FILE", help="Logged signals: .csv with a header, .mat or .parquet."),
     ] = None,
     map_: Annotated[
         list[str] | None,
-        typer.Option("--map", metavar="THEIRS=OURS", help="What a logged signal is called here, as yout.1=q.joint_1."),
+        typer.Option(
+            "--map",
+            metavar="THEIRS=OURS",
+            help="What a logged signal is called here, as yout.1=q.joint_1, or yout.1=q.joint_1:deg.",
+        ),
     ] = None,
     set_: Settings = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the numbers and pictures.")] = None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -200,14 +201,12 @@ def serve(
     listening = server.StationServer(
         _stepped(station, set_, step), host=host, port=port, token=os.environ.get(server.TOKEN_VARIABLE)
     )
-    bound = listening.server_address[1]
-
-    def ready() -> None:
+    with listening, suppress(KeyboardInterrupt):
+        bound = listening.server_address[1]
         console.print(f"station {listening.config.name} at {host}, port {bound}", soft_wrap=True, highlight=False)
         console.print(f"token   {listening.token}", soft_wrap=True, highlight=False)
         console.print(f"client  {server.CLIENT}; end with Ctrl+C", soft_wrap=True, highlight=False)
-
-    server.serve(listening, ready)
+        listening.serve_forever()
 
 
 def _stepped(station: str, settings: list[str] | None, step: float | None) -> StationConfig:
@@ -227,17 +226,18 @@ def _tell(model: SimulinkModel) -> None:
 def compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
     """Hold logged signals of the original against a station's, in numbers and pictures."""
     from simrob_drake.simulink import comparing
+    from simrob_drake.simulink.logs import read_log
 
     names = {}
     for entry in map_:
         theirs, _, ours = (part.strip() for part in entry.partition("="))
         if not (theirs and ours):
-            raise InvalidParameter("--map", entry, "of the form THEIRS=OURS, as yout.1=q.joint_1")
+            raise InvalidParameter("--map", entry, "of the form THEIRS=OURS[:UNIT], as yout.1=q.joint_1:deg")
         names[theirs] = ours
     if out is not None:
         check_folder(out, marker=comparing.NUMBERS, force=force)
-    times, logged = comparing.read_log(log, names)
-    _, differences = comparing.compare(config, times, logged, progress=True)
+    logged = read_log(log, names)
+    _, differences = comparing.compare(config, logged, progress=True)
     table = Table("signal", "largest difference", "at [s]", "root mean square", box=None, pad_edge=False)
     for found in differences:
         largest, rms = (in_units(value, found.unit) for value in (found.largest, found.rms))

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from uuid import NAMESPACE_OID, uuid5
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from simrob_drake.simulink.stepping.parameters import plain_unit
 from simrob_drake.simulink.stepping.station import SteppedStation
-from simrob_drake.simulink.values.units import UnknownUnit, parse_unit
+from simrob_drake.simulink.values.units import UnknownUnit, parse_unit, plain_unit
 
 STOPPED, MESSAGE, TIME = "stopped", "message", "time"
 """Variables beside those of the station: whether and why it was ended, and where it is."""

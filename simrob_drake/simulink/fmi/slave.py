@@ -48,17 +48,10 @@ class Fmi2Slave:
         self._messages: list[Message] = []
         self._offset: float | None = None
 
-    def setup_experiment(self, start_time: float) -> None:
-        """Begin; the station's own time is 0 then."""
+    def terminate(self, *_: float) -> None:
+        """Do nothing: parameters and inputs may be set until the first step, which says what they cannot be."""
 
-    def enter_initialization_mode(self) -> None:
-        """Parameters may be set now."""
-
-    def exit_initialization_mode(self) -> None:
-        """Parameters stay as they are from now on; what they cannot be is told by the first step."""
-
-    def terminate(self) -> None:
-        """Nothing is left to do."""
+    setup_experiment = enter_initialization_mode = exit_initialization_mode = terminate
 
     def do_step(self, current_time: float, step_size: float) -> StepResult:
         """Go on by a step; where that cannot be, the reason is logged and the step is an error."""

@@ -10,7 +10,7 @@ from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.urdf import mass_of, name_of
 from simrob_drake.sections import Strict, field_texts
 from simrob_drake.simulink.stepping.elements import legal
-from simrob_drake.simulink.values.units import UnknownUnit, parse_unit
+from simrob_drake.simulink.values.units import UnknownUnit, parse_unit, plain_unit
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, with_settings
 from simrob_drake.stations.resolve import resolve
@@ -138,8 +138,3 @@ def _unit(field: str, text: str) -> str:
     except UnknownUnit:
         pass
     return "1"
-
-
-def plain_unit(unit: str) -> str:
-    """Return a unit in letters that programs take: ``N·m/rad²`` is ``N*m/rad^2``."""
-    return unit.replace("·", "*").replace("²", "^2").replace("³", "^3")

@@ -8,7 +8,6 @@ import json
 import math
 import secrets
 import socketserver
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from threading import BoundedSemaphore, Lock
@@ -168,10 +167,3 @@ class StationServer(socketserver.ThreadingTCPServer):
                 continue
             return
         raise OutputError(f"nothing can listen at {host}, port {PORT if port is None else port}: {reason.strerror}")
-
-
-def serve(server: StationServer, ready: Callable[[], None]) -> None:
-    """Answer until the user interrupts."""
-    with server, suppress(KeyboardInterrupt):
-        ready()
-        server.serve_forever()

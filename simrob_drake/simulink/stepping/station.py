@@ -228,11 +228,10 @@ def with_fixed_steps(config: StationConfig, step: float) -> StationConfig:
             "--step", step, "left out with servos that yield or are no PID: they need their own blocks"
         )
     solver = ContinuousSolver(kind="continuous", scheme="cenic", max_step=step, error_control=False)
-    servo = config.servo.model_copy(update={"realization": "implicit"})
+    implicit = {"realization": "implicit"}
     robots = {
-        name: robot.model_copy(update={"servo": robot.servo.model_copy(update={"realization": "implicit"})})
-        if robot.servo
-        else robot
+        name: robot.model_copy(update={"servo": robot.servo and robot.servo.model_copy(update=implicit)})
         for name, robot in config.robots.items()
     }
+    servo = config.servo.model_copy(update=implicit)
     return config.model_copy(update={"solver": solver, "servo": servo, "robots": robots})

@@ -83,3 +83,8 @@ def factor(text: str, like: str) -> float:
     if unit.dimension != target.dimension:
         raise UnknownUnit(f"the unit {text} does not fit; it must be one like {like}")
     return unit.factor
+
+
+def plain_unit(unit: str) -> str:
+    """Return a unit in letters that programs take: ``N·m/rad²`` is ``N*m/rad^2``."""
+    return unit.replace("·", "*").replace("²", "^2").replace("³", "^3")

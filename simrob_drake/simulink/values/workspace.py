@@ -110,8 +110,8 @@ class _Scan:
         return found
 
 
-def variables_of_mat(file: Path, option: str = "--variables") -> dict[str, Any]:
-    """Return the variables of a file, by name.
+def contents_of_mat(file: Path, option: str) -> dict[str, Any]:
+    """Return what a file holds by name, as SciPy has it: matrices, records, and objects that it cannot read.
 
     Raises:
         InvalidParameter: it cannot be read; the message names the option that asked for it.
@@ -130,9 +130,13 @@ def variables_of_mat(file: Path, option: str = "--variables") -> dict[str, Any]:
             else f"readable: {problem}"
         )
         raise InvalidParameter(option, str(file), reason) from problem
-    return {
-        name: value for name, raw in content.items() if not name.startswith("__") and (value := _plain(raw)) is not None
-    }
+    return {name: value for name, value in content.items() if not name.startswith("__")}
+
+
+def variables_of_mat(file: Path, option: str = "--variables") -> dict[str, Any]:
+    """Return the variables of a file, by name; errors as of :func:`contents_of_mat`."""
+    content = contents_of_mat(file, option)
+    return {name: value for name, raw in content.items() if (value := _plain(raw)) is not None}
 
 
 def _plain(raw: Any) -> Any:

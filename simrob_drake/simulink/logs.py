@@ -1,0 +1,176 @@
+"""Signals that the original logged: CSV, Parquet, and what MATLAB writes into `.mat` files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.arguments import as_path
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.files import LARGEST_TABLE, NotRead, column_names, content_of, read_columns
+from simrob_drake.frames import Vector
+from simrob_drake.simulink.values.workspace import contents_of_mat
+
+TIMES = ("time", "tout", "t")
+"""What the column of times may be called, with capitals or without."""
+_CARRIERS = ("signals", "values", "data")
+"""Fields of structures that add nothing to a signal's name."""
+_EXPORTS = {
+    "timeseries": "tout = {name}.Time; yout = squeeze({name}.Data); save -v7 log.mat tout yout",
+    "timetable": "tout = seconds({name}.Properties.RowTimes); yout = {name}.Variables; save -v7 log.mat tout yout",
+    "Dataset": "s = {name}{{1}}.Values; tout = s.Time; yout = squeeze(s.Data); save -v7 log.mat tout yout",
+    "SimulationOutput": "tout = {name}.tout; yout = {name}.yout{{1}}.Values.Data; save -v7 log.mat tout yout",
+}
+"""What to type in MATLAB for an object, by the last part of its class."""
+
+
+@dataclass(frozen=True)
+class LoggedSignal:
+    """A signal of a log.
+
+    Attributes:
+        times, values: shape (m,) each; times [s] rise from 0 or later.
+        unit: of the values; that of the station's signal where it is empty.
+    """
+
+    times: Vector
+    values: Vector
+    unit: str = ""
+
+
+def read_log(file: Path | str, names: Mapping[str, str]) -> dict[str, LoggedSignal]:
+    """Return the signals of a log, by our names.
+
+    Args:
+        file: `.csv` with a header, of commas or semicolons, `.parquet` or `.mat`. In a `.mat` file signals are vectors,
+            or the columns of a matrix as ``yout.1``, beside a vector of times; matrices whose first row (To File) or
+            column is the times; and structures with time (To Workspace), by label or name.
+        names: ours by theirs, for those that are called otherwise; ``q.joint_1:deg`` is in degrees there.
+
+    Raises:
+        InvalidParameter: a file that cannot be read, without times that rise, or with objects that only MATLAB reads.
+        UnknownName: a name that the log does not have.
+    """
+    file = as_path(file, "file")
+    objects: dict[str, str] = {}
+    if file.suffix.lower() == ".mat":
+        variables = contents_of_mat(file, "--with")
+        found = dict(_in_structure("", variables, None, objects))
+    else:
+        found = _of_columns(_of_parquet(file) if file.suffix.lower() == ".parquet" else _of_csv(file))
+    asked = [name for name in objects if not found or any(f"{theirs}.".startswith(f"{name}.") for theirs in names)]
+    if asked:
+        kind = objects[asked[0]]
+        lines = _EXPORTS.get(kind.rpartition(".")[2], _EXPORTS["timeseries"]).format(name=asked[0])
+        expected = f"of numbers, and {asked[0]} is a {kind}, which only MATLAB reads: {lines}"
+        raise InvalidParameter("--with", str(file), expected)
+    if not found:
+        expected = f"a log with a column {', '.join(TIMES)}, and signals of its length"
+        raise InvalidParameter("--with", str(file), expected)
+    for theirs in names:
+        if theirs not in found:
+            raise UnknownName("signal of the log", theirs, found)
+    signals = {name: _checked(signal, file) for name, signal in found.items()}
+    return {name: signals[name] for name in signals if name not in names} | {
+        ours.partition(":")[0]: replace(signals[theirs], unit=ours.partition(":")[2]) for theirs, ours in names.items()
+    }
+
+
+def _checked(signal: LoggedSignal, file: Path) -> LoggedSignal:
+    """Return a signal whose times rise: of samples at the same time, as those of a jump, the last one counts."""
+    times = signal.times
+    steps = np.diff(times)
+    if not np.all(np.isfinite(times)) or np.any(steps < 0) or not np.any(steps > 0) or times[0] < 0:
+        raise InvalidParameter("--with", str(file), "a log of two moments or more, whose times rise from 0 or later")
+    last = np.append(steps > 0, True)
+    return LoggedSignal(times[last], signal.values[last])
+
+
+def _of_csv(file: Path) -> dict[str, Vector]:
+    header = column_names(file)
+    return dict(zip(header, read_columns(file, header)[0].T, strict=True))
+
+
+def _of_parquet(file: Path) -> dict[str, Vector]:
+    if find_spec("pyarrow") is None:
+        raise InvalidParameter("--with", str(file), "CSV, or read by pyarrow: pip install pyarrow")
+    from pyarrow import BufferReader, parquet
+
+    try:
+        table = parquet.read_table(BufferReader(content_of(file, LARGEST_TABLE)))
+        return {name: table[name].to_numpy().astype(float) for name in table.column_names}
+    except (NotRead, ValueError, TypeError) as problem:  # errors of pyarrow are ValueErrors
+        raise InvalidParameter("--with", str(file), f"a table of numbers: {problem}") from problem
+
+
+def _of_columns(columns: dict[str, Vector]) -> dict[str, LoggedSignal]:
+    """Return the signals of a table; none where no column is the times."""
+    clock = next((name for name in columns if name.lower() in TIMES), None)
+    if clock is None:
+        return {}
+    return {name: LoggedSignal(columns[clock], values) for name, values in columns.items() if name != clock}
+
+
+def _in_structure(
+    name: str, fields: Mapping[str, Any], clock: Vector | None, objects: dict[str, str]
+) -> Iterator[tuple[str, LoggedSignal]]:
+    """Yield the signals in variables, or in the fields of a structure, which may have times of its own."""
+    own = next((field for field in fields if field.lower() in TIMES and _vector(fields[field]) is not None), None)
+    clock = _vector(fields[own]) if own is not None else clock
+    label = "".join(map(str, np.ravel(fields.get("label", "")))) if name else ""
+    for field, value in fields.items():
+        if field != own:
+            whole = (label or name) if name and field.lower() in _CARRIERS else f"{name}.{field}".lstrip(".")
+            yield from _in_value(whole, value, clock, objects)
+
+
+def _in_value(
+    name: str, value: Any, clock: Vector | None, objects: dict[str, str]
+) -> Iterator[tuple[str, LoggedSignal]]:
+    """Yield the signals in a matrix, in structures, or in the parts of a cell array; note an object by its class."""
+    from scipy.io.matlab import MatlabOpaque
+
+    if isinstance(value, MatlabOpaque):
+        entry = value.reshape(-1)[0]
+        known = "_Class" in (value.dtype.names or ())  # older versions of SciPy have s0 to s2: name, system, class
+        objects[name if known else str(entry["s0"])] = str(entry["_Class" if known else "s2"])
+    elif not isinstance(value, np.ndarray):
+        return
+    elif value.dtype.names or value.dtype == object:
+        parts = value.reshape(-1)
+        for place, part in enumerate(parts):
+            own = f"{name}.{place + 1}" if len(parts) > 1 else name
+            if value.dtype.names:
+                yield from _in_structure(own, {field: part[field] for field in value.dtype.names}, clock, objects)
+            else:
+                yield from _in_value(own, part, clock, objects)
+    elif value.dtype.kind in "fiub" and value.size > 1:
+        yield from _in_matrix(name, value.astype(float), clock)
+
+
+def _in_matrix(name: str, value: Vector, clock: Vector | None) -> Iterator[tuple[str, LoggedSignal]]:
+    """Yield the columns of a matrix beside its times, or of one that holds them; of another length they are none."""
+    rows = value.reshape(-1, value.shape[-1])  # of n x 1 x m, one sample a page
+    if clock is not None and len(clock) not in rows.shape:
+        clock = None
+    if clock is None:
+        rows = rows if rows.shape[0] < rows.shape[1] else rows.T
+        rising = rows.shape[0] > 1 and rows[0, 0] >= 0 and bool(np.all(np.diff(rows[0]) > 0))
+        if not rising:
+            return
+        clock, rows = rows[0], rows[1:]
+    elif len(clock) == rows.shape[0]:
+        rows = rows.T
+    for place, row in enumerate(rows):
+        yield (name if len(rows) == 1 else f"{name}.{place + 1}"), LoggedSignal(clock, row)
+
+
+def _vector(value: Any) -> Vector | None:
+    """Return the numbers of a vector of two or more."""
+    plain = isinstance(value, np.ndarray) and value.dtype.kind in "fiu" and value.size > 1
+    return value.astype(float).reshape(-1) if plain and value.size == max(value.shape) else None
