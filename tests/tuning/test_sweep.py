@@ -113,11 +113,7 @@ class TestFolder:
         assert float(table[1]["tracking_error"]) == alone["tracking_error"]
         columns = parquet.read_table(tmp_path / "sweep/sweep.parquet").to_pydict()
         assert columns["tracking_error"] == [row["tracking_error"] for row in rows]
-        assert {file.name for file in (tmp_path / "sweep/plots").iterdir()} == {
-            "over_servo.kp.png",
-            "spread.png",
-            "sensitivity.png",
-        }
+        assert {file.name for file in (tmp_path / "sweep/plots").iterdir()} == {"over_servo.kp.png", "spread.png"}
 
     @pytest.mark.long
     def test_it_goes_on_where_it_was_killed(self, tmp_path):
