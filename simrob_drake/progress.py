@@ -37,7 +37,9 @@ class Advance(Protocol):
 
 @contextmanager
 def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Advance | None]:
-    """Show a bar and give a function that moves it; off a terminal that tells remarks, one a minute. None if silent.
+    """Show a bar and give a function that moves it; off a terminal that tells remarks, one a minute and the last.
+
+    None if silent.
 
     Args:
         text: what the work is.
@@ -49,15 +51,20 @@ def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Advance | 
         return
     console = _console()
     if not console.is_terminal:
-        said = -SELDOM
+        said, unsaid = monotonic(), ""
 
         def remark_seldom(_: float, remark: str = "") -> None:
-            nonlocal said
+            nonlocal said, unsaid
+            unsaid = remark
             if remark and monotonic() - said >= SELDOM:
-                said = monotonic()
+                said, unsaid = monotonic(), ""
                 console.print(f"{text}: {remark}", soft_wrap=True)
 
-        yield remark_seldom
+        try:
+            yield remark_seldom
+        finally:
+            if unsaid:
+                console.print(f"{text}: {unsaid}", soft_wrap=True)
         return
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -1,8 +1,9 @@
-"""The command that searches: tune."""
+"""The commands of searches: tune and dashboard."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from statistics import mean
 from typing import TYPE_CHECKING, Annotated, Any, get_args
@@ -45,7 +46,7 @@ def tune(
 
         simrob tune gains.yaml --method nelder_mead --method cma --method genetic
     """
-    from simrob_drake.tuning.convergence import save_convergence
+    from simrob_drake.tuning.analysis import plots_there, save_convergence, study_in_optuna
     from simrob_drake.tuning.study import Method, Study
     from simrob_drake.tuning.study_folder import StudyFolder
 
@@ -63,8 +64,9 @@ def tune(
     for name, place in places.items():
         console.print(f"{name}:", highlight=False)
         _tell(place, place.run(workers=workers, scheduler=scheduler))
-    costs = {name: [float(cost.sum()) for _, cost in place.trials] for name, place in places.items()}
-    save_convergence(whole / "convergence.png", f"{study.stem}: {search.station}", costs)
+    if plots_there():
+        found = [study_in_optuna(name, place.study, place.journal.records) for name, place in places.items()]
+        save_convergence(whole / "convergence.png", found)
     console.print(f"result {whole}", soft_wrap=True, highlight=False)
     return ExitCode.DONE
 
@@ -104,4 +106,26 @@ def _tell(place: StudyFolder, proof: list[Row]) -> None:
     console.print(table)
 
 
-COMMANDS: dict[str, Callable[..., Any]] = {"tune": tune}
+def dashboard(
+    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Of searches, ended or under way.")],
+    port: Annotated[int | None, typer.Option(min=0, max=65535, help="8080, or a free one, by default.")] = None,
+) -> int:
+    """Show searches in Optuna's dashboard, to browsers of this computer alone; Ctrl-C ends it.
+
+    Trials appear as they end. What is changed there is forgotten: the folder stays as it is.
+
+    For example:
+
+        simrob dashboard runs/gains
+    """
+    from simrob_drake.tuning.dashboard import Dashboard
+    from simrob_drake.tuning.study_folder import StudyFolder
+
+    shown = Dashboard({str(folder): StudyFolder.there(folder) for folder in folders}, port)
+    console.print(f"dashboard {shown.address}", soft_wrap=True, highlight=False)
+    with suppress(KeyboardInterrupt):
+        shown.serve()
+    return ExitCode.DONE
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"tune": tune, "dashboard": dashboard}

@@ -106,7 +106,7 @@ class Journal:
                 raise InvalidConfig(folder / file, str(content["station"]), changed)
         kept = {"asked": content, "digest": digest}
         written_at_once(folder / file, yaml.safe_dump(kept, sort_keys=False, width=120))
-        self.records, _ = self._read()
+        self.records = self.read()
 
     @contextmanager
     def adding(self) -> Iterator[Callable[[Record], None]]:
@@ -129,6 +129,14 @@ class Journal:
 
                 yield add
                 self.records.sort(key=lambda record: record.number)
+
+    def read(self) -> list[Record]:
+        """Return the records that stand in it now, whoever makes them.
+
+        Raises:
+            InvalidConfig: a line is damaged.
+        """
+        return self._read()[0]
 
     def _read(self) -> tuple[list[Record], int]:
         """Return the records of all whole lines, and where the last of these ends [bytes]."""

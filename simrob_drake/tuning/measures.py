@@ -28,6 +28,8 @@ UNITS = {
     "margin": "× the push",
 }
 """The measures of :func:`measures` and their units."""
+SIGNED = ("ahead", "speed", "smallest_height")
+"""Those that may be negative."""
 _WALKS = ("distance", "ahead", "speed", "tilt", "smallest_height", "cost_of_transport")
 _STILL = 1e-3  # a reference that moves less has nothing to overshoot [rad or m]
 

@@ -15,11 +15,11 @@ from simrob_drake.errors import InvalidConfig, SimrobError, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.importer.packages import Border
 from simrob_drake.sampling import Space, applying, at
-from simrob_drake.sections import Integer, NotNegative, Number, Positive, Strict, validated
+from simrob_drake.sections import Boolean, Integer, NotNegative, Number, Positive, Strict, validated
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located_changes, located_station
 from simrob_drake.tuning.conditions import Conditions, located_space
-from simrob_drake.tuning.measures import UNITS
+from simrob_drake.tuning.measures import SIGNED, UNITS
 from simrob_drake.tuning.rollout import Case, Margin
 from simrob_drake.tuning.scene import Scene, of_station
 from simrob_drake.tuning.streams import seeded
@@ -60,6 +60,8 @@ class Study(Strict):
     """How many of them are chosen at a time, and tried side by side; the same for any number of processes."""
     seed: Integer = Field(default=0, ge=0)
     """Of the search."""
+    prune: Boolean = False
+    """Whether a trial is left, its other runs not made, once it must cost more than the best of the batches before."""
     search: Conditions = Conditions()
     proof: Conditions | None = None
     """Conditions that the search never sees; nothing is proven without."""
@@ -105,6 +107,19 @@ class Study(Strict):
         for kind, conditions in self._conditions:
             self._check_conditions(kind, conditions, where)
         self._check_apart(where)
+        if self.prune:
+            self._check_prunable(where)
+
+    def _check_prunable(self, where: Path | str) -> None:
+        """Check that a run can only add to what a trial costs, and that there are some to leave out."""
+        signed = [
+            name for aim in self.aims for name, weight in aim.items() if weight < 0 or name.rpartition(".")[2] in SIGNED
+        ]
+        if signed or len(self.aims) > 1:
+            why = f"and {signed[0]} can count less than 0" if signed else f"and here are {len(self.aims)}"
+            raise InvalidConfig(where, "prune", f"is for one cost that no run lowers, {why}")
+        if len(self.cases(self.start, self.search)) == 1:
+            raise InvalidConfig(where, "prune", "has nothing to leave out: each trial is one run")
 
     def _check_conditions(self, kind: str, conditions: Conditions, where: Path | str) -> None:
         """Check the scene of each case, and of its first draw where something is drawn; the others differ in values."""

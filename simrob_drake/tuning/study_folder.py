@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -11,17 +12,21 @@ from simrob_drake.errors import InvalidConfig, quoted
 from simrob_drake.folders import written_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
+from simrob_drake.tuning.analysis import plots_there, save_plots, study_in_optuna
 from simrob_drake.tuning.conditions import Conditions
 from simrob_drake.tuning.engines import Engine, engine
 from simrob_drake.tuning.journal import ROWS, Journal, read_spec
+from simrob_drake.tuning.race import Race
+from simrob_drake.tuning.rollout import Case
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.search import Enough, search
 from simrob_drake.tuning.study import Parameters, Study, named
 from simrob_drake.tuning.table import write_rows
-from simrob_drake.tuning.trial import Record, Row, killed, made, table
+from simrob_drake.tuning.trial import Record, Row, Trial, killed, made, table
 from simrob_drake.yaml_files import read_yaml
 
 STUDY, WINNER, TRIALS, FRONT, PROOF = "study.yaml", "winner.yaml", "trials.csv", "front.csv", "proof.csv"
+PLOTS = "plots"
 
 
 def winner_of(folder: Path, study: Study) -> Parameters:
@@ -49,6 +54,7 @@ class StudyFolder:
     Attributes:
         folder: where they stand.
         study: what is searched for.
+        journal: the trials that are made.
     """
 
     def __init__(self, folder: Path | str, study: Study, *, force: bool = False) -> None:
@@ -63,8 +69,8 @@ class StudyFolder:
         self.folder, self.study = folder, study
         study.check(folder / STUDY)
         digest = study.cases(study.start, study.search)[0].scene().digest
-        self._journal = Journal(folder, STUDY, study, digest, columns=self._columns, force=force, other=["trials"])
-        self._tried = {record.number: self._of(record) for record in self._journal.records}
+        self.journal = Journal(folder, STUDY, study, digest, columns=self._columns, force=force, other=["trials"])
+        self._tried = {record.number: self._of(record) for record in self.journal.records}
         self._started = 0
 
     @classmethod
@@ -123,18 +129,18 @@ class StudyFolder:
         study = self.study
         start = np.array([one.part(one.first) for one in study.vary.values()])
         with (
-            self._journal.adding() as add,
+            self.journal.adding() as add,
             engine(workers=workers, scheduler=scheduler) as workers_,
             progress_bar(f"{study.trials} trials", study.trials, shown=progress) as move,
         ):
-            self._tried = {record.number: self._of(record) for record in self._journal.records}
+            self._tried = {record.number: self._of(record) for record in self.journal.records}
             self._started = 0
 
             def costs(points: Vector) -> tuple[Vector, Vector]:
                 first = self._started
                 for _ in self._make(workers_, points[: study.trials - first], add):
                     if move:
-                        least = np.min([cost for _, cost in self.trials], axis=0)
+                        least = np.min([cost for _, cost in self.trials[: self._started]], axis=0)
                         cost = ", ".join(f"{one:.4g}" for one in least)
                         move(self._started, f"least cost {cost} after {self._started}")
                 if self._started - first < len(points) or self._started == study.trials:
@@ -155,7 +161,12 @@ class StudyFolder:
                 message = "holds trials of a search by other versions of packages; begin another study"
                 raise InvalidConfig(self.folder / ROWS, "", message)
         new = [parameters for number, parameters in parameters_of.items() if number not in self._tried]
-        runs = self._runs(workers, new, self.study.search)
+        trials: list[list[Any]] = self._cases(new, self.study.search)
+        if self.study.prune:
+            before = [cost[0] for number, (_, cost, _) in self._tried.items() if number <= self._started]
+            least = float(min(before, default=np.inf))
+            trials = [[Race(place, self.study, tuple(cases), least)] for place, cases in enumerate(trials, start=1)]
+        runs = _in_order(workers, trials)
         for number in parameters_of:
             if number not in self._tried:
                 rows = [row for record in next(runs) for row in record.rows]
@@ -167,24 +178,18 @@ class StudyFolder:
             self._started += 1
             yield
 
-    def _runs(self, workers: Engine, tried: list[Parameters], under: Conditions) -> Iterator[list[Record]]:
-        """Yield the records of all runs of each set of figures, in order, as they come."""
+    def _cases(self, tried: list[Parameters], under: Conditions) -> list[list[Case]]:
+        """Return the runs of each set of figures, all numbered from 1."""
         many = len(under.every) * len(under.seeds)
-        cases = [self.study.cases(parameters, under, first=many * place + 1) for place, parameters in enumerate(tried)]
-        records: dict[int, Record] = {}
-        place = 0
-        for record in workers.outcomes(made, [case for some in cases for case in some], killed):
-            records[record.number] = record
-            while place < len(cases) and all(case.number in records for case in cases[place]):
-                yield [records[case.number] for case in cases[place]]
-                place += 1
+        return [self.study.cases(parameters, under, first=many * place + 1) for place, parameters in enumerate(tried)]
 
     def _columns(self, record: Record) -> Sequence[Row]:
         """Return what identifies the runs of a trial: its figures, and their seeds."""
         parameters = self.study.parameters_of(record.rows[0])
         if not parameters:
             return []
-        return [row for case in self.study.cases(parameters, self.study.search) for row in case.columns]
+        columns = [row for case in self.study.cases(parameters, self.study.search) for row in case.columns]
+        return columns[: len(record.rows)] if self.study.prune else columns
 
     def _of(self, record: Record) -> tuple[Parameters, Vector, float]:
         """Return the figures of a trial, what they cost, and by which part they break limits."""
@@ -193,7 +198,7 @@ class StudyFolder:
     def _proof(self, workers: Engine) -> list[Row]:
         if self.study.proof is None:
             return []
-        found = self._runs(workers, [self.study.start, self.best[0]], self.study.proof)
+        found = _in_order(workers, self._cases([self.study.start, self.best[0]], self.study.proof))
         return [
             {"of": of, **row, **named(self.study.judged(row)[0])}
             for of, records in zip(("start", "best"), found, strict=True)
@@ -202,14 +207,29 @@ class StudyFolder:
 
     def _write(self, proof: list[Row]) -> None:
         """Write what was found: all trials, those of the front, the winner, and the runs of the proof."""
+        runs = {one.number: {"runs": len(one.rows)} for one in self.journal.records if self.study.prune}
         tried = [
-            {"trial": number, **parameters, **named(costs), "over_limits": over}
+            {"trial": number, **parameters, **named(costs), "over_limits": over, **runs.get(number, {})}
             for number, (parameters, costs, over) in sorted(self._tried.items())
         ]
         write_rows(self.folder / TRIALS, tried)
         if len(self.study.aims) > 1:
             write_rows(self.folder / FRONT, [tried[place] for place in self.front()])
         write_rows(self.folder / PROOF, proof)
+        if plots_there():
+            found = study_in_optuna(self.study.method, self.study, self.journal.records)
+            save_plots(found, self.folder / PLOTS)
         winner = self.best[0]
         written_at_once(self.folder / WINNER, yaml.safe_dump(winner, sort_keys=False))
         Scene.of(self.study.station, {**self.study.overrides, **winner}).write(self.folder)
+
+
+def _in_order(workers: Engine, groups: Sequence[Sequence[Trial]]) -> Iterator[list[Record]]:
+    """Yield the records of each group of trials, in order, as they come; no two trials have one number."""
+    records: dict[int, Record] = {}
+    place = 0
+    for record in workers.outcomes(made, [trial for group in groups for trial in group], killed):
+        records[record.number] = record
+        while place < len(groups) and all(trial.number in records for trial in groups[place]):
+            yield [records[trial.number] for trial in groups[place]]
+            place += 1

@@ -5,6 +5,7 @@ from pathlib import Path
 from simrob_drake.arguments import as_path
 from simrob_drake.importer.packages import Border
 from simrob_drake.stations.located import located_changes
+from simrob_drake.tuning.analysis import plots_there, save_sensitivity, sweep_in_optuna
 from simrob_drake.tuning.journal import Journal, columns_of, read_spec, run
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_plots import save_sweep_plots
@@ -63,4 +64,7 @@ class SweepFolder:
         rows = table(run(self.journal, self.cases, workers=workers, scheduler=scheduler, progress=progress))
         write_rows(self.folder / TABLE, rows)
         save_sweep_plots(self.sweep, rows, self.folder / "plots")
+        if plots_there():
+            found = sweep_in_optuna(self.sweep.station, self.sweep.vary, rows)
+            save_sensitivity(self.folder / "plots/sensitivity.png", found)
         return rows

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
+from threading import RLock
 from typing import Any
 
 from pydantic import Field
@@ -16,6 +17,7 @@ Row = dict[str, Any]
 COMPLETED, REFUSED, KILLED = "completed", "refused", "killed"
 """How trials end: at their end; or never begun, their station cannot be; or with their process."""
 _LARGEST = 2**63
+_ALONE = RLock()  # what a process has built, the next trial uses: a Dask worker has many threads unless told
 
 
 class Record(Strict):
@@ -52,8 +54,8 @@ class Trial(ABC):
         """
 
     def record(self, measured: Sequence[Row]) -> Record:
-        """Return its record, of plain values, as JSON keeps them."""
-        rows = [plain({**columns, **more}) for columns, more in zip(self.columns, measured, strict=True)]
+        """Return its record, of plain values, as JSON keeps them; one that was left early has the first rows alone."""
+        rows = [plain({**columns, **more}) for columns, more in zip(self.columns, measured, strict=False)]
         return Record(number=self.number, rows=rows)
 
     def lost(self, ended: str, message: str) -> Record:
@@ -62,9 +64,10 @@ class Trial(ABC):
 
 
 def made(trial: Trial) -> Record:
-    """Make a trial, whatever becomes of it."""
+    """Make a trial, whatever becomes of it; a process makes one at a time."""
     try:
-        return trial.record(trial.measured())
+        with _ALONE:
+            return trial.record(trial.measured())
     except SimrobError as problem:
         return trial.lost(REFUSED, str(problem))
 

@@ -13,6 +13,7 @@ from typing import get_args
 import numpy as np
 import pytest
 import yaml
+from pyarrow import parquet
 
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
@@ -248,6 +249,8 @@ class TestFolder:
                 float(cost[0]) for _, cost in place.trials
             ]
             assert len(list(csv.DictReader(proven))) == 2
+        columns = parquet.read_table(tmp_path / "study/trials.parquet").to_pydict()
+        assert columns["cost"] == [float(cost[0]) for _, cost in place.trials]
 
     @pytest.mark.long
     def test_more_trials_go_on_from_those_that_are_there(self, tmp_path):

@@ -8,16 +8,17 @@ import socket
 import subprocess
 import sys
 import time
-from threading import Thread
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import psutil
 import pytest
-from distributed import LocalCluster
+from distributed import Client, LocalCluster
+from pyarrow import parquet
 
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
-from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, SimrobError
+from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.files import diagrams_root
 from simrob_drake.tuning import cluster
 from simrob_drake.tuning.cluster import Cluster
@@ -26,6 +27,7 @@ from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.processes import Processes
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import TABLE, SweepFolder
+from simrob_drake.tuning.trial import Trial, made
 from tests.tuning.dying import dies
 
 SHORT = {"duration": 0.2, "reference.duration": 0.1}
@@ -109,7 +111,7 @@ class TestFolder:
         alone = measures(simulate(load_station("double_pendulum", {**SHORT, "servo.kp": 40})))
         assert {name: rows[1][name] for name in alone} == alone
         assert float(table[1]["tracking_error"]) == alone["tracking_error"]
-        columns = pytest.importorskip("pyarrow.parquet").read_table(tmp_path / "sweep/sweep.parquet").to_pydict()
+        columns = parquet.read_table(tmp_path / "sweep/sweep.parquet").to_pydict()
         assert columns["tracking_error"] == [row["tracking_error"] for row in rows]
         assert {file.name for file in (tmp_path / "sweep/plots").iterdir()} == {"over_servo.kp.png", "spread.png"}
 
@@ -171,6 +173,24 @@ def test_the_command_goes_on_after_kill_9(tmp_path):
     assert sorted(row["number"] for row in rows) == list(range(1, 13))
 
 
+def test_a_process_makes_one_trial_at_a_time_however_many_threads_ask():
+    """A Dask worker has as many as processors unless told, and a built station is used again."""
+    begun = []
+
+    class Slow(Trial):
+        columns = ({},)
+
+        def measured(self):
+            begun.append(self.number)
+            time.sleep(0.02)
+            begun.append(self.number)
+            return [{"ended": "completed"}]
+
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(made, [Slow(number) for number in range(1, 9)]))
+    assert begun[::2] == begun[1::2]
+
+
 def test_one_run_is_made_again(tmp_path, capsys):
     SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=1, progress=False)
     assert run_command(["sweep", str(tmp_path / "sweep"), "--run", "2", "--no-recording"]) == 0
@@ -205,48 +225,67 @@ class TestCluster:
 
     @pytest.mark.long
     def test_a_scheduler_that_is_killed_takes_no_run_with_it(self, scheduler, tmp_path):
-        """What it had done is kept, and another one goes on: each run is there once."""
+        """One line tells it, what it had done is kept, and another one goes on: each run is there once, to the byte."""
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-        command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--no-dashboard", "--host", address]
-        short_lived = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-        worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads=1", "--no-dashboard"]
+        python = [sys.executable, "-m"]
+        short_lived = subprocess.Popen(
+            [*python, "distributed.cli.dask_scheduler", "--no-dashboard", "--host", address], stderr=subprocess.DEVNULL
+        )
+        worker = [*python, "distributed.cli.dask_worker", address, "--nthreads=1", "--no-dashboard"]
         working = subprocess.Popen(worker, start_new_session=True, stderr=subprocess.DEVNULL)
-        sweep = Sweep(**{**PENDULUM.model_dump(), "vary": {"servo.kp": "lin:10:100:30"}})
-
+        sweep = Sweep(**{**PENDULUM.model_dump(), "vary": {"servo.kp": "lin:10:100:60"}})
         place = SweepFolder(tmp_path / "sweep", sweep)
-
-        def count():
-            rows = place.folder / ROWS
-            return rows.read_bytes().count(b"\n") if rows.exists() else 0
-
-        def kill():
-            while not count():
-                time.sleep(0.01)
+        journal = place.folder / ROWS
+        command = [*python, "simrob_drake.cli", "sweep", str(place.folder), "--scheduler", address]
+        try:
+            while True:
+                going = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+                while going.poll() is None and not (journal.exists() and b"\n" in journal.read_bytes()):
+                    time.sleep(0.01)
+                if going.poll() is None:
+                    break
+                assert going.returncode == 2  # it is not there yet, or has no worker
             short_lived.kill()
+            told = going.communicate(timeout=60)[1].splitlines()
+        finally:
+            short_lived.kill()
+            os.killpg(working.pid, signal.SIGKILL)
+        assert going.returncode == 2
+        assert len(told) == 1
+        assert f"the scheduler {address} is gone; what is done is kept" in told[0]
+        assert 0 < journal.read_bytes().count(b"\n") < 60
+        place.run(scheduler=scheduler, progress=False)
+        whole = SweepFolder(tmp_path / "whole", sweep)
+        whole.run(workers=1, progress=False)
+        assert sorted(journal.read_bytes().splitlines()) == sorted((whole.folder / ROWS).read_bytes().splitlines())
 
-        killer = Thread(target=kill, daemon=True)
-        killer.start()
-        while True:
-            try:
-                place.run(scheduler=address, progress=False)
-            except InvalidParameter:  # it is not there yet, or has no worker
-                continue
-            except SimrobError as problem:
-                told = str(problem)
-                break
-        assert f"the scheduler {address} is gone" in told
-        killer.join()
-        os.killpg(working.pid, signal.SIGKILL)
-        assert 0 < count() < 30
-        rows = place.run(scheduler=scheduler, progress=False)
-        assert [row["number"] for row in rows] == list(range(1, 31))
+    @pytest.mark.parametrize(
+        ("who", "package", "version", "told"),
+        [("scheduler", "drake", "0.1", "drake 0.1"), ("worker", "simrob-drake", None, "simrob-drake not at all")],
+    )
+    def test_another_version_anywhere_is_refused_in_one_line(self, scheduler, who, package, version, told, monkeypatch):
+        asked = Client.get_versions
 
-    def test_workers_with_other_versions_are_refused(self, scheduler, monkeypatch):
-        monkeypatch.setattr(cluster, "python_version", lambda: "2.7")
-        with pytest.raises(SimrobError, match=r"has Python 3.*one whose workers have Python 2\.7"):
+        def versions(client, **more):
+            found = asked(client, **more)
+            (found["scheduler"] if who == "scheduler" else [*found["workers"].values()][1])["packages"][package] = (
+                version
+            )
+            return found
+
+        monkeypatch.setattr(Client, "get_versions", versions)
+        with pytest.raises(
+            SimrobError, match=rf"the {who} .*has {told}; it must have {package} \d+\.\d+\S+, as this"
+        ) as no:
             Cluster(scheduler)
+        assert "\n" not in str(no.value)
+
+    def test_what_this_computer_has_not_may_differ(self, scheduler, monkeypatch):
+        monkeypatch.setattr(cluster, "_PACKAGES", ("python", "no-such-package"))
+        with Cluster(scheduler):
+            pass
 
     @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "carrier-pigeon://x"])
     def test_no_scheduler_there(self, address, monkeypatch):
