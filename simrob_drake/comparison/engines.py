@@ -95,6 +95,8 @@ def _in_mujoco(name: str, config: StationConfig) -> Account:
     from simrob_drake.mujoco.runner import MujocoRunner
 
     if config.mode == "kinematic":
+        if config.program is not None:
+            raise SimrobError("it does no programs of kinematic stations; --set program=null leaves the station's out")
         result = inverse_run(config)
         return Account.of(name, result, result)
     if config.program is not None or config.controllers:  # which decide as they go

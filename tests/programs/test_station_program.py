@@ -82,7 +82,7 @@ def test_sweeps_and_searches_do_it(station: Path) -> None:
 def test_engines_are_compared_while_it_is_done(station: Path) -> None:
     found = compare_engines(load_station(station))
     assert found.accounts[0].times[-1] == pytest.approx(0.3)
-    assert "it does no programs" in found.missing["MuJoCo"]
+    assert "it does no programs of kinematic stations" in found.missing["MuJoCo"]
 
 
 def test_the_command_line_runs_and_checks_it(station: Path, tmp_path: Path, capsys, monkeypatch) -> None:
