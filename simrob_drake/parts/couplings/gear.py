@@ -9,8 +9,9 @@ a planetary gear couples three axes; a rack slides by its pinion's radius a radi
 from typing import Annotated, Literal
 
 from pydantic import Field
+from pydrake.multibody.plant import MultibodyPlant
 
-from simrob_drake.errors import UnknownName
+from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.parts.couplings.coupling import CouplingSection, need_discrete
 from simrob_drake.parts.site import StationPlant, Surroundings
 from simrob_drake.sections import Number
@@ -33,6 +34,10 @@ class Gear(CouplingSection):
             if name not in known:
                 raise UnknownName(f"axis for {key}.ratios", name, known)
         need_discrete(key, station)
+        if len(self.ratios) > 2 and not hasattr(MultibodyPlant, "AddTendonConstraint"):
+            raise InvalidParameter(
+                f"{key}.ratios", f"of {len(self.ratios)} axes", "of two: older Drake couples no more"
+            )
 
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized."""
@@ -45,7 +50,11 @@ class Gear(CouplingSection):
                     ratios.append(ratio * axis.sign)
                     total += ratio * robot.initial[place]
         kept = total if self.total is None else self.total
-        plant.plant.AddTendonConstraint(joints, ratios, -kept, 0.0, 0.0)
+        if len(joints) == 2:
+            driven, driver = (plant.plant.get_joint(joint) for joint in joints)
+            plant.plant.AddCouplerConstraint(driven, driver, -ratios[1] / ratios[0], kept / ratios[0])
+        else:
+            plant.plant.AddTendonConstraint(joints, ratios, -kept, 0.0, 0.0)
 
     def caption(self) -> str:
         """Return it in words."""
