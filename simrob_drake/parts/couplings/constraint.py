@@ -12,7 +12,6 @@ from simrob_drake.parts.couplings.coupling import (
     CouplingSection,
     anchored,
     end_of,
-    need_discrete,
 )
 from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
 from simrob_drake.parts.targets import check_frame
@@ -23,11 +22,6 @@ class Ball(BetweenPoints):
     """Two points that stay together, as in a ball and socket."""
 
     kind: Literal["ball"]
-
-    def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station can have it."""
-        super().check(key, station)
-        need_discrete(key, station)
 
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized."""
@@ -50,11 +44,6 @@ class Rod(BetweenPoints):
     kind: Literal["rod"]
     length: Positive
     """[m]."""
-
-    def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station can have it."""
-        super().check(key, station)
-        need_discrete(key, station)
 
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized."""
@@ -87,7 +76,6 @@ class Weld(CouplingSection):
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the station can have it."""
         super().check(key, station)
-        need_discrete(key, station)
         for part in ("body", "other"):
             check_frame(station, f"{key}.{part}", getattr(self, part))
 

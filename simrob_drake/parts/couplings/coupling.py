@@ -1,6 +1,6 @@
 """What the kinds of coupling share: where they hold, and which stations can have them."""
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -25,14 +25,20 @@ class CouplingSection(Strict):
     ``caption()``, which tells it in words.
     """
 
+    constrains: ClassVar[bool] = True
+    """Whether it is a constraint, which discrete solvers alone hold."""
+
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station is moved by forces, and that there is what it holds.
+        """Check that the station is moved by forces, by a solver that holds it, and that there is what it holds.
 
         Raises:
             SimrobError: names the key, and what would be right.
         """
         if station.mode == "kinematic":
             raise InvalidParameter(key, "a coupling in a kinematic station", "left out: its reference moves all joints")
+        if self.constrains and station.time_step == 0:
+            expected = f"kind: discrete, with scheme: sap: only discrete solvers hold {key}"
+            raise InvalidParameter("solver", station.scheme, expected)
 
     def gap(self, plant: StationPlant, context: Context) -> float:
         """Return how far what it holds together is apart in a context [m or rad]; 0 of what may be anywhere."""
@@ -46,17 +52,6 @@ class CouplingSection(Strict):
         """
         if (gap := self.gap(plant, context)) > _CLOSED:
             raise InvalidParameter(key, f"{gap:.4g} m (or rad) off at the start", f"at most {_CLOSED:g} off")
-
-
-def need_discrete(key: str, station: Surroundings) -> None:
-    """Check that a station is stepped by a solver that knows constraints.
-
-    Raises:
-        InvalidParameter: a continuous one.
-    """
-    if station.time_step == 0:
-        expected = f"kind: discrete, with scheme: sap: only discrete solvers hold {key}"
-        raise InvalidParameter("solver", station.scheme, expected)
 
 
 class Attachment(NamedTuple):

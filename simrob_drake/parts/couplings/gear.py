@@ -12,7 +12,7 @@ from pydantic import Field
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.parts.couplings.coupling import CouplingSection, need_discrete
+from simrob_drake.parts.couplings.coupling import CouplingSection
 from simrob_drake.parts.site import StationPlant, Surroundings
 from simrob_drake.sections import Number
 
@@ -33,7 +33,6 @@ class Gear(CouplingSection):
         for name in self.ratios:
             if name not in known:
                 raise UnknownName(f"axis for {key}.ratios", name, known)
-        need_discrete(key, station)
         if len(self.ratios) > 2 and not hasattr(MultibodyPlant, "AddTendonConstraint"):
             raise InvalidParameter(
                 f"{key}.ratios", f"of {len(self.ratios)} axes", "of two: older Drake couples no more"

@@ -5,7 +5,7 @@ r"""A spring with a damper between points of two bodies, under any solver.
 pulls them together, of their distance :math:`l`.
 """
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydrake.multibody.tree import LinearSpringDamper
 
@@ -19,6 +19,7 @@ _SHORTEST = 1e-9  # m: Drake wants a length, though it need not have one
 class Spring(BetweenPoints):
     """A spring with a damper between two points."""
 
+    constrains: ClassVar[bool] = False
     kind: Literal["spring"]
     length: NotNegative = 0.0
     """At which it is slack [m]."""
