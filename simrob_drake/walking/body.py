@@ -72,7 +72,7 @@ class Body:
             root: the frame of its root link.
             axes: of the robot.
             limits: of the axes, lower and upper, shape (n,) [rad].
-            posture: near which legs are found, shape (n,) [rad]; knees never straighten beyond where they bend as there.
+            posture: near which legs are found, shape (n,) [rad]; knees stay on the side to which they bend there.
             stance: in which the soles are flat and stand as they shall side by side, shape (n,) [rad].
             feet: the frames of their links.
             contact: what touches the ground there.
@@ -226,7 +226,7 @@ class Body:
         """Return the Jacobian (6, nv) of the middle of a sole, in the root's axes, in the posture taken."""
         plant, root = self._plant, self._plant.get_frame(self._root)
         link, tip = plant.get_frame(self._feet[foot]), self._tips[foot]
-        return plant.CalcJacobianSpatialVelocity(self._goal, JacobianWrtVariable.kV, link, tip, root, root)
+        return np.asarray(plant.CalcJacobianSpatialVelocity(self._goal, JacobianWrtVariable.kV, link, tip, root, root))
 
     def _step(self, rates: Vector, there: Vector, target: Vector) -> Vector:
         """Return a damped step of the legs' joints (legs, k) from poses of the feet towards others, (legs, 3, 4) each.
