@@ -24,6 +24,7 @@ _LONG = 1.25  # times as far as hips are apart ahead, that they are to the side:
 _ALIKE = 0.03  # part by which legs may differ in size
 _PLACED = 0.05  # part of the distance between hips by which a pair may stand unlike
 _TOES = 0.05  # part of its length by which the middle of a sole is ahead of the ankle, to tell where the robot looks
+_BEND = 0.5  # rad
 _JOINTS = 2, 7
 _ROWS_OF_LEGS = {1: ("",), 2: ("front_", "rear_"), 3: ("front_", "middle_", "rear_")}
 _KINDS = "roll", "pitch", "yaw"
@@ -32,7 +33,7 @@ _FORWARD = {"roll": 1.0, "pitch": -1.0, "yaw": 1.0}
 
 
 @dataclass(frozen=True)
-class Limb:
+class NamedLeg:
     """A leg, called by its place.
 
     Attributes:
@@ -68,7 +69,7 @@ class Anatomy:
 
     robot: StationRobot
     clearance: Clearance
-    legs: list[Limb]
+    legs: list[NamedLeg]
     facing: float
     arms: list[list[int]]
     head: list[int]
@@ -161,9 +162,13 @@ def anatomy_of(clearance: Clearance, robot: StationRobot) -> Anatomy:
     across, along = np.ptp(hips[:, 1]), np.ptp(hips[:, 0])
     facing = 0.0 if (along <= _LONG * across if len(legs) == 2 else across <= _LONG * along) else math.pi / 2
     toes = [_toes(clearance, leg, facing) for leg in legs]
-    if np.mean(toes) < -_TOES:
-        facing += math.pi if facing <= 0 else -math.pi
     limbs = list(_named(clearance, robot, legs, facing))
+    ahead = float(np.mean(toes))
+    if abs(ahead) < _TOES and len(legs) == 2 and legs[0].normal is not None:
+        ahead = _bends(clearance, robot, limbs[0], facing)
+    if ahead < 0 and len(legs) == 2:
+        facing += math.pi if facing <= 0 else -math.pi
+        limbs = list(_named(clearance, robot, legs, facing))
     found = Anatomy(robot, clearance, limbs, facing, [], [])
     arms = _arms(found, max(across, along))
     rest = {*range(len(robot.axes))} - {axis for axes in [*arms, *(limb.leg.axes for limb in limbs)] for axis in axes}
@@ -249,7 +254,20 @@ def _toes(clearance: Clearance, leg: Leg, facing: float) -> float:
     return float((ahead.max() + ahead.min()) / 2 / max(np.ptp(ahead), 1e-6))
 
 
-def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facing: float) -> Iterator[Limb]:
+def _bends(clearance: Clearance, robot: StationRobot, limb: NamedLeg, facing: float) -> float:
+    """Return how far ahead a knee goes that bends as its limits let it most [m]."""
+    axis, tried = limb.leg.axes[limb.knee.place], straight(robot)
+    lower, upper = (limit[axis] - limb.knee.straight for limit in robot.model.axis_limits)
+    tried[axis] = limb.knee.straight + (_BEND if upper > -lower else -_BEND)
+    places = []
+    for posture in (straight(robot), tried):
+        put_upright(clearance, robot, posture)
+        pose = clearance.plant.EvalBodyPoseInWorld(clearance.context, limb.leg.foot)
+        places.append(RotationMatrix.MakeZRotation(-facing) @ pose.translation())
+    return float((places[0] - places[1])[0])
+
+
+def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facing: float) -> Iterator[NamedLeg]:
     """Yield the legs with their names, right before left, front before rear.
 
     Raises:
@@ -285,4 +303,4 @@ def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facin
             put_upright(clearance, robot, robot.model.home)
             knee = knee_of(clearance.plant, clearance.context, joints, leg.foot.body_frame(), leg.point)
             signed = replace(knee, straight=robot.axis_map.signs[leg.axes[knee.place]] * knee.straight)
-            yield Limb(f"{row}{side}", side == "left", leg, signed)
+            yield NamedLeg(f"{row}{side}", side == "left", leg, signed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,9 @@ from simrob_drake.importer.importing import write_robot
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import robot_file
 from simrob_drake.legged.anatomy import Anatomy, anatomy_of
-from simrob_drake.legged.figures import MODELS, Build, Model, asked_speed, build_of, gains, walk_of
-from simrob_drake.legged.report import REPORT, save_report
-from simrob_drake.legged.soles import Sole, feet_section, soles_of, write_soles
+from simrob_drake.legged.report import REPORT, Made, save_report
+from simrob_drake.legged.scaling import EXAMPLES, Build, Example, asked_speed, build_of, gains, walk_of
+from simrob_drake.legged.soles import FootSole, feet_section, soles_of, write_soles
 from simrob_drake.legged.trials import TRIALS, Attempt, attempt
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE
@@ -40,31 +40,6 @@ _STEP: dict[str, Any] = {
     "kind": "continuous", "scheme": "cenic", "accuracy": 1.0e-3, "max_step": 0.01, "error_control": False,
 }  # fmt: skip
 _NO_MODEL = "{count} legs: what walks here has two, four or six"
-
-
-@dataclass
-class Made:
-    """What was made of a robot.
-
-    Attributes:
-        folder: where it stands.
-        name: of the robot.
-        found: what was seen in its tree, in words.
-        assumed: what was made up, in words.
-        attempts: what became of the trials.
-        problem: why something could not be done, in words; empty if all was.
-    """
-
-    folder: Path
-    name: str = ""
-    found: list[str] = field(default_factory=list)
-    assumed: list[str] = field(default_factory=list)
-    attempts: list[Attempt] = field(default_factory=list)
-    problem: str = ""
-
-    def can(self, trial: str) -> bool:
-        """Whether the robot passed a trial."""
-        return any(one.done for one in self.attempts if one.trial == trial)
 
 
 def make_legged(
@@ -108,7 +83,7 @@ class _Standing:
     """A stance, its soles and its build."""
 
     stance: Stance
-    soles: list[Sole]
+    soles: list[FootSole]
     build: Build
 
 
@@ -130,7 +105,7 @@ class _Making:
         """
         anatomy, made = anatomy_of(self._clearance, self._own), self._made
         made.found += list(_described(anatomy))
-        models = MODELS.get(min(len(anatomy.legs), 4), ())
+        models = EXAMPLES.get(min(len(anatomy.legs), 4), ())
         count = len(anatomy.legs)
         ways = [self._standing(anatomy, part) for part in _BENT[count]]
         good = [way for way in ways if way is not None]
@@ -169,7 +144,7 @@ class _Making:
         return None
 
     def _write(
-        self, anatomy: Anatomy, way: _Standing, names: list[str], model: Model, stiffer: float, part: float = 1.0
+        self, anatomy: Anatomy, way: _Standing, names: list[str], model: Example, stiffer: float, part: float = 1.0
     ) -> float:
         """Write robot, gait and stations; return the speed that is asked for [m/s]."""
         robot, stance, build = self._robot, way.stance, way.build
@@ -221,7 +196,7 @@ class _Making:
         facing = round(float(np.rad2deg(anatomy.facing)), 3)
         self._yaml(ROBOT_FILE, description)
         self._yaml(GAITS_FILE, {"facing_deg": facing, REACTING: walk})
-        self._yaml(STAND, {key: value for key, value in station.items() if key != "inputs"})
+        self._yaml(STAND, {**station, "inputs": [], "reference": {"kind": "hold"}})
         self._yaml(WALK, {**station, "description": f"{robot.name} walks by commands", "controllers": loop})
         return speed
 
@@ -248,7 +223,7 @@ def _soles_text(way: _Standing) -> str:
     return f"feet: {kind} of radius {sole.radius * 1e3:.1f} mm, {build.spread:.3f} m apart"
 
 
-def _assumed(way: _Standing, model: Model, stiffer: float, part: float) -> Iterator[str]:
+def _assumed(way: _Standing, model: Example, stiffer: float, part: float) -> Iterator[str]:
     """Yield what was made up, in words."""
     yield f"posture: {way.stance.how}"
     yield f"walk: figures of {model.name}, scaled by {way.build.height / model.build.height:.2f} in length"

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from simrob_drake.legged.trials import Attempt
 from simrob_drake.results.animation.pictures import save_film_strip
-
-if TYPE_CHECKING:
-    from simrob_drake.legged.making import Made
 
 REPORT, PICTURE = "legged.md", "legged.png"
 _TUNE = {
@@ -19,6 +17,31 @@ _TUNE = {
     "walks": "`step_time`, `bearing.height` and `zmp_inward` in gaits.yaml",
 }
 """What to change first where a trial fails."""
+
+
+@dataclass
+class Made:
+    """What was made of a robot.
+
+    Attributes:
+        folder: where it stands.
+        name: of the robot.
+        found: what was seen in its tree, in words.
+        assumed: what was made up, in words.
+        attempts: what became of the trials.
+        problem: why something could not be done, in words; empty if all was.
+    """
+
+    folder: Path
+    name: str = ""
+    found: list[str] = field(default_factory=list)
+    assumed: list[str] = field(default_factory=list)
+    attempts: list[Attempt] = field(default_factory=list)
+    problem: str = ""
+
+    def can(self, trial: str) -> bool:
+        """Whether the robot passed a trial."""
+        return any(one.done for one in self.attempts if one.trial == trial)
 
 
 def save_report(made: Made, folder: Path) -> None:

@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
-from simrob_drake.legged.anatomy import Anatomy, Limb
+from simrob_drake.legged.anatomy import Anatomy, NamedLeg
 from simrob_drake.robots.bodies import bodies
 from simrob_drake.robots.urdf import add_joint, name_of
 from simrob_drake.stations.legs import put_upright
@@ -26,7 +26,7 @@ _BALL = 0.06  # part of it within which points about a tip tell its roundness
 
 
 @dataclass(frozen=True)
-class Sole:
+class FootSole:
     """What a foot stands on.
 
     Attributes:
@@ -42,7 +42,7 @@ class Sole:
     flat: bool
 
 
-def soles_of(anatomy: Anatomy, stance: Stance) -> list[Sole]:
+def soles_of(anatomy: Anatomy, stance: Stance) -> list[FootSole]:
     """Return the soles of a robot's legs, from the outlines of its feet as it stands.
 
     Raises:
@@ -52,7 +52,7 @@ def soles_of(anatomy: Anatomy, stance: Stance) -> list[Sole]:
     return [_sole(anatomy, limb, stance.height) for limb in anatomy.legs]
 
 
-def _sole(anatomy: Anatomy, limb: Limb, height: float) -> Sole:
+def _sole(anatomy: Anatomy, limb: NamedLeg, height: float) -> FootSole:
     clearance, body = anatomy.clearance, limb.leg.foot
     pose = clearance.plant.EvalBodyPoseInWorld(clearance.context, body)
     ahead = RotationMatrix.MakeZRotation(anatomy.facing)
@@ -75,10 +75,10 @@ def _sole(anatomy: Anatomy, limb: Limb, height: float) -> Sole:
         seen = centre if ball is None else ahead.inverse() @ (pose @ centre)
         middle, flat = np.array([*seen[:2], seen[2] - radius]), False
         spheres = np.array([[0.0, 0.0, radius]])
-    return Sole(pose.inverse() @ RigidTransform(ahead, ahead @ middle), spheres, float(radius), flat)
+    return FootSole(pose.inverse() @ RigidTransform(ahead, ahead @ middle), spheres, float(radius), flat)
 
 
-def _ball(anatomy: Anatomy, limb: Limb) -> tuple[Vector, float] | None:
+def _ball(anatomy: Anatomy, limb: NamedLeg) -> tuple[Vector, float] | None:
     """Return middle, in its body, and radius of the sphere that a foot stands on; None where it is no sphere."""
     clearance, inspector = anatomy.clearance, anatomy.clearance.station.scene_graph.model_inspector()
     pose = clearance.plant.EvalBodyPoseInWorld(clearance.context, limb.leg.foot)
@@ -106,7 +106,7 @@ def _roundness(points: Vector, height: float) -> tuple[Vector, float]:
     return np.array([*middle[:2], tip[2] + radius]), radius
 
 
-def write_soles(urdf: Path, anatomy: Anatomy, soles: list[Sole]) -> list[str]:
+def write_soles(urdf: Path, anatomy: Anatomy, soles: list[FootSole]) -> list[str]:
     """Add a link for each sole to a URDF, in place of the shapes of its foot; return their names."""
     tree = ET.parse(urdf)  # written by the importer
     robot = tree.getroot()
@@ -126,7 +126,7 @@ def write_soles(urdf: Path, anatomy: Anatomy, soles: list[Sole]) -> list[str]:
     return names
 
 
-def feet_section(soles: list[Sole], names: list[str], load: float) -> dict[str, object]:
+def feet_section(soles: list[FootSole], names: list[str], load: float) -> dict[str, object]:
     """Return the key ``feet`` of a ``robot.yaml``; contacts give way by a 500th of its height under the robot.
 
     The ``load`` is its weight over that height, of the centre of mass [N/m].

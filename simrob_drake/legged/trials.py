@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,18 +42,18 @@ class Attempt:
     result: SimulationResult | None = None
 
 
-def attempt(station: Path, trial: str, speed: float = 0.0, changes: Mapping[str, Any] | None = None) -> Attempt:
-    """Return what becomes of a trial of a station whose only loop is ``walk``.
+def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
+    """Return what becomes of a trial of a station whose only loop, of all but the first trial, is ``walk``.
 
     Args:
         station: whose.
         trial: one of :data:`TRIALS`.
         speed: of the walk [m/s].
-        changes: of the station.
     """
-    wanted = speed if trial == "walks" else 0.0 if trial == "stands" else _CREEP
-    overrides: dict[str, Any] = {**(changes or {}), "duration": _STARTS + _SECONDS}
-    overrides["controllers.walk.commands"] = [{"time": _STARTS, "ahead": wanted}] if wanted else []
+    asked = {TRIALS[0]: 0.0, TRIALS[3]: speed}.get(trial, _CREEP)
+    overrides: dict[str, Any] = {"duration": _STARTS + _SECONDS}
+    if asked:
+        overrides["controllers.walk.commands"] = [{"time": _STARTS, "ahead": asked}]
     if trial == TRIALS[1]:
         overrides["controllers.walk.gait.lift"] = _FLAT
     try:

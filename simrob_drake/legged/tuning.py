@@ -49,7 +49,7 @@ def tune_walk(folder: Path, minutes: float) -> Iterator[str]:
         SimrobError: a walk that cannot be tried.
     """
     station, begun = folder / WALK, time.monotonic()
-    attempt(station, TRIALS[3])
+    attempt(station, TRIALS[3], float(read_yaml(station)["controllers"]["walk"]["commands"][0]["ahead"]))
     trials = max(int(60 * minutes / (_RUNS * (time.monotonic() - begun))), _TOGETHER)
     file = folder / GAITS_FILE
     gaits = read_yaml(file)

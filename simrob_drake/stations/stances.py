@@ -24,6 +24,7 @@ _LEVEL = 1e-3  # m: feet at one height
 _STEADY = 0.04  # part of its height by which the centre of mass is within the support area: an angle of 2.3 deg
 _UNDER = 0.02  # part of a leg's length by which feet may be off the centre of mass
 _LOAD = 0.9  # part of a motor's torque that standing may take
+_FORWARD = 2  # joints of a leg that steps ahead alone, not aside
 _SHIFTS = 3  # how often the feet are put under the centre of mass
 
 
@@ -189,8 +190,8 @@ class Stances:
             lowest = self._clearance.lowest(self._robot)
             heights = np.array([lowest[leg.foot.name()] for leg in legs])
             com = self._plant.CalcCenterOfMassPositionInWorld(self._clearance.context, [self._robot.instance])
-            off = np.where(np.abs(com[:2] - middle) < _UNDER * length, 0.0, com[:2] - middle)
-            if np.ptp(heights) < _LEVEL and not off.any():
+            off = (com[:2] - middle) * [1.0, len(legs[0].axes) > _FORWARD]
+            if np.ptp(heights) < _LEVEL and np.abs(off).max() < _UNDER * length:
                 break
             targets[:, :2] += off
             targets[:, 2] -= heights - heights.mean()

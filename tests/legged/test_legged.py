@@ -11,7 +11,7 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.legged.anatomy import Anatomy, anatomy_of
-from simrob_drake.legged.figures import MODELS, Build, asked_speed, gains, walk_of
+from simrob_drake.legged.scaling import EXAMPLES, Build, asked_speed, gains, walk_of
 from simrob_drake.legged.making import STAND, WALK, make_legged
 from simrob_drake.legged.soles import soles_of
 from simrob_drake.robots.catalog import load_robot, load_robot_file
@@ -65,7 +65,7 @@ def test_limbs_of_a_biped_are_told_by_geometry(tmp_path):
 
 
 def test_a_walk_scales_as_pendulums_do():
-    (model, *_) = MODELS[2]
+    (model, *_) = EXAMPLES[2]
     build, half, four = model.build, 0.5, 0.25
     small = Build(four * build.height, build.mass, four * build.spread, (four * build.sole[0], four * build.sole[1]))
     known = gaits_file(load_robot(model.name)).section("reacting")

@@ -15,7 +15,7 @@ import numpy as np
 
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.legged.anatomy import Anatomy
-from simrob_drake.legged.soles import Sole
+from simrob_drake.legged.soles import FootSole
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.stations.stances import Stance
@@ -55,7 +55,7 @@ class Build:
 
 
 @dataclass(frozen=True)
-class Model:
+class Example:
     """A robot of the package whose walk is known: its name, its build in its walking station, its kp [m g h / rad]."""
 
     name: str
@@ -63,17 +63,17 @@ class Model:
     stiffness: float
 
 
-MODELS = {
+EXAMPLES = {
     2: (
-        Model("zjudancer", Build(0.345, 4.70, 0.122, (0.137, 0.077)), 10.0),
-        Model("roid1", Build(0.204, 1.46, 0.0914, (0.112, 0.068)), 10.0),
+        Example("zjudancer", Build(0.345, 4.70, 0.122, (0.137, 0.077)), 10.0),
+        Example("roid1", Build(0.204, 1.46, 0.0914, (0.112, 0.068)), 10.0),
     ),
-    4: (Model("yobotics", Build(0.260, 9.44, 0.254, (0.0, 0.0)), 16.6),),
+    4: (Example("yobotics", Build(0.260, 9.44, 0.254, (0.0, 0.0)), 16.6),),
 }
 """By the number of legs; those of six walk as four do."""
 
 
-def build_of(anatomy: Anatomy, stance: Stance, soles: Sequence[Sole]) -> Build:
+def build_of(anatomy: Anatomy, stance: Stance, soles: Sequence[FootSole]) -> Build:
     """Return the build of a robot as it stands."""
     poses = [
         anatomy.clearance.plant.EvalBodyPoseInWorld(anatomy.clearance.context, limb.leg.foot) @ sole.pose
@@ -84,14 +84,14 @@ def build_of(anatomy: Anatomy, stance: Stance, soles: Sequence[Sole]) -> Build:
     return Build(stance.standing.height, stance.standing.mass, abs(float(apart[1])), (length, width))
 
 
-def gains(build: Build, model: Model) -> dict[str, float]:
+def gains(build: Build, model: Example) -> dict[str, float]:
     """Return ``kp`` [N·m/rad] and ``kd`` [N·m·s/rad] of all axes, alike."""
     kp = model.stiffness * build.load
     return {"kp": _short(kp), "kd": _short(_LAG * kp * build.time)}
 
 
 def walk_of(
-    build: Build, model: Model, *, height: float, groups: Sequence[Sequence[str]], posture: Mapping[str, float]
+    build: Build, model: Example, *, height: float, groups: Sequence[Sequence[str]], posture: Mapping[str, float]
 ) -> dict[str, Any]:
     """Return the section ``reacting`` of a robot's ``gaits.yaml``, scaled from a model's.
 
