@@ -1,6 +1,6 @@
 """A station that goes on where its last run left it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +14,7 @@ from simrob_drake.arguments import instance, seconds
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import PoseLike, Vector, as_transform, finite, pose_from_transform
 from simrob_drake.parts.site import WORLD, StationRobot
+from simrob_drake.programs.free_space import FreeSpace
 from simrob_drake.programs.grasps import let_go, taken
 from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.programs.plan import Plan
@@ -26,7 +27,9 @@ from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.record.state import State, free_joint
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import OnStep, ReferenceLike, Runner
+from simrob_drake.stations.clearance import Clearance
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.station import StationLike, config_of
 
@@ -320,7 +323,8 @@ class StatefulStation:
             raise InvalidParameter("config", list(config.robots), f"of a station with {', '.join(self.config.robots)}")
         model = StationModel(config)  # if it cannot be built, all stays as it was
         self.config, self._model = config, model
-        self.__dict__.pop("_collision_model", None)
+        for model in ("_collision_model", "_whole_model"):
+            self.__dict__.pop(model, None)
         if self._window:
             self._window.draw(config, self._shown_state())
 
@@ -338,6 +342,17 @@ class StatefulStation:
         self._collision_model.place_pieces(self.state)
         self._collision_model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
         return self._collision_model
+
+    def free_space(self, robots: Sequence[str]) -> FreeSpace:
+        """Return what robots that move together from their references must not touch, themselves included.
+
+        Raises:
+            StartInCollision: one of them is in something now.
+        """
+        model, made_so = self._whole_model
+        model.place_pieces(self.state)
+        model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
+        return FreeSpace(model, made_so, {robot: self.reference(robot) for robot in robots})
 
     def show(self) -> str:
         """Open a browser window, in which everything from now on is shown at the pace of the clock.
@@ -384,6 +399,13 @@ class StatefulStation:
     @cached_property
     def _collision_model(self) -> StationModel:
         return StationModel(self.config, collision=True)
+
+    @cached_property
+    def _whole_model(self) -> tuple[StationModel, Collection[tuple[str, str]]]:
+        """The station with all shapes that collide, and which links overlap in nearly every posture."""
+        contact = (self.config.contact or ContactConfig()).model_copy(update={"self_collision": True})
+        whole = self.config.model_copy(update={"mode": "kinematic", "contact": contact})
+        return StationModel(whole, collision=True), Clearance(whole).made_so
 
 
 def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:

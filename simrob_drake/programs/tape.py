@@ -147,7 +147,7 @@ def recorded(
     plan: Plan,
     key: str,
     planning: Planning,
-    targets: PoseTargets,
+    targets: PoseTargets | str | None,
     how: Mapping[str, Any],
     *,
     wobj: WorkObject = None,
@@ -175,7 +175,8 @@ def recorded(
         frame = getattr(wobj, "name", None)
     elif frame is not None and not isinstance(frame, str):
         frame = pose_numbers(frame)
-    content = {"targets": row_numbers(targets), "robot": planning.robot, **how, "wobj": frame, **more}
+    rows = row_numbers(targets) if targets is not None and not isinstance(targets, str) else targets
+    content = {"targets": rows, "robot": planning.robot, **how, "wobj": frame, **more}
     if "via" in more:
         content["via"] = row_numbers(more["via"])
     if used != "auto":
