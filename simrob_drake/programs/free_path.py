@@ -61,7 +61,7 @@ class Search:
         """
         start = self.space.posture
         for goal in goals[:_STRAIGHT]:
-            if all(map(self.space.free, self._between(np.array([start, goal]), _LOOK)[1:])):
+            if all(self.space.free(posture) for posture in self._between(np.array([start, goal]), _LOOK)[1:]):
                 return np.array([start, goal])
         return self._found(start, goals)
 
@@ -74,6 +74,8 @@ class Search:
             NoFreePath: it touches something at its nearest.
         """
         whole = self._length(corners)
+        if whole < _ROUNDING:
+            return np.linspace(0.0, 1.0, 2 * _DEGREE), corners[:1].repeat(2 * _DEGREE, axis=0)
         for step in _ROUND:
             control = self._between(corners, min(step, whole / (2 * _DEGREE)))
             inner = np.linspace(0.0, 1.0, len(control) - _DEGREE + 1)

@@ -1,7 +1,7 @@
 """Postures in which robots touch nothing, neither themselves nor what stands around, and what they touch elsewhere."""
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,13 +30,11 @@ class FreeSpace:
 
     Attributes:
         model: of the station with the shapes of all links, its robots where they stand.
-        made_so: links that overlap in nearly every posture.
         start: where the robots that move begin, (n,) each, by name.
         met: how often each thing was in the way.
     """
 
     model: StationModel
-    made_so: Collection[Bodies]
     start: Mapping[str, Vector]
     met: Counter[str] = field(default_factory=Counter)
     _pairs: dict[tuple[GeometryId, GeometryId], tuple[Bodies, float]] = field(default_factory=dict)
@@ -95,9 +93,9 @@ class FreeSpace:
         """Return whose two shapes are, and how deep they may be in each other."""
         (first, one), (second, other) = sorted(owner_and_robot(self.model.station, shape) for shape in shapes)
         self._owners |= {first: one, second: other}
-        bodies = first, second
-        still = not {one, other} & {*self.start}
-        allowed = np.inf if still or bodies in self.made_so else ROUGH if one == other else TOUCH
+        still, made_so = not {one, other} & {*self.start}, (first, second) in self.model.made_so
+        allowed = np.inf if still or made_so else ROUGH if one == other else TOUCH
+        bodies = (first, second) if one in self.start else (second, first)
         return self._pairs.setdefault(shapes, (bodies, allowed))
 
     def _of_one(self, bodies: Bodies) -> bool:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import product
-from typing import ClassVar, Self, Unpack
+from typing import Any, ClassVar, Self, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -17,11 +17,10 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.every_branch import goal_postures
-from simrob_drake.kinematics.solver import require
 from simrob_drake.programs.errors import GoalInCollision
 from simrob_drake.programs.free_path import Search, metres
 from simrob_drake.programs.free_space import SEARCHED, FreeSpace, Hit
-from simrob_drake.programs.moves.motion import ArmMotion, Row, Rows
+from simrob_drake.programs.moves.motion import ArmMotion, Row
 from simrob_drake.programs.plan import Plan, check_limits
 from simrob_drake.programs.planning import POINTS, Planning, PoseTargets, WorkObject, degrees_hint, points_of, zone_of
 from simrob_drake.programs.segments import Segment, tool_length
@@ -42,11 +41,11 @@ class MoveFree(ArmMotion):
     key: ClassVar[str] = "move_free"
     title: ClassVar[str] = "MoveFree"
 
-    targets: Rows | str | None = None
-    """Where to: a pose [x y z Rz Ry Rx], a place [x y z] that keeps the orientation, or a piece."""
     wobj: str | Pose | None = None
-    """In whose frame that is: a piece, one of its frames as `piece.frame`, a robot's tool or a pose; the world unless
-    given."""
+    """In whose frame the target is: a piece, one of its frames as `piece.frame`, a robot's tool or a pose; the world
+    unless given."""
+    piece: str | None = None
+    """Instead of a pose: the piece, or one of its frames as `piece.frame`, where the tool is to be."""
     joints: Row | None = None
     """Instead of a pose: the posture [rad or m]."""
     joints_deg: Row | None = None
@@ -60,9 +59,9 @@ class MoveFree(ArmMotion):
 
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
-        given = [self.targets, self.targets_deg, self.joints, self.joints_deg]
-        if sum(value is not None for value in given) != 1:
-            raise ValueError("where to is given by one of targets, targets_deg, joints and joints_deg")
+        ways = [self.targets, self.targets_deg, self.piece, self.joints, self.joints_deg]
+        if sum(value is not None for value in ways) != 1:
+            raise ValueError("where to is given by one of targets, targets_deg, piece, joints and joints_deg")
         return self
 
     def posture(self, planning: Planning) -> npt.ArrayLike | None:
@@ -71,15 +70,21 @@ class MoveFree(ArmMotion):
             return self.joints or self.joints_deg
         return np.asarray(self.joints_deg * planning.model.user_units)
 
+    def pieces(self) -> Iterable[str]:
+        """Return the piece that it leads to, or that is its work object."""
+        return super().pieces() if self.piece is None else (self.piece.split(".", 1)[0],)
+
     def goals(self, planning: Planning) -> Vector:
         """Return the postures that will do, shape (m, n)."""
-        return goals_of(planning, self.rows(planning), self.posture(planning), self.wobj, self.free_turn, self.seed)
+        return goals_of(
+            planning, self.piece or self.rows(planning), self.posture(planning), self.wobj, self.free_turn, self.seed
+        )
 
     def plan(self, planning: Planning) -> Plan:
         """Return the move, planned."""
         return plan_move_free(
-            planning, self.rows(planning), joints=self.posture(planning), wobj=self.wobj, free_turn=self.free_turn,
-            seed=self.seed, planning_time=self.planning_time, **self.how,
+            planning, self.piece or self.rows(planning), joints=self.posture(planning), wobj=self.wobj,
+            free_turn=self.free_turn, seed=self.seed, planning_time=self.planning_time, **self.how,
         )  # fmt: skip
 
 
@@ -118,9 +123,13 @@ def plan_move_free(
     """
     goals = goals_of(planning, targets, joints, wobj, free_turn, seed)
     (plan,) = plan_around([planning], [goals], how, seed, planning_time)
-    own = {"joints": None if joints is None else np.asarray(joints).tolist(), "free_turn": free_turn or None}
-    more = {**own, "seed": seed or None, "planning_time": None if planning_time == PLANNING_TIME else planning_time}
-    return recorded(plan, MoveFree.key, planning, targets, how, wobj=wobj, solver="auto", **more)
+    own: dict[str, Any] = {
+        "joints": None if joints is None else np.asarray(joints).tolist(),
+        "free_turn": free_turn or None,
+    }
+    own |= {"seed": seed or None, "planning_time": None if planning_time == PLANNING_TIME else planning_time}
+    own["piece"], poses = (targets, None) if isinstance(targets, str) else (None, targets)
+    return recorded(plan, MoveFree.key, planning, poses, how, wobj=wobj, solver="auto", **own)
 
 
 def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> list[Plan]:
@@ -175,7 +184,9 @@ def goals_of(
     found = goal_postures(chain, rows @ matrices, start, seed)
     if not len(found):
         solutions = planning.inverse(None).solve(rows, start)
-        found = require(solutions, "the target")
+        if not solutions.reached.all():
+            raise solutions.unreachable(0, "the target")
+        found = solutions.positions
     return np.asarray(found[np.argsort(np.abs((found - start) * metres(chain)).sum(axis=1), kind="stable")])
 
 
