@@ -67,10 +67,9 @@ class Coordinates:
 
     def to_mujoco(self, state: Vector) -> Vector:
         """Return MuJoCo's coordinates (nq + nv,) of the plant's; forces at velocities may stand in their place."""
-        there, conjugate = state[self.back], np.empty(4)
+        there = state[self.back]
         for quaternion, turning in self.free:
-            mujoco.mju_negQuat(conjugate, there[quaternion])
-            mujoco.mju_rotVecQuat(there[turning], there[turning], conjugate)
+            there[turning] = _turned(there[quaternion], there[turning], -1.0)
         return np.asarray(there)
 
     def put(self, data: mujoco.MjData, state: Vector) -> None:
@@ -81,8 +80,17 @@ class Coordinates:
     def state(self, there: Vector) -> Vector:
         """Return the plant's coordinates of MuJoCo's (nq + nv,), which change."""
         for quaternion, turning in self.free:
-            mujoco.mju_rotVecQuat(there[turning], there[turning], there[quaternion])
+            there[turning] = _turned(there[quaternion], there[turning], 1.0)
         return np.asarray(there[self.there])
+
+
+def _turned(quaternion: Vector, vector: Vector, sense: float) -> tuple[float, float, float]:
+    """Return a vector turned as :func:`turned` does, by plain numbers: quicker for one."""
+    w, x, y, z = quaternion.tolist()
+    a, b, c = vector.tolist()
+    x, y, z = sense * x, sense * y, sense * z
+    p, q, r = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    return a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p
 
 
 def turned(quaternions: Vector, vectors: Vector, sense: float) -> Vector:
