@@ -48,7 +48,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
             task: a name of :func:`~simrob_drake.learning.task.task_names`, or a YAML file.
             station: in place of the task's, such as ``zjudancer_dynamic``.
             overrides: what is changed in it, as of :func:`~simrob_drake.load_station`.
-            engine: ``mujoco`` steps the station in MuJoCo, loops, sensors and all, at 2 ms unless ``solver`` is changed.
+            engine: ``mujoco`` steps the station in MuJoCo, at 2 ms unless ``solver`` is changed.
             grown: begin with the last values of what grows in the task.
             render_mode: ``rgb_array`` lets :meth:`render` give pictures.
 

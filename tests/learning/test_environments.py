@@ -88,7 +88,12 @@ def test_environments_run_side_by_side_on_processes():
 
 @pytest.mark.parametrize(
     ("task", "changed"),
-    [("walk", {}), ("walk", {"solver": {"kind": "mujoco"}}), ("balance", {"forces.push.start": 0.05, "forces.none": NOTHING}), ("hand_guide", {})],
+    [
+        ("walk", {}),
+        ("walk", {"solver": {"kind": "mujoco"}}),
+        ("balance", {"forces.push.start": 0.05, "forces.none": NOTHING}),
+        ("hand_guide", {}),
+    ],
 )
 def test_an_episode_is_a_run_of_the_station(task, changed, tmp_path):
     """The policy of the station's file, and one that is asked from outside, see and do the same to rounding.
