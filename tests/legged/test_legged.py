@@ -11,8 +11,8 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.legged.anatomy import Anatomy, anatomy_of
-from simrob_drake.legged.scaling import EXAMPLES, Build, asked_speed, gains, walk_of
 from simrob_drake.legged.making import STAND, WALK, make_legged
+from simrob_drake.legged.scaling import EXAMPLES, Build, asked_speed, gains, walk_of
 from simrob_drake.legged.soles import soles_of
 from simrob_drake.robots.catalog import load_robot, load_robot_file
 from simrob_drake.robots.gaits_file import gaits_file
