@@ -66,6 +66,11 @@ def make_legged(
     made = Made(folder)
     with filled_at_once(folder, marker=REPORT, force=force) as work:
         robot = write_robot(source, work, options, ImportReport(source))
+        if robot.links_without_inertia:
+            made.assumed.append(f"inertias of {', '.join(robot.links_without_inertia)}: from their shapes")
+            robot = write_robot(
+                source, work, options.model_copy(update={"estimate_inertia": True}), ImportReport(source)
+            )
         made.name = robot.name
         try:
             _Making(work, robot, made).run()
