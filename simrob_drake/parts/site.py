@@ -25,6 +25,7 @@ from simrob_drake.parts.ground import Ground
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.feet import FootContact
+from simrob_drake.robots.motors import Motor
 from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.sections import Pose
 from simrob_drake.signals import Compute, Signal
@@ -65,6 +66,7 @@ class ResolvedRobot:
         tcp_offset: pose of the tool centre point in that tool's frame; then the tool in use is called ``tcp``.
         feet: what it stands on; None without.
         prescribed: references of axes whose motion is prescribed in a dynamic station, of one value each, by place.
+        motors: of its axes; None where a servo has none.
     """
 
     name: str
@@ -82,6 +84,7 @@ class ResolvedRobot:
     tcp_offset: Pose | None
     feet: FootContact | None
     prescribed: Mapping[int, Reference]
+    motors: tuple[Motor | None, ...]
 
     def __repr__(self) -> str:
         """Say in one line which robot it is."""

@@ -75,7 +75,7 @@ def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> Resolve
         references[place] = config.prescribed[key].trajectory(alone, alone.initial)
     if not references:
         return robot
-    gains = {key: np.array(value) for key, value in vars(robot.gains).items() if value is not None}
+    gains = {key: np.array(value) for key, value in vars(robot.gains).items() if isinstance(value, np.ndarray)}
     for key in ("kp", "ki", "kd"):
         gains[key][list(references)] = 0.0
     driven = replace(robot, gains=replace(robot.gains, **gains), prescribed=references)

@@ -8,6 +8,7 @@ MuJoCo's integrator ``discrete`` solves that together with the contacts, but for
 of a step: a light joint at its limit then chatters. So its servos have no limits here. After a step those beyond theirs
 give just that, as a constant torque, and the step is made again, until servos and limits agree: an active-set method
 (Nocedal and Wright, Numerical Optimization, ch. 16.5). It takes 2 to 6 rounds, and one where no limit is reached.
+A motor beyond its line gives the torque at rest and brakes with the line's slope D, in place of its own gains.
 Meanwhile contacts stay as they are: MuJoCo softens each by what its bodies feel of the servos, so that without them it
 is given a stiffer one.
 """
@@ -23,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex, JointActuatorIndex, ModelInstanceIndex
 from pydrake.systems.framework import (
     BasicVector,
@@ -48,6 +49,8 @@ from simrob_drake.stations.resolve import ResolvedStation
 _TOGETHER, _ROUNDS = 5, 100
 """So often all motors that are on a wrong side change together; then the first of them alone, which cannot go on for
 ever where torques turn joints their way (Murty's least-index rule for linear complementarity)."""
+_LINE = 2.0
+"""The side, to either hand, of a motor at the line of its torque over its speed; 1 is at its limit."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ class MujocoPlant(Block):
         self._geoms = [made.shapes.get(made.model.geom(index).name) for index in range(made.model.ngeom)]
         bodies = [own.get_body(BodyIndex(index)) for index in range(own.num_bodies())]
         self._bodies = [0, *(made.model.body(names.body(body)).id for body in bodies[1:])]
-        self._motors = _Motors(own, made.model, self._data, names)
+        self._motors = _Motors(plant, made.model, self._data, names)
         self._qpos, self._qvel, self._guess = self._data.qpos, self._data.qvel, self._data.qacc_warmstart
         self._nq, self._nv = own.num_positions(), own.num_velocities()
         self._motion = self.DeclareDiscreteState(own.GetPositionsAndVelocities(self._scratch))
@@ -299,8 +302,9 @@ class _Motors:
         forces: on MuJoCo's velocities from elsewhere, shape (nv,), to be set before each step.
     """
 
-    def __init__(self, plant: MultibodyPlant, model: mujoco.MjModel, data: mujoco.MjData, names: Names) -> None:
-        """Find the motors of a plant in the model that was made of it."""
+    def __init__(self, station: StationPlant, model: mujoco.MjModel, data: mujoco.MjData, names: Names) -> None:
+        """Find the motors of a station's plant in the model that was made of it."""
+        plant = station.plant
         motors = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
         gains = [motor.get_controller_gains() if motor.has_controller() else None for motor in motors]
         joints = [model.joint(names.joint(motor.joint())) for motor in motors]
@@ -308,7 +312,13 @@ class _Motors:
         self.count, self.forces = len(motors), np.zeros(model.nv)
         self.instances = {owner: np.flatnonzero(owners == owner) for owner in dict.fromkeys(owners.tolist())}
         limits = [motor.effort_limit() if own else np.inf for motor, own in zip(motors, gains, strict=True)]
-        self._limits = np.array(limits, dtype=float)
+        self._limits, self._slopes = np.array(limits, dtype=float), np.zeros(self.count)
+        self._stalls, places = np.full(self.count, np.inf), {motor.joint().index(): k for k, motor in enumerate(motors)}
+        for robot in station.robots.values():
+            of_joints = [places[joint.index()] for joint in robot.joints]
+            if (line := robot.gains.line) is not None and all(gains[place] for place in of_joints):  # else blocks do it
+                self._stalls[of_joints], self._slopes[of_joints] = line.stall, line.slope
+                self._limits[of_joints] = robot.gains.cap
         self._kp, self._kd = (np.array([getattr(own, key) if own else 0.0 for own in gains]) for key in "pd")
         self._servos = np.flatnonzero([own is not None for own in gains])
         self._angles = np.array([joint.qposadr[0] for joint in joints], np.intp)
@@ -319,21 +329,31 @@ class _Motors:
     def drive(self, desired: Vector, extra: Vector, sides: Vector) -> None:
         """Let servos within their limits follow their gains, and the others give what they can."""
         if (sides != self._sides).any():
-            self._sides, within = sides.copy(), (sides == 0)[self._servos]
-            kp, kd, model = self._kp[self._servos] * within, self._kd[self._servos] * within, self._model
+            self._sides, model = sides.copy(), self._model
+            kp = np.where(sides == 0, self._kp, 0.0)[self._servos]
+            kd = np.where(sides == 0, self._kd, np.where(abs(sides) == _LINE, self._slopes, 0.0))[self._servos]
             model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1], model.actuator_biasprm[:, 2] = kp, -kp, -kd
         self._control[:] = desired[self._servos]
         self._applied[:] = self.forces
         if sides.any() or extra.any():
             beyond = sides != 0
             np.add.at(self._applied, self._speeds[~beyond], extra[~beyond])
-            np.add.at(self._applied, self._speeds[beyond], (sides * self._limits)[beyond])
+            np.add.at(self._applied, self._speeds[beyond], self._ends(sides)[beyond])
 
     def torques(self, desired: Vector, extra: Vector, sides: Vector) -> tuple[Vector, Vector]:
         """Return what each motor gives at the end of a step, shape (m,), and on which side of its limit it is."""
-        asked = self._kp * (desired - self._qpos[self._angles]) - self._kd * self._qvel[self._speeds] + extra
-        within = np.minimum(np.maximum(asked, -self._limits), self._limits)
-        torque = asked.copy()
-        torque[sides != 0] = (sides * self._limits)[sides != 0]
-        found = np.sign(asked - within)
-        return torque, np.where(found == -sides, 0.0, found)  # from one limit the way to the other leads between them
+        speed = self._qvel[self._speeds]
+        asked = self._kp * (desired - self._qpos[self._angles]) - self._kd * speed + extra
+        brake, side = self._slopes * speed, np.sign(sides)
+        above = np.minimum(np.maximum(self._stalls - brake, -self._limits), self._limits)
+        below = np.minimum(np.maximum(-self._stalls - brake, -self._limits), self._limits)
+        torque = np.where(sides == 0, asked, self._ends(sides) - np.where(abs(sides) == _LINE, brake, 0.0))
+        found = np.where(asked > above, 1.0, np.where(asked < below, -1.0, 0.0))
+        found[found == -side] = 0.0  # from one limit the way to the other leads between them
+        bound = np.where(found > 0, above, below)
+        return torque, found * np.where(abs(bound) < self._limits, _LINE, 1.0)
+
+    def _ends(self, sides: Vector) -> Vector:
+        """Return the torques that do not change within a step, (m,), of motors on these sides of what they can."""
+        ends = np.where(abs(sides) == _LINE, self._stalls, self._limits)
+        return np.where(sides == 0, 0.0, np.sign(sides) * np.where(sides == 0, 0.0, ends))
