@@ -97,6 +97,17 @@ class ResolvedRobot:
         return list(self.model.axes)
 
     @property
+    def speed_limits(self) -> Vector:
+        """How fast its axes may be, shape (n,) [rad/s or m/s]: the no-load speed of motors, else the URDF's limit."""
+        speeds = zip(self.motors, self.model.speed_limits, strict=True)
+        return np.array([limit if motor is None else motor.line[1] for motor, limit in speeds])
+
+    @property
+    def rated_torques(self) -> Vector:
+        """What its motors may give forever, shape (n,) [N·m or N]; infinite where nothing is told."""
+        return np.array([np.inf if motor is None else motor.rated_torque or np.inf for motor in self.motors])
+
+    @property
     def tool_names(self) -> list[str]:
         """The names of the tools, of carried pieces and, with an offset, of the tool centre point itself."""
         return [*self.tool_frames, *([TCP] if self.tcp and self.tcp_offset is not None else [])]

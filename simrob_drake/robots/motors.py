@@ -13,25 +13,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any
 
-import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.files import models_root
-from simrob_drake.robots.drives import Drives
 from simrob_drake.sections import NotNegative, Positive, Strict, validated
 from simrob_drake.yaml_files import read_yaml
-
-if TYPE_CHECKING:  # robots have motors
-    from simrob_drake.robots.catalog import RobotModel
 
 MOTORS_FILE = "motors.yaml"
 """The motors that have names, in the folder of models."""
 OF_URDF, NO_MOTOR = "urdf", "none"
 """A motor with the URDF's effort as stall torque and its velocity as no-load speed; and a servo without a motor."""
-_DRIVES = "rotor_inertia", "gear_ratio", "damping", "friction", "backlash_deg"
 
 
 class Motor(Strict):
@@ -68,8 +61,6 @@ class Motor(Strict):
     resolution_deg: NotNegative | None = None
     """Step of its encoder [deg]. Of sensors `encoders`."""
 
-    of_any_size: ClassVar[bool] = False
-
     @property
     def line(self) -> tuple[float, float]:
         """The stall torque [N·m] and the no-load speed [rad/s] on its supply."""
@@ -102,59 +93,3 @@ def known_motors() -> Mapping[str, Motor]:
     """Return the motors that have names."""
     file = models_root() / MOTORS_FILE
     return {name: validated(Motor, content, file) for name, content in read_yaml(file).items()}
-
-
-def motors_of(choice: Motors | None, robot: RobotModel, key: str = "servo.motor") -> list[Motor | None]:
-    """Return the motor of each axis of a robot, whole; None where the axis has none.
-
-    Raises:
-        UnknownName: no motor of such a name, or no such axis.
-        InvalidParameter: figures without a torque at rest or a speed without load, or a supply without a voltage.
-    """
-    found: list[Motor | None] = [None] * len(robot.axes)
-    if choice is None:
-        return found
-    by_axis = choice if isinstance(choice, dict) else dict.fromkeys(robot.axes, choice)
-    for axis, own in by_axis.items():
-        place = robot.axis_index(axis, key)
-        found[place] = _whole(own, robot, place, key)
-    return found
-
-
-def _whole(choice: str | Motor, robot: RobotModel, axis: int, key: str) -> Motor | None:
-    """Return a motor with all its figures, those that are given over those of its name."""
-    motor = Motor(model=choice) if isinstance(choice, str) else choice
-    if motor.model == NO_MOTOR:
-        return None
-    if motor.model == OF_URDF:
-        torque, speed = float(robot.efforts[axis]), float(robot.speed_limits[axis])
-        if not np.isfinite([torque, speed]).all():
-            name = [*robot.axes][axis]
-            raise InvalidParameter(f"{key} of {name}", OF_URDF, "figures: its URDF limits not both effort and velocity")
-        base = Motor(stall_torque=torque, no_load_speed=speed, source="limits of the URDF, an estimate")
-    elif motor.model is not None and motor.model not in known_motors():
-        raise UnknownName(f"motor for {key}", motor.model, [*known_motors(), OF_URDF, NO_MOTOR])
-    else:
-        base = known_motors()[motor.model] if motor.model else Motor()
-    motor = base.model_copy(update=motor.model_dump(exclude_unset=True, exclude={"model"}))
-    for needed in ("stall_torque", "no_load_speed"):
-        if getattr(motor, needed) is None:
-            raise InvalidParameter(f"{key}.{needed}", "left out", "given, or model names a motor that has it")
-    if motor.supply is not None and motor.voltage is None:
-        raise InvalidParameter(
-            f"{key}.supply", f"{motor.supply:g} V", "given with the voltage at which its figures hold"
-        )
-    return motor
-
-
-def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
-    """Return what motors say of their axes' drives, of those that say it."""
-    figures = {
-        key: {
-            axis: value
-            for axis, motor in zip(robot.axes, motors, strict=True)
-            if (value := getattr(motor, key, None)) is not None
-        }
-        for key in _DRIVES
-    }
-    return Drives(**{key: values for key, values in figures.items() if values})

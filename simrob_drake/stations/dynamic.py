@@ -220,7 +220,7 @@ def _add_servo_blocks(
     matrix = robot.axis_map.actuation_matrix(plant, robot.instance)
     driven = command
     if robot.gains.damping.any():
-        bus = joined(builder, f"{prefix}motors.drives_and_state", command, signals.state)
+        bus = joined(builder, f"{prefix}motors.commands", command, signals.state)
         dampers = np.hstack([np.eye(count), np.diag(robot.gains.damping) @ speed])
         driven = mapped(builder, f"{prefix}motors.driven", dampers, bus)
     actuation = mapped(builder, f"{prefix}actuators", matrix, driven)

@@ -18,13 +18,12 @@ from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroun
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.drives import Drives
-from simrob_drake.robots.motors import drives_of
 from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.poses import piece_of
 from simrob_drake.stations.prescribed import with_prescribed_axes
-from simrob_drake.stations.servos import check_motors, servo_gains, station_motors
+from simrob_drake.stations.servos import check_motors, drives_of, servo_gains, station_motors
 from simrob_drake.stations.solver_config import FixedSteps, MujocoSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES
 

@@ -3,17 +3,76 @@
 import numpy as np
 
 from simrob_drake.blocks.servo import MotorLine, ServoGains
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.motors import Motor, motors_of
+from simrob_drake.robots.drives import Drives
+from simrob_drake.robots.motors import NO_MOTOR, OF_URDF, Motor, known_motors
 from simrob_drake.stations.config import ServoConfig, StationConfig
+
+_KEY = "servo.motor"
+_OF_MOTORS = "rotor_inertia", "gear_ratio", "damping", "friction", "backlash_deg"
+"""Figures of drives that motors tell, too."""
 
 
 def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
-    """Return the motor of each axis of a robot: the station's, else its own; None where the axis has none."""
-    return motors_of(robot.servo.motor if servo.motor is None else servo.motor, robot)
+    """Return the motor of each axis of a robot, whole: the station's, else its own; None where the axis has none.
+
+    Raises:
+        UnknownName: no motor of such a name, or no such axis.
+        InvalidParameter: figures without a torque at rest or a speed without load, or a supply without a voltage.
+    """
+    choice = robot.servo.motor if servo.motor is None else servo.motor
+    found: list[Motor | None] = [None] * len(robot.axes)
+    if choice is None:
+        return found
+    by_axis = choice if isinstance(choice, dict) else dict.fromkeys(robot.axes, choice)
+    for axis, own in by_axis.items():
+        place = robot.axis_index(axis, _KEY)
+        found[place] = _whole(own, robot, place)
+    return found
+
+
+def _whole(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
+    """Return a motor with all its figures, those that are given over those of its name."""
+    motor = Motor(model=choice) if isinstance(choice, str) else choice
+    if motor.model == NO_MOTOR:
+        return None
+    if motor.model == OF_URDF:
+        torque, speed = float(robot.efforts[axis]), float(robot.speed_limits[axis])
+        if not np.isfinite([torque, speed]).all():
+            name = [*robot.axes][axis]
+            raise InvalidParameter(
+                f"{_KEY} of {name}", OF_URDF, "figures: its URDF limits not both effort and velocity"
+            )
+        base = Motor(stall_torque=torque, no_load_speed=speed, source="limits of the URDF, an estimate")
+    elif motor.model is not None and motor.model not in known_motors():
+        raise UnknownName(f"motor for {_KEY}", motor.model, [*known_motors(), OF_URDF, NO_MOTOR])
+    else:
+        base = known_motors()[motor.model] if motor.model else Motor()
+    motor = base.model_copy(update=motor.model_dump(exclude_unset=True, exclude={"model"}))
+    for needed in ("stall_torque", "no_load_speed"):
+        if getattr(motor, needed) is None:
+            raise InvalidParameter(f"{_KEY}.{needed}", "left out", "given, or model names a motor that has it")
+    if motor.supply is not None and motor.voltage is None:
+        raise InvalidParameter(
+            f"{_KEY}.supply", f"{motor.supply:g} V", "given with the voltage at which its figures hold"
+        )
+    return motor
+
+
+def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
+    """Return what motors say of their axes' drives, of those that say it."""
+    values = {
+        key: {
+            axis: value
+            for axis, motor in zip(robot.axes, motors, strict=True)
+            if (value := getattr(motor, key, None)) is not None
+        }
+        for key in _OF_MOTORS
+    }
+    return Drives(**{key: own for key, own in values.items() if own})
 
 
 def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False) -> ServoGains:
