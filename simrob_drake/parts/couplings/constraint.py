@@ -1,6 +1,6 @@
-"""Points and frames of bodies that stay together, or apart by a length: constraints of Drake's discrete solvers."""
+"""Points and frames of bodies that stay together, or apart by a length."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydrake.systems.framework import Context
@@ -10,6 +10,7 @@ from simrob_drake.parts.couplings.coupling import (
     Attachment,
     BetweenPoints,
     CouplingSection,
+    add_bushing,
     anchored,
     end_of,
 )
@@ -25,6 +26,9 @@ class Ball(BetweenPoints):
 
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized."""
+        if not plant.plant.time_step():
+            add_bushing(plant.plant, *self.ends(plant), turning=False)
+            return
         one, other = (anchored(plant.plant, end) for end in self.ends(plant))
         points = one.pose.translation(), other.pose.translation()
         plant.plant.AddBallConstraint(one.body, points[0], other.body, points[1])
@@ -41,6 +45,7 @@ class Ball(BetweenPoints):
 class Rod(BetweenPoints):
     """Two points that stay apart by a length, as the ends of a massless rod with ball joints."""
 
+    schemes: ClassVar[tuple[str, ...]] = ()
     kind: Literal["rod"]
     length: Positive
     """[m]."""
@@ -81,6 +86,9 @@ class Weld(CouplingSection):
 
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized."""
+        if not plant.plant.time_step():
+            add_bushing(plant.plant, *self._ends(plant), turning=True)
+            return
         one, other = (anchored(plant.plant, end) for end in self._ends(plant))
         plant.plant.AddWeldConstraint(one.body, one.pose, other.body, other.pose)
 

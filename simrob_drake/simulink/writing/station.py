@@ -33,7 +33,8 @@ _INSIDE = 1e-8
 _SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
-    "loops": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},  # 1 ms would lose some % of energy in 10 s
+    "loops": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4, "max_step": 0.01},
+    "rods": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},
     "walkers": {"kind": "discrete", "scheme": "sap", "time_step": 5e-4},  # whose joints are moved along given motions
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
 }
@@ -313,8 +314,10 @@ class StationWriter:
     def _solver(self, robots: dict[str, Any]) -> dict[str, Any]:
         if not robots:
             return _SOLVERS["pieces"]
-        if any(robot.tree.closings or robot.tree.gears for robot in self._files.robots.values()):
-            return _SOLVERS["loops"]
+        trees = [robot.tree for robot in self._files.robots.values()]
+        if any(tree.closings or tree.gears for tree in trees):
+            rods = any(closing.kind == "rod" for tree in trees for closing in tree.closings)
+            return _SOLVERS["rods" if rods or self._touching.ends else "loops"]
         if any(not robot.tree.root.grounded and _is_moved(robot) for robot in self._files.robots.values()):
             return _SOLVERS["walkers"]
         return _SOLVERS["feet"] if self._touching.ends else _SOLVERS["arm"]
