@@ -278,6 +278,7 @@ class Site:
         of_state: how the plant's state gives an output without its port, by the output's name.
         lean: whether blocks that only report join the diagram when something reads them, and not before.
         idle: those that have not joined it, with what they are to read, by the names of their outputs.
+        images: what cameras show blocks of the user's own, by name: ``image.<sensor>``.
         later: what gives a sensor's output after the run, where it has no port, by the output's name.
         signals: what the outputs are, in the order of the columns of a result.
         monitors: when they end a run, by name; their conditions watch the outputs.
@@ -298,6 +299,7 @@ class Site:
     of_state: dict[str, FromState] = field(default_factory=dict)
     lean: bool = False
     idle: dict[str, tuple[LeafSystem, OutputPort]] = field(default_factory=dict)
+    images: dict[str, OutputPort] = field(default_factory=dict)
     later: dict[str, Compute] = field(default_factory=dict)
     signals: list[Signal] = field(default_factory=list)
     monitors: dict[str, Trigger] = field(default_factory=dict)
