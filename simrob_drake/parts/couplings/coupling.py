@@ -116,14 +116,17 @@ def _stiffnesses(plant: MultibodyPlant) -> tuple[float, float]:
     return STIFFNESS * mass, STIFFNESS * float(inertia)
 
 
-def add_bushing(plant: MultibodyPlant, one: Attachment, other: Attachment, *, turning: bool) -> None:
-    """Hold two frames together by stiff springs: their origins, and against ``turning`` their axes."""
+def add_bushing(plant: MultibodyPlant, one: Attachment, other: Attachment, *, turns_about_z: bool = False) -> None:
+    """Hold two frames together by stiff springs; they may turn about their z.
+
+    About y they must not, as Drake's bushing counts turns by roll, pitch and yaw.
+    """
     frames = [
         plant.AddFrame(FixedOffsetFrame(f"coupled_{plant.num_frames()}", end.body.body_frame(), end.pose))
         for end in (one, other)
     ]
     slide, turn = _stiffnesses(plant)
-    turns, slides = np.full(3, turn if turning else 0.0), np.full(3, slide)
+    turns, slides = np.array([turn, turn, 0.0 if turns_about_z else turn]), np.full(3, slide)
     bushing = LinearBushingRollPitchYaw(*frames, turns, RELAXES * turns, slides, RELAXES * slides)
     plant.AddForceElement(bushing)
 

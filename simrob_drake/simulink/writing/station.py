@@ -35,7 +35,7 @@ _SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
     "loops": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4, "max_step": 0.01},
-    "rods": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},
+    "points": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},
     "walkers": {"kind": "discrete", "scheme": "sap", "time_step": 5e-4},  # whose joints are moved along given motions
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
 }
@@ -306,8 +306,8 @@ class StationWriter:
             return _SOLVERS["pieces"]
         trees = [robot.tree for robot in self._files.robots.values()]
         if any(tree.closings or tree.gears for tree in trees):
-            rods = any(closing.kind == "rod" for tree in trees for closing in tree.closings)
-            return _SOLVERS["rods" if rods or self._touching.ends else "loops"]
+            points = any(closing.kind in ("rod", "ball") for tree in trees for closing in tree.closings)
+            return _SOLVERS["points" if points or self._touching.ends else "loops"]
         if any(not robot.tree.root.grounded and _is_moved(robot) for robot in self._files.robots.values()):
             return _SOLVERS["walkers"]
         return _SOLVERS["feet"] if self._touching.ends else _SOLVERS["arm"]
