@@ -94,7 +94,7 @@ class RunLog:
         return start, kept
 
 
-class Run:
+class TaughtRun:
     """What was run since the start of the station, up to the end of it, a fall, or the death of its process.
 
     Attributes:

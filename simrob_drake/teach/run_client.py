@@ -12,7 +12,7 @@ from typing import Any, Literal, Protocol, TypeVar
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.teach.pages.words import Notice
-from simrob_drake.teach.run import Run
+from simrob_drake.teach.run import TaughtRun
 from simrob_drake.teach.run_pacer import News, RunLost
 
 Made = TypeVar("Made")
@@ -51,7 +51,7 @@ class RunClient:
         self._viewers: list[Callable[[News], None]] = []
         self._watched: dict[object, tuple[str, ...]] = {}
         self.description: dict[str, Any] = {}
-        self.phase, self.run = "opening", Run()
+        self.phase, self.run = "opening", TaughtRun()
         self.pace: float | None = 1.0
         self.message = Notice()
 

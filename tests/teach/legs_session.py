@@ -10,7 +10,7 @@ from simrob_drake.programs.program import Program
 from simrob_drake.programs.stages import SEQUENCE
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.teach.pages.words import Notice
-from simrob_drake.teach.run import Run
+from simrob_drake.teach.run import TaughtRun
 
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
@@ -65,7 +65,7 @@ class LegsSession:
     def __init__(self, name="humanoid", *, moves=(), changes=()):
         self.subject = self.robot = name
         self.station = f"{name}_dynamic"
-        self.description, self.phase, self.pace, self.run = described(name), "idle", 1.0, Run()
+        self.description, self.phase, self.pace, self.run = described(name), "idle", 1.0, TaughtRun()
         self.program = Program.model_validate({"moves": list(moves), "changes": list(changes)})
         self.pending, self.targets, self.message = (), {}, Notice()
         self.run.watch(("reference", "position", "base_pose"))

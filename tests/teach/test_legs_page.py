@@ -19,7 +19,7 @@ from simrob_drake.robots.catalog import load_robot
 from simrob_drake.teach.pages import legs, plots
 from simrob_drake.teach.pages.phrases import Phrases, matches
 from simrob_drake.teach.pages.words import languages, texts_of, words
-from simrob_drake.teach.run import Run
+from simrob_drake.teach.run import TaughtRun
 
 MOVE = {"target_deg": {"HomIF": 30.0, "CadDF": 20.0}, "duration": 1.5}
 
@@ -510,7 +510,7 @@ def test_moves_are_told_in_words():
 
 
 def test_plots_show_the_newest_run_only():
-    run = Run()
+    run = TaughtRun()
     run.watch(["x"])
     for number, time in enumerate((0.1, 0.2, 0.3, 0.1, 0.2), 1):
         run.take(time, None, {"x": number})

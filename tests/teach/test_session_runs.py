@@ -293,11 +293,11 @@ def test_a_fall_is_scrubbed_with_its_signals_and_gone_back_from(teach):
     assert reach == session.run.time > 2.0
     lying = shown(session, run)
     rows = list(session.run.history["base_pose"])
-    assert [time for time, _ in rows] == sorted(time for time, _ in rows)
+    assert [row[0] for row in rows] == sorted(row[0] for row in rows)
     assert rows[-1][0] > reach - 0.06
-    for time, pose in (rows[5], rows[-1], rows[20]):
-        assert heard(session, session.rewind(time))
-        assert session.run.time == time
+    for at, pose in (rows[5], rows[-1], rows[20]):
+        assert heard(session, session.rewind(at))
+        assert session.run.time == at
         np.testing.assert_allclose(shown(session, run), pose[:3], atol=1e-9)
     heard(session, session.rewind(reach))
     np.testing.assert_allclose(shown(session, run), lying)
@@ -307,7 +307,7 @@ def test_a_fall_is_scrubbed_with_its_signals_and_gone_back_from(teach):
 
 
 def test_a_run_that_diverges_is_scrubbed(teach):
-    session, run = teach("irb120_dynamic")
+    session, _ = teach("irb120_dynamic")
     for key, value in {"solver.scheme": "explicit_euler", "solver.max_step": 0.01, "servo.torque_limit": 1e12}.items():
         assert session.set(key, value)
         session.hear()
