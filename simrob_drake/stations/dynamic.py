@@ -60,6 +60,8 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
         stiffness, damping = stops_of(config, ports.plant)
         stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
         ports.generalized_forces.extend([stops] if stops is not None else [])
+    for name, coupling in config.couplings.items():
+        coupling.add_forces(builder, ports, f"couplings.{name}")
 
 
 def stops_of(config: StationConfig, plant: StationPlant) -> Vector:

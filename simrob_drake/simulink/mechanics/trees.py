@@ -33,7 +33,7 @@ class Closing:
     """
 
     node: Node
-    kind: Literal["ball", "rod", "weld"]
+    kind: Literal["ball", "rod", "weld", "hinge"]
     base: RigidPart
     follower: RigidPart
     in_base: RigidTransform
@@ -41,13 +41,15 @@ class Closing:
     length: float = 0.0
 
     def gap(self, poses: Poses) -> Vector:
-        """Return by what it is open [m, and rad of a weld]: (3,) of a ball, (1,) of a rod, (6,) of a weld."""
+        """Return by what it is open [m, and rad]: (3,) of a ball, (1,) of a rod, (6,) of a weld, (5,) of a hinge."""
         apart = (poses[self.base] @ self.in_base).inverse() @ (poses[self.follower] @ self.in_follower)
         place: Vector = apart.translation()
         if self.kind == "rod":
             return np.array([np.linalg.norm(place) - self.length])
         if self.kind == "ball":
             return place
+        if self.kind == "hinge":
+            return np.concatenate([place, apart.rotation().matrix()[:2, 2]])
         turn = apart.rotation().ToQuaternion()
         return np.concatenate([place, 2 * np.copysign(1.0, turn.w()) * turn.xyz()])
 

@@ -67,6 +67,6 @@ class _Writer:
             self.lose(node, "one of its ends is on nothing that moves here, or both are on one body")
             return
         poses = [pose_list(place[1] @ frame) for place, (_, frame) in ((base, one), (follower, other))]
-        what, size = ("pose", 6) if kind == "weld" else ("point", 3)
+        what, size = ("pose", 6) if kind in ("weld", "hinge") else ("point", 3)
         ends = {"body": base[0], what: poses[0][:size], "other": follower[0], f"other_{what}": poses[1][:size]}
         self.add(node, {"kind": kind, **ends, **values})
