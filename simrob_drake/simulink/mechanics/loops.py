@@ -45,7 +45,7 @@ def close(tree: Tree) -> None:
         if coupling.node.kind == ROD:
             ends = coupling.base, coupling.follower, coupling.in_base, coupling.in_follower
             (length,) = positive(coupling.node, "Distance", "1", 1)
-            tree.closings.append(Closing(coupling.node, "rod", *ends, float(length)))
+            tree.closings.append(Closing(coupling.node, *ends, "rod", float(length)))
     joints = [branch.link.joint for branch in tree.branches]
     screws = {joint.node: joint.screw for joint in joints if joint.screw}
     if tree.closings or screws:
@@ -64,16 +64,16 @@ def _cut(tree: Tree, link: Link) -> list[Closing]:
     if cuttable(link):
         node.findings.report.add("read", node.path, "closes a loop: a coupling in its place")
         ends = link.base, link.follower, link.in_base, link.in_follower
-        return [Closing(node, _CUT[node.kind], *ends)]
+        return [Closing(node, *ends, _CUT[node.kind])]
     whole, turned = (link.base, True) if link.follower.grounded else (link.follower, False)
     halves = [replace(solid, weight=solid.weight.scaled(0.5)) for solid in whole.solids]
     whole.solids[:] = halves
     half = RigidPart(dict(whole.frames), [replace(solid, visible=False) for solid in halves])
     ends = (half, link.follower) if turned else (link.base, half)
-    own = Link(link.joint, *ends, link.in_base, link.in_follower)
+    own = Link(node, *ends, link.in_base, link.in_follower, link.joint)
     tree.branches.append(BodyOnJoint(half, link.follower if turned else link.base, own, turned))
     node.findings.report.add("read", node.path, "closes a loop: its body is two halves that are welded together")
-    return [Closing(node, "weld", half, whole, RigidTransform(), RigidTransform())]
+    return [Closing(node, half, whole, RigidTransform(), RigidTransform(), "weld")]
 
 
 def _rows(tree: Tree, sums: Iterable[dict[Freedom, float]]) -> Vector:

@@ -22,9 +22,8 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import closure, terms_of
 from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
-from simrob_drake.simulink.writing.coupling import coupling_sections
 from simrob_drake.simulink.writing.flow import FrameSensors, flows_of, frame_sensors
-from simrob_drake.simulink.writing.references import JointMotions, start_state
+from simrob_drake.simulink.writing.references import JointMotions, coupling_sections, start_state
 from simrob_drake.simulink.writing.touching import ContactSections, StationFiles, feet_of, read_touching
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
 from simrob_drake.stations.config import JointStops
