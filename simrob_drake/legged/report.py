@@ -48,8 +48,11 @@ def save_report(made: Made, folder: Path) -> None:
     """Write the report into a folder, and a picture of the last run that there is."""
     runs = [one.result for one in made.attempts if one.result is not None]
     if runs:
-        save_film_strip(runs[-1], folder / PICTURE)
-    (folder / REPORT).write_text("\n".join(_lines(made, bool(runs))) + "\n", encoding="utf-8")
+        try:
+            save_film_strip(runs[-1], folder / PICTURE)
+        except RuntimeError as problem:  # of a renderer, about a mesh
+            made.found.append(f"no picture: {problem}")
+    (folder / REPORT).write_text("\n".join(_lines(made, (folder / PICTURE).is_file())) + "\n", encoding="utf-8")
 
 
 def _lines(made: Made, picture: bool) -> Iterator[str]:

@@ -66,10 +66,10 @@ def tune_walk(folder: Path, minutes: float) -> Iterator[str]:
             section = section[name]
         yield f"{key.removeprefix(f'{_LOOP}.')}: {section[last]:g} -> {float(value):.4g}"
         section[last] = float(f"{float(value):.4g}")
-    _, words = ProofFolder(folder / TUNING / "prove", Proof.of(str(folder / TUNING), _SEEDS), force=True).run(workers=1)
     written_at_once(
         file, yaml.safe_dump(gaits, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
     )
+    _, words = ProofFolder(folder / TUNING / "prove", Proof.of(str(folder / TUNING), _SEEDS), force=True).run(workers=1)
     yield from words
 
 
