@@ -305,6 +305,14 @@ class StatefulStation:
         own_tool = {"name": tool} if isinstance(tool, str) else {"pose": pose_numbers(tool)}
         self.tape.note({"tool": {**own_tool, "robot": None if self.config.only_robot else robot}})
 
+    def limit_efforts(self, robot: str, efforts: Mapping[str, float]) -> None:
+        """Have motors of a robot give at most so much [N·m or N], by axis; the others as before."""
+        own, entry = self.robot(robot), self.config.robots[robot]
+        limits = {**dict(zip(own.axes, own.gains.torque_limit.tolist(), strict=True)), **efforts}
+        servo = self.config.servo_of(robot).model_copy(update={"torque_limit": limits})
+        robots = {**self.config.robots, robot: entry.model_copy(update={"servo": servo})}
+        self._change(self.config.model_copy(update={"robots": robots}))
+
     def change(self, config: StationConfig) -> None:
         """Go on with a changed station, such as other gains, from the state that this one is in.
 
