@@ -27,6 +27,7 @@ from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.analytic import SolverLike, solver_for
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.solver import Solver
+from simrob_drake.programs.free_space import FreeSpace
 from simrob_drake.programs.plan import Check, Plan, check_limits, check_rates, target_name
 from simrob_drake.programs.segments import Segment, Way, pose_segment, through_zones, zone_size
 from simrob_drake.programs.timing import How, Limits, remedy, through_all, timed
@@ -136,6 +137,7 @@ class Planning:
     rate_limits: Limits  # of the axes
     frame: Callable[[WorkObject], RigidTransform]  # gives the pose of a work object in the world
     collide: Callable[[Plan], None]  # raises where a plan leads into something
+    space: Callable[[Sequence[str]], FreeSpace]  # gives what robots that move together must not touch
 
     @property
     def pose(self) -> Vector:
@@ -180,19 +182,24 @@ class Planning:
         hint: str = "",
     ) -> Plan:
         """Give segments their times, and look at the move: first at the targets, for which messages may have a hint."""
+        plan = (through_all if through else timed)(self.robot, segments, how, points, self.rate_limits)
+        ends = np.array([segment.end for segment in segments]) if rows is None else rows
+        plan = self.looked_at(plan, how, ends, hint)
+        if plan.check == "collision":
+            self.collide(plan)
+        return plan
+
+    def looked_at(self, plan: Plan, how: How, ends: Vector, hint: str = "") -> Plan:
+        """Look at the limits of a plan, first of its ends (k, n), for which messages may have a hint."""
         check: Check = how.get("check", "limits")
         one_of("check", check, get_args(Check))
-        plan = (through_all if through else timed)(self.robot, segments, how, points, self.rate_limits)
         if check != "nothing":
-            names = [(points, target_name(index, len(plan.arrivals))) for index in range(len(plan.arrivals))]
-            ends = np.array([segment.end for segment in segments]) if rows is None else rows
+            names = [(plan.points, target_name(index, len(plan.arrivals))) for index in range(len(plan.arrivals))]
             looks, times = plan.looks, plan.arrivals[-len(ends) :]
             check_limits(self.chain, times, ends, lambda at: names[int(np.searchsorted(plan.arrivals, at))], hint)
             check_limits(self.chain, looks, plan.postures(looks), plan.named)
             for order, limits in enumerate(self.rate_limits, 1):
                 check_rates(self.chain, plan.trajectory, looks, limits, order, plan.named, partial(remedy, how, order))
-        if check == "collision":
-            self.collide(plan)
         return replace(plan, check=check)
 
 
