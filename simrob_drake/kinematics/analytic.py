@@ -60,7 +60,7 @@ class AnalyticSolver(Solver):
         """Make the solver, and find out whether the arm has the geometry.
 
         Args:
-            chain: six revolute axes.
+            chain: six revolute axes; further ones that do not move the tool, as fingers, stay.
             shoulder: ``"right"`` or ``"left"``; either unless given.
             elbow: ``"up"`` or ``"down"``.
             wrist: ``"no_flip"`` or ``"flip"``.
@@ -102,7 +102,7 @@ class AnalyticSolver(Solver):
     def _branches(self, targets: Vector, starts: Vector, allowed: Indices) -> tuple[ClosedForm, Vector, Vector]:
         """Return the closed form, the wanted postures (k, b, 6) in axis order, and how far each is beyond a limit."""
         form = all_postures(self.arm, targets, starts[:, self._order])
-        postures = np.empty((len(targets), len(allowed), self.chain.size))
+        postures = np.repeat(starts[:, np.newaxis], len(allowed), axis=1)  # axes that do not move the tool stay
         postures[..., self._order] = form.postures[:, allowed]
         return form, *nearest_turns(self.chain, postures, starts[:, np.newaxis])
 

@@ -65,7 +65,13 @@ def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
     """Return how far the axes of a robot were from their reference, shape (m, n) [rad or m]."""
     if run.config.mode == "kinematic":  # there they are where they are asked to be
         return None
-    return np.asarray(np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name)))
+    return _of_arm(robot, np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name)))
+
+
+def _of_arm(robot: StationRobot, values: Vector) -> Vector:
+    """Return values (m, n), nought for fingers: those press on what they hold, as hard as they may."""
+    values[:, list(robot.model.fingers)] = 0.0
+    return values
 
 
 @_of_each_robot
@@ -88,7 +94,7 @@ def _beyond_stop(run: RecordedRun, robot: StationRobot) -> _Axes:
 
 
 def _torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
-    return np.asarray(np.abs(run.axes("tau", robot.name)) / robot.gains.torque_limit)
+    return _of_arm(robot, np.abs(run.axes("tau", robot.name)) / robot.gains.torque_limit)
 
 
 @_of_each_robot
