@@ -89,7 +89,7 @@ def import_robot(
         _check_apart(source, folder)
     report = ImportReport(source)
     with filled_at_once(folder, marker=REPORT_FILE, force=force) as work:
-        made = _write(source, work, options or ImportOptions(), report, isolated)
+        made = write_robot(source, work, options or ImportOptions(), report, isolated=isolated)
     return ImportedRobot(load_robot_from_urdf(folder / made.urdf_path.name), report)
 
 
@@ -105,8 +105,14 @@ def examine_robot(source: Path | str, options: ImportOptions | None = None) -> I
     return made
 
 
-def _write(source: Path, work: Path, options: ImportOptions, report: ImportReport, isolated: bool) -> RobotModel:
-    """Fill a folder with the clean robot, and return that."""
+def write_robot(
+    source: Path, work: Path, options: ImportOptions, report: ImportReport, *, isolated: bool = True
+) -> RobotModel:
+    """Fill a folder with the clean robot, and return that; args are those of :func:`import_robot`.
+
+    Raises:
+        InvalidModel: a defect that can't be repaired.
+    """
     robot = read_source(source, report, options)
     described = described_robot(source)
     if described is not None and options.base == "auto":

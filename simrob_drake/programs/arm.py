@@ -153,6 +153,7 @@ class Arm(ArmGeometry):
             solver=self.solver,
             frame=self.frame,
             collide=self.cell.check_collisions,
+            motors=self.cell.motors,
             space=self.cell.free_space,
         )
 

@@ -30,6 +30,7 @@ from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.free_space import FreeSpace
 from simrob_drake.programs.plan import Check, Plan, check_limits, check_rates, target_name
 from simrob_drake.programs.segments import Segment, Way, pose_segment, through_zones, zone_size
+from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timing import How, Limits, remedy, through_all, timed
 from simrob_drake.robots.catalog import RobotModel
 
@@ -137,6 +138,7 @@ class Planning:
     rate_limits: Limits  # of the axes
     frame: Callable[[WorkObject], RigidTransform]  # gives the pose of a work object in the world
     collide: Callable[[Plan], None]  # raises where a plan leads into something
+    motors: Callable[[Sequence[str]], Motors]  # gives what those of robots that move together can do
     space: Callable[[Sequence[str]], FreeSpace]  # gives what robots that move together must not touch
 
     @property
@@ -182,7 +184,10 @@ class Planning:
         hint: str = "",
     ) -> Plan:
         """Give segments their times, and look at the move: first at the targets, for which messages may have a hint."""
-        plan = (through_all if through else timed)(self.robot, segments, how, points, self.rate_limits)
+        if through:
+            plan = through_all(self.robot, segments, how, points, self.rate_limits)
+        else:
+            plan = timed(self.robot, segments, how, points, self.rate_limits, lambda: self.motors([self.robot]))
         ends = np.array([segment.end for segment in segments]) if rows is None else rows
         plan = self.looked_at(plan, how, ends, hint)
         if plan.check == "collision":

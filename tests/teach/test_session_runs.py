@@ -62,6 +62,21 @@ def check_script(session, page):
     np.testing.assert_allclose(values[:, 1:], result.values, rtol=0, atol=1e-9)
 
 
+def test_a_station_in_mujoco_is_taught_pushed_and_dragged_likewise(teach):
+    session, run = teach("humanoid")
+    session.set("solver", {"kind": "mujoco", "time_step": 0.005})
+    heard(session, session.test({"left_elbow": 30}, 0.3))
+    session.add()
+    held = {"at": "trunk", "point": [0, 0, 0.1]}
+    run.at = {
+        0.1: [("change", {"settings": {"servo.kp": 90.0}}), ("push", {"at": "trunk", "force": [5, 0, 0]})],
+        0.2: [("drag", {**held, "target": [0.05, 0, 0.5]})],
+    }
+    assert heard(session, session.simulate())["ending"] == "completed"
+    assert session.value("solver.kind") == "mujoco"
+    check_script(session, table(heard(session, session.export_csv())))
+
+
 def test_the_script_gives_the_signals_of_the_page(teach):
     session, run = teach("humanoid")
     for target, duration in [({"left_elbow": 30, "right_knee": 5}, 0.3), ({"HomIF": 30}, 0.33)]:

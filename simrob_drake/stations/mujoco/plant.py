@@ -108,11 +108,10 @@ class MujocoPlant(Block):
             applied = self.DeclareStateOutputPort(f"net_actuation.{name}", torque).get_index()
             self._motors[instance] = _Motors(places, actuation, desired, applied, torque)
         tickets = {self.xd_ticket(), self.all_input_ports_ticket()}
-        self._step = self.DeclareCacheEntry(
-            "step", ValueProducer(allocate=Value[object]().Clone, calc=weakly(self._calc_step)), tickets
-        )
+        step = ValueProducer(allocate=Value[object]().Clone, calc=weakly(self._calc_step))
+        self._step = self.DeclareCacheEntry("step", step, tickets).cache_index()  # the entry would keep the block
         self._contacts = self.DeclareAbstractOutputPort(
-            "contact_results", Value[object], weakly(self._tell_contacts), {self._step.ticket()}
+            "contact_results", Value[object], weakly(self._tell_contacts), {self.get_cache_entry(self._step).ticket()}
         )
         self._poses = self.DeclareAbstractOutputPort(
             "body_poses", Value[list[RigidTransform]], weakly(self._tell_poses), {self.xd_ticket()}
@@ -182,7 +181,8 @@ class MujocoPlant(Block):
         return EventStatus.Succeeded()
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        step = self._made(context) if self._step.is_out_of_date(context) else self._step.Eval(context)
+        entry = self.get_cache_entry(self._step)
+        step = self._made(context) if entry.is_out_of_date(context) else entry.Eval(context)
         values.set_value(self._motion, step.state)
         values.set_value(self._warm, step.warm)
         self._put_torques(values, step.torque)
@@ -192,7 +192,9 @@ class MujocoPlant(Block):
             values.set_value(motors.torque, torques[motors.places])
 
     def _tell_contacts(self, context: Context, output: AbstractValue) -> None:
-        if self._step.Eval(context) is not self._latest:  # what touches is in the data of the step made last
+        if (
+            self.get_cache_entry(self._step).Eval(context) is not self._latest
+        ):  # what touches is in the data of the step made last
             self._made(context)
         output.set_value(self._touching())
 
