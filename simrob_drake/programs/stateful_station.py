@@ -300,18 +300,15 @@ class StatefulStation:
         else:
             before = RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)
             changes = {"tcp_offset": tuple(pose_from_transform(before @ as_transform(tool)).tolist())}
-        robots = {**self.config.robots, robot: entry.model_copy(update=changes)}
-        self._change(self.config.model_copy(update={"robots": robots}))
+        self._change_robot(robot, changes)
         own_tool = {"name": tool} if isinstance(tool, str) else {"pose": pose_numbers(tool)}
         self.tape.note({"tool": {**own_tool, "robot": None if self.config.only_robot else robot}})
 
     def limit_efforts(self, robot: str, efforts: Mapping[str, float]) -> None:
         """Have motors of a robot give at most so much [N·m or N], by axis; the others as before."""
-        own, entry = self.robot(robot), self.config.robots[robot]
+        own = self.robot(robot)
         limits = {**dict(zip(own.axes, own.gains.torque_limit.tolist(), strict=True)), **efforts}
-        servo = self.config.servo_of(robot).model_copy(update={"torque_limit": limits})
-        robots = {**self.config.robots, robot: entry.model_copy(update={"servo": servo})}
-        self._change(self.config.model_copy(update={"robots": robots}))
+        self._change_robot(robot, {"servo": self.config.servo_of(robot).model_copy(update={"torque_limit": limits})})
 
     def change(self, config: StationConfig) -> None:
         """Go on with a changed station, such as other gains, from the state that this one is in.
@@ -321,6 +318,10 @@ class StatefulStation:
         """
         self._change(config)
         self.tape.note(None)
+
+    def _change_robot(self, robot: str, changes: Mapping[str, object]) -> None:
+        robots = {**self.config.robots, robot: self.config.robots[robot].model_copy(update=changes)}
+        self._change(self.config.model_copy(update={"robots": robots}))
 
     def _change(self, config: StationConfig) -> None:
         instance(config, "config", StationConfig, "what load_station() gives")

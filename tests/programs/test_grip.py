@@ -129,6 +129,7 @@ def test_fingers_that_close_on_nothing_end_the_run():
     assert run.message.startswith("the fingers of robot closed with nothing between them")
 
 
+@pytest.mark.usefixtures("no_plots")
 def test_the_program_of_the_station_puts_a_cube_on_another(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert run_command(["run", "irb120_gripper", "--no-recording", "--out", "r", "--strict"]) == 0
