@@ -21,7 +21,7 @@ from simrob_drake.kinematics.closed_form import (
 )
 from simrob_drake.kinematics.constrained import ConstrainedSolver
 from simrob_drake.kinematics.incremental import IncrementalSolver
-from simrob_drake.kinematics.numeric import NumericSolver, fit_postures
+from simrob_drake.kinematics.numeric import Flags, NumericSolver, fit_postures
 from simrob_drake.kinematics.solver import (
     POSITION_TOLERANCE,
     ROTATION_TOLERANCE,
@@ -83,7 +83,7 @@ class AnalyticSolver(Solver):
         wide = np.flatnonzero(chain.upper - chain.lower >= TURN)
         self._wide = [(axis, chain.lower[axis] - _ROUNDING, chain.upper[axis] + _ROUNDING) for axis in wide]
 
-    def postures(self, targets: Targets, start: npt.ArrayLike) -> tuple[Vector, Vector]:
+    def postures(self, targets: Targets, start: npt.ArrayLike) -> tuple[Vector, Flags]:
         """Return all postures for each of k targets, whatever the flags.
 
         Args:

@@ -122,10 +122,10 @@ class Servos:
 
     def _drive(self, sides: Vector, extra: Vector | None, forces: Vector | float) -> None:
         """Let servos within their limits follow their gains, and the others give what they can."""
-        given = np.zeros(self.count) if extra is None else extra
+        added = np.zeros(self.count) if extra is None else extra
         self._give_gains(np.where(sides, 0.0, 1.0))
         self._applied[:] = forces
-        np.add.at(self._applied, self._speeds, np.where(sides, sides * self._limits, given))
+        np.add.at(self._applied, self._speeds, np.where(sides, sides * self._limits, added))
 
     def _give_gains(self, part: Vector) -> None:
         """Give servos a part (m,) of their gains."""
