@@ -22,6 +22,7 @@ from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.drives import Drives, joint_friction, set_drives
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.gripper import Gripper, fingers_of
+from simrob_drake.robots.motors import Motors
 from simrob_drake.robots.urdf import (
     joint_acceleration,
     joint_effort,
@@ -56,6 +57,8 @@ class Gains(Strict):
     """Integral gain [N·m/(rad·s) or N/(m·s)]."""
     kd: AxisValues | None = None
     """Derivative gain [N·m·s/rad or N·s/m]."""
+    motor: Motors | None = None
+    """Its motors, as in a station's `servo`."""
     torque_limit: AxisValues | None = None
     """Largest torque or force of the motor [N·m or N]; the effort limit of the URDF unless given."""
 
