@@ -9,6 +9,7 @@ from simrob_drake.dynamics import Dynamics
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.site import WORLD, StationPlant, StationRobot
+from simrob_drake.robots.motors import rated_torques
 from simrob_drake.robots.urdf import doubtful_efforts
 from simrob_drake.signals import Signal
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
@@ -166,7 +167,7 @@ def _motor_findings(robot: StationRobot) -> list[Finding]:
 
 def _for_ever(robot: StationRobot, axis: int, torque: float) -> str:
     """Return a warning where a torque is more than a motor may give for ever; empty otherwise."""
-    rated, unit = robot.rated_torques[axis], robot.model.units[axis].effort
+    rated, unit = rated_torques(robot.motors)[axis], robot.model.units[axis].effort
     return f"; its motor gets too warm: it may give {rated:g} {unit} for ever" if abs(torque) > rated else ""
 
 

@@ -15,6 +15,7 @@ from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.verdict.criterion import Criterion, Measured
 from simrob_drake.results.verdict.verdict import Measure, Verdict
+from simrob_drake.robots.motors import rated_torques
 
 if TYPE_CHECKING:
     from simrob_drake.results.record.run import RecordedRun
@@ -128,14 +129,14 @@ def _speed_time(run: RecordedRun, robot: StationRobot) -> _Axes:
 
 @_of_each_robot
 def _rated_time(run: RecordedRun, robot: StationRobot) -> _Axes | None:
-    rated = robot.rated_torques
+    rated = rated_torques(robot.motors)
     return _Axes((np.abs(run.axes("tau", robot.name)) > rated).mean(axis=0)) if np.isfinite(rated).any() else None
 
 
 @_of_each_robot
 def _heat(run: RecordedRun, robot: StationRobot) -> _Axes | None:
     """Measure how warm motors got: T θ' = (τ / τ_n)² - θ; 1 is as warm as the rated torque makes them."""
-    rated = robot.rated_torques
+    rated = rated_torques(robot.motors)
     if not np.isfinite(rated).any():
         return None
     steps, load = np.diff(run.times, prepend=run.times[0]), (run.axes("tau", robot.name) / rated) ** 2
