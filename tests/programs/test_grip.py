@@ -85,16 +85,16 @@ def test_a_kinematic_gripper_opens_and_closes():
     np.testing.assert_allclose(arm.position, [0, 0.1, 0, 0, 1.5, 0, 0.015, 0.015], atol=1e-9)
     with pytest.raises(SimrobError, match=r"width is 0\.06; it must be at most 0\.05 m, as far as irb120_gripper"):
         arm.open(width=0.06)
-    with pytest.raises(SimrobError, match="force .* left out on a kinematic station"):
+    with pytest.raises(SimrobError, match=r"force .* left out on a kinematic station"):
         arm.grip(force=5)
     np.testing.assert_allclose(arm.position[6:], 0.015, atol=1e-9)
 
 
 def test_what_fingers_cannot_do_is_said():
     arm = Arm(load_station("irb120_gripper", ALONE))
-    with pytest.raises(SimrobError, match=r"force is 200.0; it must be at most 130"):
+    with pytest.raises(SimrobError, match=r"force is 200\.0; it must be at most 130"):
         arm.grip(force=200)
-    with pytest.raises(SimrobError, match="one with a gripper: in its robot.yaml"):
+    with pytest.raises(SimrobError, match=r"one with a gripper: in its robot\.yaml"):
         Arm("irb120_dynamic").grip()
     with pytest.raises(SimrobError, match="one with a gripper"):
         load_station("irb120_dynamic", {"monitors": {"dropped": {"kind": "empty_grip"}}})
