@@ -153,6 +153,7 @@ class Arm(ArmGeometry):
             solver=self.solver,
             frame=self.frame,
             collide=self.cell.check_collisions,
+            motors=self.cell.motors,
             space=self.cell.free_space,
         )
 
@@ -177,6 +178,21 @@ class Arm(ArmGeometry):
     """Move the tool along arcs of circles; see :func:`plan_move_c`."""
     move_free = _running(plan_move_free)
     """Move the tool to a pose or a piece, or the axes to a posture, around obstacles; see :func:`plan_move_free`."""
+
+    def grip(self, **how: Any) -> SimulationResult:
+        """Close the fingers, until something is between them, with a ``force`` each [N], or to a ``width`` [m].
+
+        They hold by friction alone, and keep that force. Keywords are the keys of
+        :class:`~simrob_drake.programs.moves.grip.GripMove`.
+
+        Raises:
+            InvalidParameter: a robot without fingers, or what they cannot do.
+        """
+        return cast(SimulationResult, self.do({"grip": how}))
+
+    def open(self, **how: Any) -> SimulationResult:
+        """Open the fingers, all the way or to a ``width`` [m]; see :meth:`grip`."""
+        return cast(SimulationResult, self.do({"open": how}))
 
     def wait(self, duration: float) -> SimulationResult:
         """Hold the place for a time [s]; on a dynamic station the arm settles."""

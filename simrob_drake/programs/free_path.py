@@ -73,7 +73,7 @@ class Search:
         Raises:
             NoFreePath: it touches something at its nearest.
         """
-        whole = self._length(corners)
+        whole, hit = self._length(corners), (0.0, ("", ""))
         if whole < _ROUNDING:
             return np.linspace(0.0, 1.0, 2 * _DEGREE), corners[:1].repeat(2 * _DEGREE, axis=0)
         for step in _ROUND:
@@ -82,10 +82,11 @@ class Search:
             knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
             looks = int(np.ceil(whole / _CLOSE_LOOK)) + 2 * len(control)
             rows = np.asarray(BSpline(knots, control, _DEGREE)(np.linspace(0.0, 1.0, looks)))
-            hit = self.space.first_hit(rows)
-            if hit is None:
+            found = self.space.first_hit(rows)
+            if found is None:
                 gone = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1)))
                 return gone / gone[-1], rows
+            hit = found
         depth, (first, second) = hit
         raise NoFreePath(f"the way that was found leads {first} {1e3 * depth:.1f} mm into {second}: try another seed")
 

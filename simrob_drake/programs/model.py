@@ -73,6 +73,14 @@ class StationModel(PosedStation):
         return StationModel(self.config, itself=True)
 
     @cached_property
+    def rigid(self) -> StationModel:
+        """The same station, its free pieces fixed where they begin; itself if there are none."""
+        free = {name: self.config.pieces[name] for name in self.config.free_pieces}
+        fixed = {name: piece.model_copy(update={"free": False, "parent": WORLD}) for name, piece in free.items()}
+        pieces = {**self.config.pieces, **fixed}
+        return StationModel(self.config.model_copy(update={"pieces": pieces})) if fixed else self
+
+    @cached_property
     def made_so(self) -> Collection[tuple[str, str]]:
         """The pairs of links that overlap in nearly every posture."""
         return Clearance(self.config.model_copy(update={"mode": "kinematic"})).made_so

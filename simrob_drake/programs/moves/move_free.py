@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from typing import Any, ClassVar, Self, Unpack
 
@@ -213,7 +214,8 @@ def plan_around(
     parts, rows = search.rounded(search.path(_free(space, goals)))
     ways = [tool_length(chain, own) for chain, own in zip(chains, space.parts(rows).values(), strict=True)]
     together = np.concatenate([speeds for speeds, _ in limits]), np.concatenate([pushes for _, pushes in limits])
-    whole_plan = timed(first.robot, [Segment(parts, rows, max(ways), np.ones(1))], how, points, together)
+    segment, motors = Segment(parts, rows, max(ways), np.ones(1)), partial(first.motors, [*space.start])
+    whole_plan = timed(first.robot, [segment], how, points, together, motors)
     found, begin = list[Plan](), 0
     for planning in plannings:
         own = whole_plan.of_axes(planning.robot, slice(begin, begin + planning.chain.size))
