@@ -38,6 +38,9 @@ class Evaluator(Protocol):
     def remark(self, node: Node, text: str, *, lost: bool = True) -> None:
         """Tell something about a line."""
 
+    def where(self, node: Node) -> str:
+        """Return the file and the line of something."""
+
 
 @dataclass(frozen=True)
 class Call:

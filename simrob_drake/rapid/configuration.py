@@ -33,9 +33,8 @@ def configuration(chain: Chain, posture: Vector) -> tuple[int, int, int, int]:
 
 def _sides(chain: Chain, posture: Vector) -> int:
     """Return cfx: 4 if the wrist is behind axis 1, 2 if it is behind the lower arm, 1 if axis 5 is negative; summed."""
-    zero = np.zeros(_SIX)
-    behind = [np.sign(now) != np.sign(at_zero) for now, at_zero in zip(_leans(chain, posture), _leans(chain, zero))]
-    return 4 * int(behind[0]) + 2 * int(behind[1]) + int(posture[4] < 0)
+    behind = np.sign(_leans(chain, posture)) != np.sign(_leans(chain, np.zeros(_SIX)))
+    return int(4 * behind[0] + 2 * behind[1] + (posture[4] < 0))
 
 
 def _leans(chain: Chain, posture: Vector) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,10 +12,10 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.arguments import SHORTEST
 from simrob_drake.errors import SimrobError
-from simrob_drake.frames import Vector, as_transform, pose_from_transform
+from simrob_drake.frames import Vector, pose_from_transform
 from simrob_drake.interpolation import turned_by
 from simrob_drake.kinematics.solver import require
-from simrob_drake.programs.arm import Workcell
+from simrob_drake.programs.arm import Planner, Workcell
 from simrob_drake.programs.errors import AccelerationLimitExceeded, SpeedLimitExceeded
 from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import Move, Run
@@ -33,7 +34,7 @@ from simrob_drake.rapid.values import Record, WrongType, transform_of
 
 _MOST_MOVES = 5000
 _SAME = 1e-6  # rad, that two ways to a posture are apart at most
-_NEAR = 1e-12
+_NEAR, _SAME_PLACE = 1e-12, 1e-9
 _ZONE = 3e-4  # m, the smallest
 _SLOWER, _TRIES = 1.02, 4
 
@@ -91,16 +92,19 @@ class Controller:
         self.acceleration: float | None = None
         self.fastest, self.share = np.inf, 1.0  # of VelSet: m/s, and the part of a speed that is gone
         self._group: Group | None = None
+        self._planner: Planner | None = None
         own = cell.robot(self.robot)
         self._flange, self._base = next(iter(own.model.tools)), own.base
+        chain = cell.model.chain(self.robot, own.tools[self._flange])
+        self._to_flange = RigidTransform(chain.home).inverse()
         self._named = cell.config.only_robot is None
 
-    # ---- where things are
-
     @property
-    def arm(self) -> Any:
+    def arm(self) -> Planner:
         """What plans its moves from where it is."""
-        return self.cell.planning(self.robot)
+        if self._planner is None:
+            self._planner = self.cell.planning(self.robot)
+        return self._planner
 
     def frame(self, wobj: Record | None) -> tuple[float, ...] | None:
         """Return the pose of a work object in the world, the robot's base unless given; None for the world itself.
@@ -125,18 +129,15 @@ class Controller:
         """
         if not tool["robhold"]:
             raise WrongType("a tool that stands still, which is not done,")
-        whose = self.robot if self._named else None
+        wanted, whose = transform_of(tool["tframe"]), self.robot if self._named else None
+        if (self._to_flange @ RigidTransform(self.arm.chain.home)).IsNearlyEqualTo(wanted, _SAME_PLACE):
+            return
+        self.finish()
         if self.cell.model.tool_in_use(self.robot) != self._flange:
-            self.finish()
             self._do(ToolMove(name=self._flange, robot=whose))
-        offset = self.cell.config.robots[self.robot].tcp_offset
-        now = RigidTransform() if offset is None else as_transform(offset)
-        change = now.inverse() @ transform_of(tool["tframe"])
+        change = (self._to_flange @ RigidTransform(self.arm.chain.home)).inverse() @ wanted
         if not change.IsNearlyEqualTo(RigidTransform(), _NEAR):
-            self.finish()
             self._do(ToolMove(pose=_numbers(change), robot=whose))
-
-    # ---- moves
 
     def go(self, call: Call, motion: Motion, target: Sequence[float], zone: float, **more: Any) -> None:
         """Take a move up: joined with the one before by its zone, or as the first of others.
@@ -153,7 +154,9 @@ class Controller:
         joins = group is not None and group.motion == motion and motion.duration is None
         if group is None or not joins or (len(group.targets) > 1 and group.last_zone != group.zone):
             if group is not None:
-                group.call.remark("rests at its target: another kind of move, or another speed or zone, follows", lost=False)
+                group.call.remark(
+                    "rests at its target: another kind of move, or another speed or zone, follows", lost=False
+                )
             self.finish()
             group = self._group = Group(motion, call, zone, zone)
         elif len(group.targets) == 1:
@@ -248,7 +251,7 @@ class Controller:
         """Return how far the tool turns on its way [rad]."""
         rows = group.poses or [self.arm.chain.forward(posture)[0] for posture in group.postures]
         turns = [self.arm.pose[:3, :3], *(pose[:3, :3] for pose in rows)]
-        return float(sum(turned_by(one, other) for one, other in zip(turns, turns[1:], strict=False)))
+        return float(sum(turned_by(one, other) for one, other in pairwise(turns)))
 
     def _nearest(self, group: Group) -> bool:
         """Tell whether a move of axes goes to the nearest postures for its poses."""
@@ -273,7 +276,7 @@ class Controller:
                 raise WrongType(f"a target with configuration {wanted}, which has only {', '.join(others)},")
         elif self.configured["j"]:
             call.remark("configurations mean nothing to this robot: the nearest posture is taken", lost=False)
-        return np.asarray(require(arm.inverse(None).solve(pose[np.newaxis], start), "the target")[0])
+        return np.asarray(require(arm.inverse(None).solve(pose[np.newaxis], start), "target")[0])
 
     def _check_configuration(self, group: Group, plan: Plan) -> None:
         wanted, chain = group.configuration, self.arm.chain
@@ -289,15 +292,11 @@ class Controller:
             self.moves[-1] = WaitMove(duration=self.moves[-1].duration + move.duration)
         else:
             self.moves.append(move)
-        if plan is None:
-            done = move.perform(self.cell, self.robot, self._run)
-        else:
-            done = self._run([plan], None)
+        self._planner = None
+        done = self._run([plan], None) if plan else move.perform(self.cell, self.robot, self._run)
         self.time += done if isinstance(done, float) else float(done.times[-1]) if done is not None else 0.0
         names: Mapping[str, int] = {name: column for column, name in enumerate(getattr(done, "names", ()))}
         self.seen |= {name: float(done.values[-1, names[name]]) for name in self.signals.sensors if name in names}
-
-    # ---- time and signals
 
     def wait(self, duration: float) -> None:
         """Let time pass [s]."""

@@ -11,6 +11,7 @@ from simrob_drake.arguments import as_path
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.program import Program
 from simrob_drake.rapid.controller import Controller
+from simrob_drake.rapid.declarations import Datum, Routine, declared
 from simrob_drake.rapid.functions import FUNCTIONS
 from simrob_drake.rapid.instructions import FUNCTIONS_OF_CONTROLLER, INSTRUCTIONS
 from simrob_drake.rapid.interpreter import Interpreter
@@ -84,13 +85,12 @@ def import_rapid(
 def not_understood(modules: Iterable[Module]) -> list[Remark]:
     """Return what is not understood in modules that need not be done: statements, names of instructions, types."""
     whole = list(modules)
-    own = {str(part).lower() for module in whole for node in module.declarations for part in node.children[1:3] if part}
-    known = own | set(INSTRUCTIONS) | set(FUNCTIONS) | set(FUNCTIONS_OF_CONTROLLER) | {"goto", "exit", "exitcycle"}
-    found = [fault for module in whole for fault in module.faults]
-    for module in whole:
-        for declaration in module.declarations:
-            for node in nodes(declaration, "call", "function_call"):
-                name = node.children[0]
-                if name.lower() not in known:
-                    found.append(Remark(module.file, name.line, f"{name} is not known"))
-    return found
+    found = declared(whole, lambda scope, item: (str(item[1].children[0]), Datum("num")))
+    own = {"goto", "exit", "exitcycle", *INSTRUCTIONS, *FUNCTIONS, *FUNCTIONS_OF_CONTROLLER}
+    faults = list(found.faults)
+    for module, scope in zip(whole, found.scopes[-len(whole) :], strict=True):
+        called = [node for part in module.declarations for node in nodes(part, "call", "function_call")]
+        names = [node.children[0] for node in called if node.children[0].lower() not in own]
+        strange = [name for name in names if not isinstance(scope.find(name), Routine)]
+        faults += [Remark(module.file, name.line, f"{name} is not known") for name in strange]
+    return faults

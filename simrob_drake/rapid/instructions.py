@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -15,6 +16,7 @@ from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
 from simrob_drake.programs.moves.move_c import MoveC
 from simrob_drake.programs.moves.move_j import MoveJ
 from simrob_drake.programs.moves.move_l import MoveL
+from simrob_drake.programs.timing import ACCELERATION
 from simrob_drake.rapid.calls import Call
 from simrob_drake.rapid.configuration import configuration, has_configuration
 from simrob_drake.rapid.controller import Controller, Motion
@@ -23,17 +25,14 @@ from simrob_drake.rapid.values import (
     Record,
     Value,
     WrongType,
-    pos_of,
     robjoint_of,
     robtarget_of,
-    rotation_of,
     texted,
     transform_of,
 )
 
 Instruction = Callable[[Controller, Call], None]
 _SIX = 6
-_PULSE = 0.2  # s
 _ABSENT = 9e8  # above it an external axis is not there
 
 
@@ -168,6 +167,12 @@ def _path_acc_lim(controller: Controller, call: Call) -> None:
     controller.acceleration = call.option("accmax", "num") if limited else None
 
 
+def _acc_set(controller: Controller, call: Call) -> None:
+    controller.finish()
+    share = call.value(0, "num") / 100
+    controller.acceleration = ACCELERATION * share if share < 1 else None
+
+
 def _configured(key: str) -> Instruction:
     def configure(controller: Controller, call: Call) -> None:
         controller.finish()
@@ -262,14 +267,16 @@ def _nothing(controller: Controller, call: Call) -> None:
     """Do what changes nothing here."""
 
 
-_WITHOUT_EFFECT = (
-    "tperase tpshow singarea pathresol motionsup actunit deactunit setsysdata stop break waitrob "
-    "accset worldacclim isleep iwatch idelete idisable ienable stopmove startmove clearpath storepath restopath "
-    "errwrite open close write spyoff spystart resetpathrec eoffson eoffsoff eoffsset pdispoff "
-    "softdeact retry trynext inpos resetretrycount clearrawbytes stopmovereset mechunitload "
-    "indreset cornerpath circpathmode actearlyload bookerrno errlog syncmoveon syncmoveoff waitsynctask cirpathmode "
-    "sockclose socketclose seterrno recoveryset tpwritestr uishow exitcycle_ pathaccoff waituntilinpos"
-).split()
+def _raise(controller: Controller, call: Call) -> None:
+    raise WrongType("an error that the program raises itself: handlers of errors are not done")
+
+
+_WITHOUT_EFFECT = re.findall(
+    r"\w+",
+    """tperase tpshow singarea pathresol motionsup actunit deactunit stop waitrob worldacclim isleep iwatch idelete
+    idisable ienable startmove clearpath errwrite open close write eoffson eoffsoff eoffsset softdeact retry trynext
+    mechunitload circpathmode bookerrno errlog setsysdata cornerpathwarning skipwarn""",
+)
 
 INSTRUCTIONS: Mapping[str, Instruction] = {
     **dict.fromkeys(_WITHOUT_EFFECT, _nothing),
@@ -288,6 +295,8 @@ INSTRUCTIONS: Mapping[str, Instruction] = {
     "invertdo": _invert,
     **dict.fromkeys(("waitdi", "waitdo", "waitgi", "waitai"), _wait_signal),
     "waituntil": _wait_condition,
+    "raise": _raise,
+    "accset": _acc_set,
     "gripload": _grip_load,
     "velset": _vel_set,
     "pathacclim": _path_acc_lim,

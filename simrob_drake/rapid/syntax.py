@@ -96,7 +96,8 @@ def modules_of(text: str, file: str) -> list[Module]:
                 raise RapidError(f"{file}: line {faults[0].line}", faults[0].text) from None
             text = text[:begin] + re.sub(r"[^\n]", " ", text[begin:end]) + text[end:]
     if not found:
-        raise RapidError(file, "holds no MODULE ... ENDMODULE")
+        line = faults[0].line if faults else 1
+        raise RapidError(f"{file}: line {line}", "there is no MODULE ... ENDMODULE")
     return [
         Module(file, str(tree.children[0]), tuple(tree.children[2:]), tuple(faults) if tree is found[0] else ())
         for tree in found

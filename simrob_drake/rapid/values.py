@@ -33,7 +33,9 @@ class Record:
 
     def flat(self) -> list[Any]:
         """Return all that it holds in a row, components of components, too."""
-        return [value for part in self.parts.values() for value in (part.flat() if isinstance(part, Record) else [part])]
+        return [
+            value for part in self.parts.values() for value in (part.flat() if isinstance(part, Record) else [part])
+        ]
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class Signal:
 
 Value: TypeAlias = "float | bool | str | Record | Signal | list[Any]"
 
+_LARGE = 1e9  # numbers beyond are written with an exponent
 _SIMPLE: Mapping[str, Value] = {"num": 0.0, "bool": False, "string": ""}
 _SIGNALS = frozenset(f"signal{kind}" for kind in ("di", "do", "gi", "go", "ai", "ao"))
 _SHAPES = {float: "a num", bool: "a bool", str: "a string", list: "an aggregate", Signal: "a signal"}
@@ -125,8 +128,10 @@ def texted(value: Value) -> str:
 
 
 def number_text(value: float) -> str:
-    """Return a number by the fewest digits that give it back."""
-    return f"{float(value) + 0.0:.17g}" if float(f"{value:.15g}") != value else f"{float(value) + 0.0:.15g}"
+    """Return a number by the fewest digits that give it back, to 12 decimals."""
+    if abs(value) >= _LARGE:
+        return f"{value:.15G}" if value % _LARGE else f"{value:.0E}"
+    return repr(round(float(value), 12) + 0.0).removesuffix(".0")
 
 
 def place_of(pos: Record) -> Vector:
@@ -177,6 +182,4 @@ robjoint_of = partial(_vector, "robjoint", "rax_1 rax_2 rax_3 rax_4 rax_5 rax_6"
 
 def robtarget_of(transform: RigidTransform, configuration: Sequence[float]) -> Record:
     """Return a transform [m] with a configuration as a ``robtarget`` [mm]."""
-    return Record(
-        "robtarget", {**pose_of(transform).parts, "robconf": confdata_of(configuration), "extax": FREE_AXES}
-    )
+    return Record("robtarget", {**pose_of(transform).parts, "robconf": confdata_of(configuration), "extax": FREE_AXES})
