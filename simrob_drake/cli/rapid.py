@@ -80,13 +80,13 @@ def export_program(
     """
     from simrob_drake.programs.arm import Workcell
     from simrob_drake.rapid.exporting import rapid_text
-    from simrob_drake.rapid.steps import Steps
+    from simrob_drake.rapid.steps import ExportedProgram
     from simrob_drake.rapid.urscript import urscript_text
 
     if not is_program_file(file):
         raise InvalidConfig(file, "", "is no program: --rapid and --urscript write the moves of one")
     program, config = program_from(file, set_)
-    steps = Steps.of(program, Workcell(config), file)
+    steps = ExportedProgram.of(program, Workcell(config), file)
     texts: dict[Path, str] = {}
     if rapid is not None:
         texts[rapid], table = rapid_text(steps, rapid.stem)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from simrob_drake.rapid.syntax import Node
-from simrob_drake.rapid.values import Signal, Value, WrongType
+from simrob_drake.rapid.values import SignalName, Value, WrongType
 
 
 @dataclass(frozen=True)
-class Place:
+class Location:
     """Where a value is kept that can be assigned to: data, a component or an element."""
 
     kind: str
@@ -29,10 +29,10 @@ class Evaluator(Protocol):
     def typed(self, node: Node, kind: str) -> Any:
         """Return what an expression is, as a value of a type."""
 
-    def place(self, node: Node) -> Place:
+    def place(self, node: Node) -> Location:
         """Return the place that an expression names."""
 
-    def signal(self, node: Node) -> Signal:
+    def signal(self, node: Node) -> SignalName:
         """Return the signal that an expression names."""
 
     def remark(self, node: Node, text: str, *, lost: bool = True) -> None:
@@ -81,7 +81,7 @@ class Call:
         node = self.options.get(name)
         return otherwise if node is None else self.task.typed(node, kind)
 
-    def place(self, index: int) -> Place:
+    def place(self, index: int) -> Location:
         """Return the place that an argument names."""
         return self.task.place(self.argument(index))
 
@@ -89,7 +89,7 @@ class Call:
         """Return the name of the signal that an argument is."""
         return self.task.signal(self.argument(index)).name
 
-    def given(self, index: int) -> bool:
+    def has_parameter(self, index: int) -> bool:
         """Tell whether an argument names an optional parameter that was given."""
         try:
             self.place(index)

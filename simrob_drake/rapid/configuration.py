@@ -65,12 +65,12 @@ def _wrist(chain: Chain) -> Vector:
     return np.asarray(chain.points[4] + along * other)
 
 
-def postures_like(chain: Chain, pose: Vector, start: Vector, wanted: Sequence[float]) -> tuple[Vector, list[str]]:
+def postures_like(chain: Chain, pose: Vector, start: Vector, desired: Sequence[float]) -> tuple[Vector, list[str]]:
     """Return the postures (k, 6) for a pose (4, 4) that have a configuration, and the configurations of the others.
 
     Whole turns of axes are made where the quadrants ask for them and the limits allow.
     """
-    cf1, cf4, cf6, cfx = (int(value) for value in wanted)
+    cf1, cf4, cf6, cfx = (int(value) for value in desired)
     fit, others = [], []
     for posture in branches(chain, pose[np.newaxis], start)[0]:
         turned = posture.copy()

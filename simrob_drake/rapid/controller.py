@@ -30,7 +30,7 @@ from simrob_drake.rapid.calls import Call
 from simrob_drake.rapid.configuration import configuration, has_configuration, postures_like
 from simrob_drake.rapid.signals import Signals
 from simrob_drake.rapid.syntax import RapidError
-from simrob_drake.rapid.values import Record, WrongType, transform_of
+from simrob_drake.rapid.values import RecordValue, WrongType, transform_of
 
 _MOST_MOVES = 5000
 _SAME = 1e-6  # rad, that two ways to a posture are apart at most
@@ -106,7 +106,7 @@ class Controller:
             self._planner = self.cell.planning(self.robot)
         return self._planner
 
-    def frame(self, wobj: Record | None) -> tuple[float, ...] | None:
+    def frame(self, wobj: RecordValue | None) -> tuple[float, ...] | None:
         """Return the pose of a work object in the world, the robot's base unless given; None for the world itself.
 
         Raises:
@@ -121,7 +121,7 @@ class Controller:
             return None
         return _numbers(frame)
 
-    def take_tool(self, tool: Record) -> None:
+    def take_tool(self, tool: RecordValue) -> None:
         """Use the tool centre point of a tool.
 
         Raises:
@@ -129,13 +129,13 @@ class Controller:
         """
         if not tool["robhold"]:
             raise WrongType("a tool that stands still, which is not done,")
-        wanted, whose = transform_of(tool["tframe"]), self.robot if self._named else None
-        if (self._to_flange @ RigidTransform(self.arm.chain.home)).IsNearlyEqualTo(wanted, _SAME_PLACE):
+        desired, whose = transform_of(tool["tframe"]), self.robot if self._named else None
+        if (self._to_flange @ RigidTransform(self.arm.chain.home)).IsNearlyEqualTo(desired, _SAME_PLACE):
             return
         self.finish()
         if self.cell.model.tool_in_use(self.robot) != self._flange:
             self._do(ToolMove(name=self._flange, robot=whose))
-        change = (self._to_flange @ RigidTransform(self.arm.chain.home)).inverse() @ wanted
+        change = (self._to_flange @ RigidTransform(self.arm.chain.home)).inverse() @ desired
         if not change.IsNearlyEqualTo(RigidTransform(), _NEAR):
             self._do(ToolMove(pose=_numbers(change), robot=whose))
 
@@ -259,7 +259,7 @@ class Controller:
         away = np.abs(solutions.positions - np.array(group.postures)).max()
         return bool(solutions.reached.all() and away < _SAME)
 
-    def posture(self, call: Call, target: Record, pose: Vector) -> Vector:
+    def posture(self, call: Call, target: RecordValue, pose: Vector) -> Vector:
         """Return the posture (n,) that an arm takes for a target, by its configuration if that counts.
 
         Raises:
@@ -272,18 +272,18 @@ class Controller:
             if len(found):
                 return np.asarray(found[0])
             if others:
-                wanted = [int(value) for value in target["robconf"].flat()]
-                raise WrongType(f"a target with configuration {wanted}, which has only {', '.join(others)},")
+                desired = [int(value) for value in target["robconf"].flat()]
+                raise WrongType(f"a target with configuration {desired}, which has only {', '.join(others)},")
         elif self.configured["j"]:
             call.remark("configurations mean nothing to this robot: the nearest posture is taken", lost=False)
         return np.asarray(require(arm.inverse(None).solve(pose[np.newaxis], start), "target")[0])
 
     def _check_configuration(self, group: Group, plan: Plan) -> None:
-        wanted, chain = group.configuration, self.arm.chain
-        if self.configured["l"] and wanted and has_configuration(chain):
+        desired, chain = group.configuration, self.arm.chain
+        if self.configured["l"] and desired and has_configuration(chain):
             found = str(list(configuration(chain, plan.end)))
-            if found != wanted:
-                group.call.remark(f"comes to its target with configuration {found}, not {wanted}", lost=False)
+            if found != desired:
+                group.call.remark(f"comes to its target with configuration {found}, not {desired}", lost=False)
 
     def _do(self, move: Move, plan: Plan | None = None) -> None:
         if len(self.moves) >= _MOST_MOVES:

@@ -38,7 +38,7 @@ class Datum:
 
 
 @dataclass(frozen=True)
-class Parameter:
+class RoutineParameter:
     """A parameter of a routine."""
 
     name: str
@@ -54,7 +54,7 @@ class Routine:
 
     name: str
     scope: Scope
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[RoutineParameter, ...]
     body: Node
     gives: str = ""
 
@@ -132,10 +132,10 @@ def _routine(scope: Scope, node: Node) -> Routine:
     return Routine(str(name), scope, parameters, node.children[-1], gives)
 
 
-def _parameters(node: Node) -> Iterable[Parameter]:
+def _parameters(node: Node) -> Iterable[RoutineParameter]:
     """Yield the parameters of a node, several where only one of them is given."""
     optional, mode, *rest = node.children
     words = [str(token) for token in rest if token is not None and token.type == "NAME"]
     stars = sum(token is not None and token.type == "STAR" for token in rest)
     for kind, name in zip(words[::2], words[1::2], strict=True):
-        yield Parameter(name.lower(), kind.lower(), stars, optional is not None, mode is not None)
+        yield RoutineParameter(name.lower(), kind.lower(), stars, optional is not None, mode is not None)

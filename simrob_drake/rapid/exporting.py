@@ -16,7 +16,7 @@ from simrob_drake.programs.moves.release import ReleaseMove
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.rapid.configuration import configuration, has_configuration
 from simrob_drake.rapid.instructions import joint_target
-from simrob_drake.rapid.steps import Leg, Steps
+from simrob_drake.rapid.steps import ExportedProgram, TargetMove
 from simrob_drake.rapid.values import number_text, pose_of, robtarget_of, texted
 
 _MOST_AXES = 6
@@ -50,7 +50,7 @@ class _Names:
         return self.declared[key]
 
 
-def rapid_text(steps: Steps, name: str) -> tuple[str, str]:
+def rapid_text(steps: ExportedProgram, name: str) -> tuple[str, str]:
     """Return the module of a program, and the YAML of the table that says what its signals do; empty without any.
 
     Raises:
@@ -96,7 +96,7 @@ def _signal(move: AttachMove | ReleaseMove, signals: dict[str, dict[int, Any]]) 
         number += 1
 
 
-def _move(leg: Leg, steps: Steps, names: _Names) -> str:
+def _move(leg: TargetMove, steps: ExportedProgram, names: _Names) -> str:
     tool = "tool0"
     if not leg.tool.IsNearlyEqualTo(RigidTransform(), 1e-12):
         tool = names.of("tooldata", "tcp", f"[TRUE,{texted(pose_of(leg.tool))},{_LOAD}]", "PERS")
@@ -116,7 +116,7 @@ def _move(leg: Leg, steps: Steps, names: _Names) -> str:
     return f"{_WORDS[leg.key]} {target},{_speed(leg)},{_zone(leg, names)},{options};"
 
 
-def _speed(leg: Leg) -> str:
+def _speed(leg: TargetMove) -> str:
     """Return the speed of a move, and its time where that counts."""
     if leg.speed is None:
         return rf"v100\T:={number_text(leg.time)}"
@@ -126,7 +126,7 @@ def _speed(leg: Leg) -> str:
     return f"[{number_text(speed)},{number_text(max(_TURNING, np.ceil(turning)))},5000,1000]"
 
 
-def _zone(leg: Leg, names: _Names) -> str:
+def _zone(leg: TargetMove, names: _Names) -> str:
     size = 1e3 * leg.zone
     if not size:
         return "fine"

@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from typing import Any
 
 from simrob_drake.errors import SimrobError, nearest
-from simrob_drake.rapid.calls import Call, Place
+from simrob_drake.rapid.calls import Call, Location
 from simrob_drake.rapid.declarations import Datum, Routine, Scope, declared
 from simrob_drake.rapid.functions import FUNCTIONS
 from simrob_drake.rapid.syntax import Module, Node, RapidError, Remark
-from simrob_drake.rapid.values import Record, Signal, Value, WrongType, shape
+from simrob_drake.rapid.values import RecordValue, SignalName, Value, WrongType, shape
 
 _OPERATORS: Mapping[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt,
@@ -65,7 +65,7 @@ class Expressions:
         """Return the file and the line of something."""
         return f"{self._scope.file}: line {_line(node)}"
 
-    def place(self, node: Node) -> Place:
+    def place(self, node: Node) -> Location:
         """Return the place that an expression names.
 
         What is assigned to a value that is kept nowhere is lost.
@@ -77,7 +77,9 @@ class Expressions:
             found = self._find(node.children[0])
             if not isinstance(found, Datum):
                 raise WrongType(f"there is no data '{node.children[0]}'{self._hint(node.children[0])}")
-            return Place(found.kind, found.dimensions, lambda: found.value, lambda value: setattr(found, "held", value))
+            return Location(
+                found.kind, found.dimensions, lambda: found.value, lambda value: setattr(found, "held", value)
+            )
         if node.data == "component_of":
             return self._component(self.place(node.children[0]), str(node.children[1]).lower())
         if node.data == "element":
@@ -86,24 +88,24 @@ class Expressions:
                 place = self._element(place, self.typed(index, "num"))
             return place
         value = self.value(node)
-        return Place(value.kind if isinstance(value, Record) else "", 0, lambda: value, lambda _: None)
+        return Location(value.kind if isinstance(value, RecordValue) else "", 0, lambda: value, lambda _: None)
 
-    def _component(self, base: Place, name: str) -> Place:
+    def _component(self, base: Location, name: str) -> Location:
         kinds = {part: kind for kind, part in self.types.records.get(self.types.plain(base.kind), ())}
         record = base.get()
-        if not isinstance(record, Record) or name not in kinds:
+        if not isinstance(record, RecordValue) or name not in kinds:
             raise WrongType(f"a {base.kind} has no component '{name}'{nearest(name, kinds)}")
         parts = record.parts
-        return Place(kinds[name], 0, lambda: parts[name], lambda value: parts.__setitem__(name, value))
+        return Location(kinds[name], 0, lambda: parts[name], lambda value: parts.__setitem__(name, value))
 
     @staticmethod
-    def _element(base: Place, number: float) -> Place:
+    def _element(base: Location, number: float) -> Location:
         rows, row = base.get(), int(number) - 1
         if not isinstance(rows, list):
             raise WrongType(f"{shape(rows)} has no elements")
         if not 0 <= row < len(rows):
             raise WrongType(f"there is no element {int(number)} of {len(rows)}")
-        return Place(base.kind, base.dimensions - 1, lambda: rows[row], lambda value: rows.__setitem__(row, value))
+        return Location(base.kind, base.dimensions - 1, lambda: rows[row], lambda value: rows.__setitem__(row, value))
 
     def _datum(self, scope: Scope, declaration: tuple[Node, Node]) -> tuple[str, Datum]:
         """Return the name and the data of an item of a declaration."""
@@ -111,7 +113,7 @@ class Expressions:
         kind, constant = str(node.children[2]).lower(), node.children[1].lower() == "const"
 
         def value() -> Value:
-            with self._in(scope, self._locals if scope is self._scope else {}), self._telling(node):
+            with self._in(scope, self._locals if scope is self._scope else {}), self._naming_line(node):
                 counts = [int(self.typed(size, "num")) for size in sizes.children] if sizes else []
                 if first is None:
                     return self.types.default(kind, counts)
@@ -141,12 +143,12 @@ class Expressions:
         """Return what an expression is, as a value of a type."""
         return self.types.fitted(kind, self.value(node))
 
-    def signal(self, node: Node) -> Signal:
+    def signal(self, node: Node) -> SignalName:
         """Return the signal that an expression names: data of a signal's type, or a name of the controller's."""
         if node.data == "name" and self._find(node.children[0]) is None:
-            return Signal(str(node.children[0]).lower())
+            return SignalName(str(node.children[0]).lower())
         value = self.value(node)
-        if not isinstance(value, Signal):
+        if not isinstance(value, SignalName):
             raise WrongType(f"{shape(value)} where a signal is asked for")
         return value
 
@@ -192,9 +194,9 @@ class Expressions:
 
     def _applied(self, key: str, one: Value, other: Value) -> Value:
         """Return what an operator gives of two values; an aggregate beside a record is one of its type."""
-        if isinstance(one, Record) and isinstance(other, list):
+        if isinstance(one, RecordValue) and isinstance(other, list):
             other = self.types.fitted(one.kind, other)
-        elif isinstance(other, Record) and isinstance(one, list):
+        elif isinstance(other, RecordValue) and isinstance(one, list):
             one = self.types.fitted(other.kind, one)
         if key in ("=", "<>"):
             if shape(one) != shape(other):
@@ -223,29 +225,29 @@ class Expressions:
         raise WrongType(f"{shape(one)} {key} {shape(other)}")
 
     @staticmethod
-    def _pos(values: Iterable[float]) -> Record:
-        return Record("pos", dict(zip("xyz", values, strict=True)))
+    def _pos(values: Iterable[float]) -> RecordValue:
+        return RecordValue("pos", dict(zip("xyz", values, strict=True)))
 
     def _value_function_call(self, name: str, arguments: Node | None) -> Value:
         found, call = self._find(name), self._call_of(name, name, arguments)
         if isinstance(found, Routine) and found.gives:
-            given: Value = self._called(found, call)
-            return given
+            result: Value = self._called(found, call)
+            return result
         if name.lower() not in self._functions:
             raise WrongType(f"there is no function '{name}'{self._hint(name, self._functions)}")
         value: Value = self._functions[name.lower()](call)
         return value
 
     def _call_of(self, name: str, node: Node, arguments: Node | None) -> Call:
-        given = [part for part in (arguments.children if arguments else ()) if part is not None]
+        parts = [part for part in (arguments.children if arguments else ()) if part is not None]
         options: dict[str, Node | None] = {}
-        for part in (part for part in given if part.data == "option"):
+        for part in (part for part in parts if part.data == "option"):
             _, key, value = part.children
             if value is None or hasattr(value, "data"):
                 options[key.lower()] = value
             elif str(value).lower() in self._locals:  # \Key?parameter, which is given on if it was given
                 options[key.lower()] = _named(value)
-        return Call(self, str(name), node, tuple(part for part in given if part.data != "option"), options)
+        return Call(self, str(name), node, tuple(part for part in parts if part.data != "option"), options)
 
     def _called(self, routine: Routine, call: Call) -> Any:
         """Do a routine as it is called, and return what it gives."""
@@ -262,7 +264,7 @@ class Expressions:
             self._scope, self._locals = before
 
     @contextmanager
-    def _telling(self, node: Node) -> Iterator[None]:
+    def _naming_line(self, node: Node) -> Iterator[None]:
         """Put the file and the line before what goes wrong in a statement."""
         try:
             yield
@@ -278,7 +280,7 @@ class Expressions:
 
 def _three(value: Value) -> list[Any]:
     """Return the numbers of a ``pos``, or of an aggregate of three; nothing of anything else."""
-    row = value.flat() if isinstance(value, Record) else value
+    row = value.flat() if isinstance(value, RecordValue) else value
     return row if isinstance(row, list) and [*map(type, row)] == [float] * 3 else []
 
 

@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from simrob_drake.frames import three_point_frame
 from simrob_drake.rapid.values import (
-    Record,
+    RecordValue,
     Value,
     number_text,
     orient_of,
@@ -57,8 +57,8 @@ def _rel_tool(call: Call) -> Value:
     return _moved(target, transform_of(target) @ tool)
 
 
-def _moved(target: Record, transform: RigidTransform) -> Record:
-    return Record("robtarget", {**target.parts, **pose_of(transform).parts})
+def _moved(target: RecordValue, transform: RigidTransform) -> RecordValue:
+    return RecordValue("robtarget", {**target.parts, **pose_of(transform).parts})
 
 
 def _rounded(how: Callable[[float], float]) -> Callable[[Call], Value]:
@@ -168,7 +168,7 @@ FUNCTIONS: Mapping[str, Callable[[Call], Value]] = {
     "strfind": _str_find,
     "bytetostr": lambda call: f"{int(call.value(0, 'num'))}",
     "dim": _dim,
-    "present": lambda call: call.given(0),
+    "present": lambda call: call.has_parameter(0),
     "opmode": lambda call: 1.0,
     "runmode": lambda call: 1.0,
     "robos": lambda call: False,

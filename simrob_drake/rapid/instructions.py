@@ -22,7 +22,7 @@ from simrob_drake.rapid.configuration import configuration, has_configuration
 from simrob_drake.rapid.controller import Controller, Motion
 from simrob_drake.rapid.values import (
     FREE_AXES,
-    Record,
+    RecordValue,
     Value,
     WrongType,
     robjoint_of,
@@ -64,7 +64,7 @@ def _move(kind: type[ArmMotion], *, signal: bool = False) -> Instruction:
     return move
 
 
-def _go(controller: Controller, call: Call, motion: Motion, target: Record, near: float) -> None:
+def _go(controller: Controller, call: Call, motion: Motion, target: RecordValue, near: float) -> None:
     """Take up a move to a robtarget."""
     here = transform_of(target)
     frame = controller.cell.frame(motion.wobj)
@@ -79,7 +79,7 @@ def _go(controller: Controller, call: Call, motion: Motion, target: Record, near
 
 
 def _motion(
-    controller: Controller, call: Call, kind: type[ArmMotion], speed: Record, wobj: tuple[float, ...] | None
+    controller: Controller, call: Call, kind: type[ArmMotion], speed: RecordValue, wobj: tuple[float, ...] | None
 ) -> Motion:
     fastest = call.option("v", "num", speed["v_tcp"]) / 1e3 * controller.share
     turning = math.radians(speed["v_ori"]) * controller.share
@@ -89,7 +89,7 @@ def _motion(
     return Motion(kind, wobj, min(fastest, controller.fastest), turning, duration, controller.acceleration)
 
 
-def _axes(controller: Controller, target: Record) -> list[float]:
+def _axes(controller: Controller, target: RecordValue) -> list[float]:
     """Return the posture of a jointtarget [rad or m]."""
     model = controller.cell.robot(controller.robot).model
     count = len(model.axes)
@@ -182,8 +182,8 @@ def _configured(key: str) -> Instruction:
 
 
 def _write(controller: Controller, call: Call) -> None:
-    told = "".join(texted(call.task.value(node)) for node in call.options.values() if node is not None)
-    call.remark(f"says {call.value(0, 'string')}{told}", lost=False)
+    text = "".join(texted(call.task.value(node)) for node in call.options.values() if node is not None)
+    call.remark(f"says {call.value(0, 'string')}{text}", lost=False)
 
 
 def _counted(step: Callable[[Call], float]) -> Instruction:
@@ -234,11 +234,11 @@ def _c_joint(controller: Controller, call: Call) -> Value:
     return joint_target(controller.arm.start, model.user_units)
 
 
-def joint_target(posture: Any, units: Any) -> Record:
+def joint_target(posture: Any, units: Any) -> RecordValue:
     """Return a posture (n,) [rad or m] as a ``jointtarget`` [deg or mm]; ``units`` are those of users (n,)."""
     values = np.where(units == 1.0, 1e3 * posture, np.rad2deg(posture))[:_SIX]
     padded = [*values, *[0.0] * (_SIX - len(values))]
-    return Record("jointtarget", {"robax": robjoint_of(padded), "extax": FREE_AXES})
+    return RecordValue("jointtarget", {"robax": robjoint_of(padded), "extax": FREE_AXES})
 
 
 def _calc_joint(controller: Controller, call: Call) -> Value:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 from simrob_drake.errors import nearest
-from simrob_drake.rapid.calls import Call, Place
-from simrob_drake.rapid.declarations import Datum, Parameter, Routine
+from simrob_drake.rapid.calls import Call, Location
+from simrob_drake.rapid.declarations import Datum, Routine, RoutineParameter
 from simrob_drake.rapid.expressions import Expressions
 from simrob_drake.rapid.syntax import Module, Node, RapidError
 from simrob_drake.rapid.values import Value, WrongType
 
 _DEEPEST = 40  # routines that wait for each other
 _MOST_STATEMENTS = 1_000_000
+
+
+_Argument: TypeAlias = tuple[RoutineParameter, Datum, Location | None]
+"""A parameter with its data, and where what is assigned to it goes in the end."""
 
 
 class Ended(Exception):
@@ -81,7 +85,7 @@ class Interpreter(Expressions):
 
     def _do(self, node: Node) -> None:
         self._done += 1
-        with self._telling(node):
+        with self._naming_line(node):
             if self._done > _MOST_STATEMENTS:
                 raise WrongType(f"the program does not end within {_MOST_STATEMENTS} statements")
             getattr(self, f"_do_{node.data}")(*node.children)
@@ -178,20 +182,20 @@ class Interpreter(Expressions):
     def _called(self, routine: Routine, call: Call) -> Any:
         return self._run(routine, self._bound(routine, call))
 
-    def _bound(self, routine: Routine, call: Call) -> list[tuple[Parameter, Datum, Place | None]]:
+    def _bound(self, routine: Routine, call: Call) -> list[_Argument]:
         """Return the parameters of a routine with what a call gives for them, and where shared ones come from."""
         needed = [parameter for parameter in routine.parameters if not parameter.optional]
         if len(needed) != call.count:
             raise WrongType(f"{routine.name} with {call.count} arguments, of {len(needed)} that it has,")
-        given = list(zip(needed, call.arguments, strict=True))
+        passed = list(zip(needed, call.arguments, strict=True))
         known = {parameter.name: parameter for parameter in routine.parameters if parameter.optional}
         for name, node in call.options.items():
             if name not in known:
                 raise WrongType(f"{routine.name} has no option '{name}'{nearest(name, known)}")
-            given.append((known[name], node))
-        return [self._argument(parameter, node) for parameter, node in given]
+            passed.append((known[name], node))
+        return [self._argument(parameter, node) for parameter, node in passed]
 
-    def _argument(self, parameter: Parameter, node: Node | None) -> tuple[Parameter, Datum, Place | None]:
+    def _argument(self, parameter: RoutineParameter, node: Node | None) -> _Argument:
         if node is None:
             return parameter, Datum("bool", held=True), None
         if parameter.kind.startswith("signal"):
@@ -200,7 +204,7 @@ class Interpreter(Expressions):
         place = self.place(node) if parameter.shared else None
         return parameter, Datum(parameter.kind, parameter.dimensions, held=value), place
 
-    def _run(self, routine: Routine, bound: list[tuple[Parameter, Datum, Place | None]]) -> Any:
+    def _run(self, routine: Routine, bound: list[_Argument]) -> Any:
         if self._depth == _DEEPEST:
             raise WrongType(f"{routine.name} is called {_DEEPEST} deep: it calls itself without an end")
         self._depth += 1

@@ -33,7 +33,7 @@ _UNSAID = ("points", "check", "solver")
 
 
 @dataclass(frozen=True)
-class Leg:
+class TargetMove:
     """A move of a tool to one target.
 
     Attributes:
@@ -65,11 +65,11 @@ class Leg:
     acceleration: float | None
 
 
-Step = Leg | WaitMove | AttachMove | ReleaseMove
+Step = TargetMove | WaitMove | AttachMove | ReleaseMove
 
 
 @dataclass
-class Steps:
+class ExportedProgram:
     """The steps of a program, of the arm that does it.
 
     Attributes:
@@ -88,7 +88,7 @@ class Steps:
     remarks: list[str] = field(default_factory=list)
 
     @classmethod
-    def of(cls, program: Program, cell: Workcell, file: str = "") -> Steps:
+    def of(cls, program: Program, cell: Workcell, file: str = "") -> ExportedProgram:
         """Return the steps of a program; the cell goes on to its end without a run.
 
         Args:
@@ -128,7 +128,7 @@ class Steps:
         else:
             raise InvalidParameter("the move", move.key, "one of the tool, wait, attach, release or tool")
 
-    def _legs(self, move: ArmMotion, planning: Planning, plan: Plan, called: str) -> Iterator[Leg]:
+    def _legs(self, move: ArmMotion, planning: Planning, plan: Plan, called: str) -> Iterator[TargetMove]:
         how, wobj = move.how, planning.frame(getattr(move, "wobj", None))
         cruises = "speed" in how and profile_of(how) == "s_curve"
         zone, postures = zone_size(how.get("zone", "fine")), plan.postures(plan.arrivals)
@@ -144,7 +144,7 @@ class Steps:
         tool = RigidTransform(self.chain.home).inverse() @ RigidTransform(planning.chain.home)
         before, times = planning.pose, np.diff(plan.arrivals, prepend=0.0)
         for number, (pose, posture, via, time) in enumerate(zip(rows, postures, arcs, times, strict=True), 1):
-            yield Leg(
+            yield TargetMove(
                 key=move.key, pose=RigidTransform(pose), posture=posture, via=via, wobj=wobj, tool=tool,
                 length=_length(before[:3, 3], via, pose[:3, 3]),
                 speed=how["speed"] if cruises else None, time=float(time), turn=turned_by(before[:3, :3], pose[:3, :3]),

@@ -12,13 +12,13 @@ from simrob_drake.programs.moves.attach import AttachMove
 from simrob_drake.programs.moves.release import ReleaseMove
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.programs.timing import ACCELERATION
-from simrob_drake.rapid.steps import Leg, Steps
+from simrob_drake.rapid.steps import ExportedProgram, TargetMove
 from simrob_drake.rapid.values import number_text
 
 _OUTPUT = 0  # the digital output that grips
 
 
-def urscript_text(steps: Steps, name: str) -> str:
+def urscript_text(steps: ExportedProgram, name: str) -> str:
     """Return the script of a program: poses in the robot's base as p[x, y, z, rx, ry, rz] [m, rad], axes in rad.
 
     Moves of axes are written as postures with their times: speeds mean the axes' there, not the tool's. Pieces are
@@ -39,7 +39,7 @@ def urscript_text(steps: Steps, name: str) -> str:
     return "\n".join([f"def {function}():", *(f"  {line}" for line in lines), "end", f"{function}()", ""])
 
 
-def _move(leg: Leg, steps: Steps) -> str:
+def _move(leg: TargetMove, steps: ExportedProgram) -> str:
     radius = f", r={number_text(leg.zone)}" if leg.zone else ""
     if leg.key in ("move_abs_j", "move_j"):
         return f"movej([{_row(leg.posture)}], t={number_text(leg.time)}{radius})"

@@ -19,7 +19,7 @@ class WrongType(ValueError):
 
 
 @dataclass
-class Record:
+class RecordValue:
     """A value of a record type, with its components by name in lower case."""
 
     kind: str
@@ -29,28 +29,30 @@ class Record:
         """Return a component, or one of a component: ``record["trans.x"]``."""
         name, _, rest = path.partition(".")
         part = self.parts[name]
-        return part[rest] if rest and isinstance(part, Record) else part
+        return part[rest] if rest and isinstance(part, RecordValue) else part
 
     def flat(self) -> list[Any]:
         """Return all that it holds in a row, components of components, too."""
         return [
-            value for part in self.parts.values() for value in (part.flat() if isinstance(part, Record) else [part])
+            value
+            for part in self.parts.values()
+            for value in (part.flat() if isinstance(part, RecordValue) else [part])
         ]
 
 
 @dataclass(frozen=True)
-class Signal:
+class SignalName:
     """An input or output of the controller, by its name in lower case."""
 
     name: str
 
 
-Value: TypeAlias = "float | bool | str | Record | Signal | list[Any]"
+Value: TypeAlias = "float | bool | str | RecordValue | SignalName | list[Any]"
 
 _LARGE = 1e9  # numbers beyond are written with an exponent
 _SIMPLE: Mapping[str, Value] = {"num": 0.0, "bool": False, "string": ""}
 _SIGNALS = frozenset(f"signal{kind}" for kind in ("di", "do", "gi", "go", "ai", "ao"))
-_SHAPES = {float: "a num", bool: "a bool", str: "a string", list: "an aggregate", Signal: "a signal"}
+_SHAPES = {float: "a num", bool: "a bool", str: "a string", list: "an aggregate", SignalName: "a signal"}
 
 
 @dataclass
@@ -75,8 +77,8 @@ class Types:
             return [self.default(kind, sizes[1:]) for _ in range(sizes[0])]
         name = self.plain(kind)
         if name in self.records:
-            return Record(name, {part: self.default(own) for own, part in self.records[name]})
-        return Signal("") if name in _SIGNALS else _SIMPLE[name]
+            return RecordValue(name, {part: self.default(own) for own, part in self.records[name]})
+        return SignalName("") if name in _SIGNALS else _SIMPLE[name]
 
     def fitted(self, kind: str, value: Value, dimensions: int = 0) -> Value:
         """Return a copy of a value as one of a type: aggregates become records and arrays.
@@ -91,14 +93,14 @@ class Types:
             return [self.fitted(kind, one, dimensions - 1) for one in value]
         if name in self.records:
             return self._record(name, value)
-        wanted = Signal if name in _SIGNALS else type(_SIMPLE[name])
-        if type(value) is not wanted:
-            raise WrongType(f"{shape(value)} where {_SHAPES[wanted]} is asked for")
+        desired = SignalName if name in _SIGNALS else type(_SIMPLE[name])
+        if type(value) is not desired:
+            raise WrongType(f"{shape(value)} where {_SHAPES[desired]} is asked for")
         return value
 
-    def _record(self, name: str, value: Value) -> Record:
+    def _record(self, name: str, value: Value) -> RecordValue:
         parts = self.records[name]
-        if isinstance(value, Record) and value.kind == name:
+        if isinstance(value, RecordValue) and value.kind == name:
             values = list(value.parts.values())
         elif isinstance(value, list):
             values = value
@@ -106,21 +108,21 @@ class Types:
             raise WrongType(f"{shape(value)} where a {name} is asked for")
         if len(values) != len(parts):
             raise WrongType(f"an aggregate of {len(values)} where a {name} has {len(parts)} components")
-        return Record(name, {part: self.fitted(own, one) for (own, part), one in zip(parts, values, strict=True)})
+        return RecordValue(name, {part: self.fitted(own, one) for (own, part), one in zip(parts, values, strict=True)})
 
 
 def shape(value: Value) -> str:
     """Return what a value is, for messages."""
-    return f"a {value.kind}" if isinstance(value, Record) else _SHAPES[type(value)]
+    return f"a {value.kind}" if isinstance(value, RecordValue) else _SHAPES[type(value)]
 
 
 def texted(value: Value) -> str:
     """Return a value as RAPID writes it."""
-    if isinstance(value, Record):
+    if isinstance(value, RecordValue):
         return texted(list(value.parts.values()))
     if isinstance(value, list):
         return f"[{','.join(map(texted, value))}]"
-    if isinstance(value, Signal):
+    if isinstance(value, SignalName):
         return value.name
     if isinstance(value, bool):
         return str(value).upper()
@@ -134,12 +136,12 @@ def number_text(value: float) -> str:
     return repr(round(float(value), 12) + 0.0).removesuffix(".0")
 
 
-def place_of(pos: Record) -> Vector:
+def place_of(pos: RecordValue) -> Vector:
     """Return a ``pos`` [mm] as a place (3,) [m]."""
     return np.array(pos.flat(), dtype=float) / 1e3
 
 
-def rotation_of(orient: Record) -> RotationMatrix:
+def rotation_of(orient: RecordValue) -> RotationMatrix:
     """Return the rotation of an ``orient``.
 
     Raises:
@@ -151,27 +153,27 @@ def rotation_of(orient: Record) -> RotationMatrix:
     return RotationMatrix(Quaternion(wxyz / np.linalg.norm(wxyz)))
 
 
-def transform_of(pose: Record) -> RigidTransform:
+def transform_of(pose: RecordValue) -> RigidTransform:
     """Return a ``pose`` [mm], or the place and orientation of a ``robtarget``, as a transform [m]."""
     return RigidTransform(rotation_of(pose["rot"]), place_of(pose["trans"]))
 
 
-def _vector(kind: str, names: str, values: Vector | Sequence[float]) -> Record:
-    return Record(kind, dict(zip(names.split(), map(float, values), strict=True)))
+def _vector(kind: str, names: str, values: Vector | Sequence[float]) -> RecordValue:
+    return RecordValue(kind, dict(zip(names.split(), map(float, values), strict=True)))
 
 
 pos_of = partial(_vector, "pos", "x y z")
 
 
-def orient_of(rotation: RotationMatrix) -> Record:
+def orient_of(rotation: RotationMatrix) -> RecordValue:
     """Return a rotation as an ``orient``, its first component not negative."""
     wxyz = rotation.ToQuaternion().wxyz()
     return _vector("orient", "q1 q2 q3 q4", wxyz if wxyz[0] >= 0 else -wxyz)
 
 
-def pose_of(transform: RigidTransform) -> Record:
+def pose_of(transform: RigidTransform) -> RecordValue:
     """Return a transform [m] as a ``pose`` [mm]."""
-    return Record("pose", {"trans": pos_of(1e3 * transform.translation()), "rot": orient_of(transform.rotation())})
+    return RecordValue("pose", {"trans": pos_of(1e3 * transform.translation()), "rot": orient_of(transform.rotation())})
 
 
 FREE_AXES = _vector("extjoint", "eax_a eax_b eax_c eax_d eax_e eax_f", [9e9] * 6)
@@ -180,6 +182,8 @@ confdata_of = partial(_vector, "confdata", "cf1 cf4 cf6 cfx")
 robjoint_of = partial(_vector, "robjoint", "rax_1 rax_2 rax_3 rax_4 rax_5 rax_6")
 
 
-def robtarget_of(transform: RigidTransform, configuration: Sequence[float]) -> Record:
+def robtarget_of(transform: RigidTransform, configuration: Sequence[float]) -> RecordValue:
     """Return a transform [m] with a configuration as a ``robtarget`` [mm]."""
-    return Record("robtarget", {**pose_of(transform).parts, "robconf": confdata_of(configuration), "extax": FREE_AXES})
+    return RecordValue(
+        "robtarget", {**pose_of(transform).parts, "robconf": confdata_of(configuration), "extax": FREE_AXES}
+    )

@@ -1,6 +1,7 @@
 """Programs written as RAPID and URScript: read by regular expressions here, and by the package's own import."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.program import Program
 from simrob_drake.rapid.exporting import rapid_text
 from simrob_drake.rapid.importing import import_rapid
-from simrob_drake.rapid.steps import Steps
+from simrob_drake.rapid.steps import ExportedProgram
 from simrob_drake.rapid.urscript import urscript_text
 from simrob_drake.stations.load import bare_station
 
@@ -59,7 +60,7 @@ def postures(program: Program) -> np.ndarray:
 
 
 def exported(program: Program) -> tuple[str, str]:
-    return rapid_text(Steps.of(program, Workcell(STATION)), "Test")
+    return rapid_text(ExportedProgram.of(program, Workcell(STATION)), "Test")
 
 
 def test_the_same_motion_comes_back(tmp_path):
@@ -122,7 +123,7 @@ moves:
 - move_l: {targets: [0.302, 0.1, 0.5], duration: 1}
 - release: {piece: part, fixed: true}
 """)
-    text, table = rapid_text(Steps.of(program, Workcell(station)), "Test")
+    text, table = rapid_text(ExportedProgram.of(program, Workcell(station)), "Test")
     assert re.findall(r"SetDO .*", text) == ["SetDO do_part,1;", "SetDO do_part,0;"]
     (tmp_path / "Test.mod").write_text(text)
     (tmp_path / "io.yaml").write_text(table)
@@ -131,7 +132,7 @@ moves:
 
 
 def test_urscript_has_poses_in_the_base_and_rotation_vectors():
-    text = urscript_text(Steps.of(PROGRAM, Workcell(STATION)), "Test")
+    text = urscript_text(ExportedProgram.of(PROGRAM, Workcell(STATION)), "Test")
     lines = [line.strip() for line in text.splitlines()]
     assert lines[0] == "def Test():"
     assert lines[-2:] == ["end", "Test()"]
@@ -151,14 +152,14 @@ moves:
 - move_abs_j: {targets_deg: [[10, 0, 0, 0, 90, 0], [20, 0, 0, 0, 90, 0]], points: 30}
 - move_l: {targets: [0.35, 0, 0.4], speed: 0.1, profile: trapezoid}
 """)
-    remarks = Steps.of(program, Workcell(STATION)).remarks
+    remarks = ExportedProgram.of(program, Workcell(STATION)).remarks
     assert remarks == [
         "moves[0]: points left out",
         "moves[0]: passes its targets smoothly here, rests at each there; give it a zone",
         "moves[1]: profile trapezoid left out: only its time is kept",
     ]
     with pytest.raises(InvalidParameter, match="move 1: the move is play"):
-        Steps.of(Program.of_text("moves: [{wait: 1}, {play: 1}]"), Workcell(STATION))
+        ExportedProgram.of(Program.of_text("moves: [{wait: 1}, {play: 1}]"), Workcell(STATION))
 
 
 def test_the_commands_write_run_and_import(tmp_path, monkeypatch, capsys):
@@ -181,6 +182,17 @@ def test_the_commands_write_run_and_import(tmp_path, monkeypatch, capsys):
         in told.err
     )
     assert not (tmp_path / "two").exists()
+
+
+def test_the_example_of_the_page_is_done(tmp_path):
+    page = (Path(__file__).parents[2] / "docs/rapid.md").read_text()
+    module = next(block for block in re.findall(r"```text\n(.*?)```", page, re.DOTALL) if block.startswith("MODULE"))
+    (tmp_path / "Pick.mod").write_text(module)
+    table = "signals: {doGrip: {does: {1: []}}, diPart: {is: {0: 0, 2.5: 1}}}"
+    (tmp_path / "io.yaml").write_text(table)
+    done = import_rapid(tmp_path / "Pick.mod", STATION, signals=tmp_path / "io.yaml")
+    assert [str(remark) for remark in done.remarks] == []
+    assert done.time > 2.5
 
 
 @pytest.mark.parametrize(
