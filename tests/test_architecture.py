@@ -30,6 +30,7 @@ ROAD = [
     "rapid",
     "comparison",
     "tuning",
+    "legged",
     "learning",
     "simulink",
     "teach",

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
@@ -15,7 +16,7 @@ from simrob_drake import load_station, simulate
 def peak():  # of the memory of this process [MB]
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
 
-config = load_station(sys.argv[1], {"duration": 0.2})
+config = load_station(sys.argv[1], {"duration": 0.2, **json.loads(sys.argv[2])})
 for _ in range(10):
     result = simulate(config, progress=False)  # kept, as below: the last run's diagrams live beside the next one's
 before = peak()
@@ -33,9 +34,18 @@ print(json.dumps({"grown": grown, "alive": alive}))
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("station", ["irb120_dynamic", "humanoid_dynamic", "irb120_force_stop"])
-def test_runs_leave_nothing_behind(station: str) -> None:
-    done = subprocess.run([sys.executable, "-c", MEASURE, station], check=True, capture_output=True, text=True)
+@pytest.mark.parametrize(
+    ("station", "overrides"),
+    [
+        ("irb120_dynamic", {}),
+        ("humanoid_dynamic", {}),
+        ("irb120_force_stop", {}),
+        ("yobotics_walking", {"solver": {"kind": "mujoco"}}),
+    ],
+)
+def test_runs_leave_nothing_behind(station: str, overrides: dict[str, Any]) -> None:
+    asked = [sys.executable, "-c", MEASURE, station, json.dumps(overrides)]
+    done = subprocess.run(asked, check=True, capture_output=True, text=True)
     found = json.loads(done.stdout)
     assert found["alive"] == []
     assert found["grown"] < 30 * 0.1  # MB

@@ -44,7 +44,14 @@ class FramePoses(Block):
         """Return the poses (m, 7) of a frame in states (m, nq + nv) of the plant, as its port gives them."""
         if name not in self._moving:
             return np.tile(self._pose(name), (len(states), 1))
-        return np.array([self._pose(name, state) for state in states]).reshape(len(states), len(XYZ_QUATERNION_NAMES))
+        plant, scratch, poses = self._plant, self._scratch, np.empty((len(states), len(XYZ_QUATERNION_NAMES)))
+        frame, positions = plant.get_frame(self._frames[name]), states[:, : plant.num_positions()]
+        for row, own in enumerate(positions):
+            plant.SetPositions(scratch, own)
+            pose = frame.CalcPoseInWorld(scratch)
+            poses[row, :3], poses[row, 3:] = pose.translation(), pose.rotation().ToQuaternion().wxyz()
+        poses[poses[:, 3] < 0, 3:] *= -1
+        return poses
 
     def _calc_pose(self, name: str, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._pose(name, self._state.Eval(context) if name in self._moving else None))

@@ -60,6 +60,28 @@ def branches(
     return [nearest_turns(chain, rows, np.broadcast_to(begin, rows.shape))[0] for rows in found]
 
 
+def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -> Vector:
+    """Return different postures (m, n) within the limits that bring the tool to any of k targets, for a planner.
+
+    All of them of arms with a closed form; of others those to which a hundred searches lead, elbows turned at will.
+
+    Args:
+        chain: the axes.
+        targets: poses of the tool in the base, shape (k, 4, 4).
+        start: posture (n,) near to which whole turns are chosen.
+        seed: of the searches.
+    """
+    try:
+        found, good = AnalyticSolver(chain).postures(targets, start)
+    except NoClosedForm:
+        each, still = -(-_AT_ONCE // len(targets)), np.setdiff1d(np.arange(chain.size), chain.order)
+        seeds = random_postures(chain, each * len(targets), seed)
+        seeds[0], seeds[:, still] = start, start[still]
+        found, good = _led(chain, targets, seeds.reshape(len(targets), each, -1))
+    rows, beyond = nearest_turns(chain, found[good], np.broadcast_to(start, found[good].shape))
+    return _merged(chain, rows[~beyond.any(axis=-1)])[0]
+
+
 def _freed(chain: Chain, start: Vector, held: Mapping[str, float]) -> tuple[Chain, Indices]:
     """Return the chain without the limits of revolute axes, fixed where axes are held, and the axes that are not."""
     values, fixed = start.copy(), set(range(chain.size)) - set(chain.order)

@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
+from simrob_drake.errors import one_of
 from simrob_drake.frames import Vector
 from simrob_drake.learning.beginning import Curriculum, beginning
 from simrob_drake.learning.episode import Episode
@@ -37,6 +38,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         *,
         station: str | None = None,
         overrides: Mapping[str, Any] | None = None,
+        engine: Literal["drake", "mujoco"] = "drake",
         grown: bool = False,
         render_mode: Literal["rgb_array"] | None = None,
     ) -> None:
@@ -46,6 +48,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
             task: a name of :func:`~simrob_drake.learning.task.task_names`, or a YAML file.
             station: in place of the task's, such as ``zjudancer_dynamic``.
             overrides: what is changed in it, as of :func:`~simrob_drake.load_station`.
+            engine: ``mujoco`` steps the station in MuJoCo, at 2 ms unless ``solver`` is changed.
             grown: begin with the last values of what grows in the task.
             render_mode: ``rgb_array`` lets :meth:`render` give pictures.
 
@@ -54,7 +57,8 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         """
         self.render_mode = render_mode
         self.task, path = load_task(task)
-        self._source = station, overrides or {}, path
+        in_mujoco = one_of("engine", engine, ("drake", "mujoco")) == "mujoco"
+        self._source = station, {**({"solver": {"kind": "mujoco"}} if in_mujoco else {}), **(overrides or {})}, path
         self.config = self._drawn({})
         self.episode = Episode(self.config)
         policy = self.episode.policy

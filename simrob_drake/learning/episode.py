@@ -9,7 +9,6 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.arguments import drake_asserts
 from simrob_drake.blocks.monitor import NOT_YET
-from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.learning.rewards import Origin, RewardSample
 from simrob_drake.parts.controllers import readers_of
@@ -51,11 +50,8 @@ class Episode:
         """Build the station.
 
         Raises:
-            SimrobError: one that cannot be, or that MuJoCo steps.
+            SimrobError: one that cannot be.
         """
-        if config.solver.kind == "mujoco":
-            expected = "continuous or discrete; many robots are in MuJoCo by make_vec, see docs/learning.md"
-            raise InvalidParameter("solver.kind", "mujoco", expected)
         station = resolve(config)
         self._station, self._forces = station, dict(config.forces)
         name, self.section = next(iter(policies_of(config).items()))
@@ -78,7 +74,7 @@ class Episode:
     @property
     def positions(self) -> Vector:
         """Of the plant, shape (nq,)."""
-        return np.array(self._ports.plant.plant.GetPositions(self._plant_context))
+        return self._motion[: self._ports.plant.plant.num_positions()]
 
     @drake_asserts()
     def begin(
@@ -107,7 +103,7 @@ class Episode:
         self._simulator, pace = stepper.simulator, stepper.pace()
         self._root = self._simulator.get_mutable_context()
         if start is not None:
-            self.robot.axis_map.set_positions(self._ports.plant.plant, self._plant_context, start)
+            self._ports.plant.place(self._root, self.robot.axis_map.spread_positions(start, self.positions))
         if goal is not None:
             self.policy.ask(self._own(), goal=goal)
         if pace is not None:
@@ -171,7 +167,8 @@ class Episode:
         if frame is None or self.robot.floats:
             place, speed, turn = base[:3], moving[:3], transform_from_xyz_quaternion(base).rotation().matrix()
         else:
-            context = self._plant_context
+            context = self._ports.plant.plant.CreateDefaultContext()
+            self._ports.plant.plant.SetPositionsAndVelocities(context, self._motion)
             pose = frame.CalcPoseInWorld(context)
             place, turn = pose.translation(), pose.rotation().matrix()
             speed = frame.CalcSpatialVelocityInWorld(context).translational()
@@ -190,18 +187,17 @@ class Episode:
         """Return an output of the robot, at once where the plant's state tells it."""
         name = f"{self.robot.prefix}{output}"
         known = self._ports.of_state.get(name)
-        if known is None:
-            return self._output(name)
-        state = self._ports.plant.plant.GetPositionsAndVelocities(self._plant_context)
-        return np.asarray(known.of(state[np.newaxis])[0])
+        return self._output(name) if known is None else np.asarray(known.of(self._motion[np.newaxis])[0])
 
     def _output(self, name: str) -> Vector:
         port = self._ports.outputs[name]
         return np.array(port.Eval(port.get_system().GetMyContextFromRoot(self._root)))
 
     @property
-    def _plant_context(self) -> Context:
-        return self._ports.plant.plant.GetMyMutableContextFromRoot(self._root)
+    def _motion(self) -> Vector:
+        """Positions and velocities of the plant, shape (nq + nv,)."""
+        state = self._ports.state
+        return np.array(state.Eval(state.get_system().GetMyContextFromRoot(self._root)))
 
     def _own(self) -> Context:
         return self.policy.GetMyMutableContextFromRoot(self._root)

@@ -282,7 +282,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
                 )
             if len(self._models) > 1:
                 self._own[place] = self._models[draw.integers(len(self._models))]
-            self._state[place, 1 : 1 + model.nq + model.nv] = np.hstack(self._built.coordinates.to_mujoco(q, v))
+            self._state[place, 1 : 1 + model.nq + model.nv] = self._built.coordinates.to_mujoco(np.append(q, v))
         self._state[places, 0] = self._ticks[places] = 0
         self._action[places], self._returns[places] = 0.0, 0.0
         for onsets in self._onsets.values():
@@ -303,8 +303,8 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def _motion_of(self, states: Vector) -> Vector:
         """Return positions and velocities (m, nq + nv) of the plant, of MuJoCo's states (m, size)."""
-        nq, nv = self._built.model.nq, self._built.model.nv
-        return np.hstack(self._built.coordinates.to_drake(states[:, 1 : 1 + nq], states[:, 1 + nq : 1 + nq + nv]))
+        model = self._built.model
+        return self._built.coordinates.to_drake(states[:, 1 : 1 + model.nq + model.nv])
 
     def _value(self, output: str, motion: Vector) -> Vector:
         """Return an output of the robot, shape (m, size), by motions (m, nq + nv); a fixed root stays."""

@@ -94,7 +94,7 @@ class BuiltStation:
     def state(self, q: Vector, v: Vector) -> Vector:
         """Return MuJoCo's state at positions (nq,) and velocities (nv,) of the plant, at time zero."""
         data, state = mujoco.MjData(self.model), np.empty(mujoco.mj_stateSize(self.model, STATE))
-        data.qpos[:], data.qvel[:] = self.coordinates.to_mujoco(q, v)
+        self.coordinates.put(data, np.append(q, v))
         mujoco.mj_getState(self.model, data, state, STATE)
         return state
 

@@ -35,8 +35,8 @@ def inverse_run(config: StationConfig) -> SimulationResult:
         a = robot.axis_map.spread_velocities(acceleration, a)
     data, forces, sensed = mujoco.MjData(built.model), np.empty_like(v), np.empty((len(q), built.model.nsensordata))
     for row in range(len(q)):
-        data.qpos[:], data.qvel[:] = built.coordinates.to_mujoco(q[row], v[row])
-        _, data.qacc[:] = built.coordinates.to_mujoco(q[row], a[row])
+        built.coordinates.put(data, np.append(q[row], v[row]))
+        data.qacc[:] = built.coordinates.to_mujoco(np.append(q[row], a[row]))[plant.num_positions() :]
         mujoco.mj_inverse(built.model, data)
         mujoco.mj_sensorPos(built.model, data)
         forces[row], sensed[row] = data.qfrc_inverse[built.coordinates.velocities], data.sensordata

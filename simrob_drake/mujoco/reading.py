@@ -112,7 +112,8 @@ class Stepped:
         """Return positions (k, nq) and velocities (k, nv) of Drake's plant at times (k,)."""
         model = self.built.model
         states = _between(steps, self.states[:, 1 : 1 + model.nq + model.nv], times)
-        return self.built.coordinates.to_drake(states[:, : model.nq], states[:, model.nq :])
+        motion = self.built.coordinates.to_drake(states)
+        return motion[:, : model.nq], motion[:, model.nq :]
 
     def _stop(self, steps: Vector, times: Vector) -> Stopped | None:
         """Return when a monitor ends the run: looked for at samples, then at the steps before the one that tells."""

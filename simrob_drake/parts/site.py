@@ -25,6 +25,7 @@ from simrob_drake.parts.ground import Ground
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.feet import FootContact
+from simrob_drake.robots.motors import Motor
 from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.sections import Pose
 from simrob_drake.signals import Compute, Signal
@@ -65,6 +66,7 @@ class ResolvedRobot:
         tcp_offset: pose of the tool centre point in that tool's frame; then the tool in use is called ``tcp``.
         feet: what it stands on; None without.
         prescribed: references of axes whose motion is prescribed in a dynamic station, of one value each, by place.
+        motors: of its axes; None where a servo has none.
     """
 
     name: str
@@ -82,6 +84,7 @@ class ResolvedRobot:
     tcp_offset: Pose | None
     feet: FootContact | None
     prescribed: Mapping[int, Reference]
+    motors: tuple[Motor | None, ...]
 
     def __repr__(self) -> str:
         """Say in one line which robot it is."""
@@ -92,6 +95,12 @@ class ResolvedRobot:
     def axes(self) -> list[str]:
         """The names of the axes, in order."""
         return list(self.model.axes)
+
+    @property
+    def speed_limits(self) -> Vector:
+        """How fast its axes may be, shape (n,) [rad/s or m/s]: the no-load speed of motors, else the URDF's limit."""
+        speeds = zip(self.motors, self.model.speed_limits, strict=True)
+        return np.array([limit if motor is None else motor.line[1] for motor, limit in speeds])
 
     @property
     def tool_names(self) -> list[str]:
@@ -278,6 +287,7 @@ class Site:
         of_state: how the plant's state gives an output without its port, by the output's name.
         lean: whether blocks that only report join the diagram when something reads them, and not before.
         idle: those that have not joined it, with what they are to read, by the names of their outputs.
+        images: what cameras show blocks of the user's own, by name: ``image.<sensor>``.
         later: what gives a sensor's output after the run, where it has no port, by the output's name.
         signals: what the outputs are, in the order of the columns of a result.
         monitors: when they end a run, by name; their conditions watch the outputs.
@@ -298,6 +308,7 @@ class Site:
     of_state: dict[str, FromState] = field(default_factory=dict)
     lean: bool = False
     idle: dict[str, tuple[LeafSystem, OutputPort]] = field(default_factory=dict)
+    images: dict[str, OutputPort] = field(default_factory=dict)
     later: dict[str, Compute] = field(default_factory=dict)
     signals: list[Signal] = field(default_factory=list)
     monitors: dict[str, Trigger] = field(default_factory=dict)

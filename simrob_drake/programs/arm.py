@@ -22,6 +22,7 @@ from simrob_drake.programs.moves.kinds import move_from
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, move_name, naming
 from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
 from simrob_drake.programs.moves.move_c import plan_move_c
+from simrob_drake.programs.moves.move_free import plan_move_free
 from simrob_drake.programs.moves.move_j import plan_move_j
 from simrob_drake.programs.moves.move_l import plan_move_l
 from simrob_drake.programs.moves.play import PlayMove
@@ -50,6 +51,7 @@ class Planner(Planning):
     """
 
     move_abs_j, move_j, move_l, move_c = plan_move_abs_j, plan_move_j, plan_move_l, plan_move_c
+    move_free = plan_move_free
 
     def __repr__(self) -> str:
         """Say in one line whose moves it plans."""
@@ -151,6 +153,8 @@ class Arm(ArmGeometry):
             solver=self.solver,
             frame=self.frame,
             collide=self.cell.check_collisions,
+            motors=self.cell.motors,
+            space=self.cell.free_space,
         )
 
     def do(self, move: Move | Mapping[str, Any]) -> SimulationResult | None:
@@ -172,6 +176,23 @@ class Arm(ArmGeometry):
     """Move the tool along straight lines; see :func:`plan_move_l`."""
     move_c = _running(plan_move_c)
     """Move the tool along arcs of circles; see :func:`plan_move_c`."""
+    move_free = _running(plan_move_free)
+    """Move the tool to a pose or a piece, or the axes to a posture, around obstacles; see :func:`plan_move_free`."""
+
+    def grip(self, **how: Any) -> SimulationResult:
+        """Close the fingers, until something is between them, with a ``force`` each [N], or to a ``width`` [m].
+
+        They hold by friction alone, and keep that force. Keywords are the keys of
+        :class:`~simrob_drake.programs.moves.grip.GripMove`.
+
+        Raises:
+            InvalidParameter: a robot without fingers, or what they cannot do.
+        """
+        return cast(SimulationResult, self.do({"grip": how}))
+
+    def open(self, **how: Any) -> SimulationResult:
+        """Open the fingers, all the way or to a ``width`` [m]; see :meth:`grip`."""
+        return cast(SimulationResult, self.do({"open": how}))
 
     def wait(self, duration: float) -> SimulationResult:
         """Hold the place for a time [s]; on a dynamic station the arm settles."""

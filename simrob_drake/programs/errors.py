@@ -82,3 +82,33 @@ class PathCollision(SimrobError):
         """Say at which point what runs into what, and how deep."""
         super().__init__(f"{where}: {bodies[0]} would run into {bodies[1]}, {1e3 * depth:.1f} mm deep")
         self.point, self.time, self.bodies, self.depth = point, time, bodies, depth
+
+
+class NoFreePath(SimrobError):
+    """A move around obstacles for which no way was found."""
+
+
+class StartInCollision(NoFreePath):
+    """A move around obstacles that would begin in one.
+
+    Attributes:
+        bodies: what is in what.
+        depth: how deep [m].
+    """
+
+    def __init__(self, depth: float, bodies: tuple[str, str]) -> None:
+        """Say what is in what."""
+        remedy = "go out of it by move_l or move_abs_j with check=None"
+        super().__init__(f"the start: {bodies[0]} is {1e3 * depth:.1f} mm deep in {bodies[1]}; {remedy}")
+        self.bodies, self.depth = bodies, depth
+
+
+class GoalInCollision(NoFreePath):
+    """A goal of a move around obstacles that lies in one, with every posture that reaches it; attributes as above."""
+
+    def __init__(self, target: str, count: int, depth: float, bodies: tuple[str, str]) -> None:
+        """Say with how many postures, and of the best one what would be in what."""
+        which = "the only posture" if count == 1 else f"all {count} postures"
+        found = f"{bodies[0]} would be {1e3 * depth:.1f} mm deep in {bodies[1]}"
+        super().__init__(f"{target} is in collision with {which} there: {found}{' at best' * (count > 1)}")
+        self.bodies, self.depth = bodies, depth

@@ -3,7 +3,13 @@
 Pieces change hands in it (SimRob's PegarEn): another parent, the same place in the world.
 """
 
+from __future__ import annotations
+
+from collections.abc import Collection
+from functools import cached_property
+
 import numpy as np
+import numpy.typing as npt
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Frame, ModelInstanceIndex
 
@@ -11,7 +17,9 @@ from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import (
     PoseLike,
+    Vector,
     as_transform,
+    finite,
     pose_from_transform,
     transform_from_xyz_quaternion,
     xyz_quaternion_from_transform,
@@ -20,6 +28,7 @@ from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.results.record.state import JointState, State, free_joint
 from simrob_drake.robots.pieces import TCP
+from simrob_drake.stations.clearance import Clearance
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.posed import PosedStation
@@ -34,21 +43,47 @@ class StationModel(PosedStation):
         robots: by name.
     """
 
-    def __init__(self, config: StationConfig, *, collision: bool = False) -> None:
+    def __init__(self, config: StationConfig, *, collision: bool = False, itself: bool = False) -> None:
         """Build the model.
 
         Args:
             config: the station.
             collision: with the shapes that collide, for :meth:`query`.
+            itself: those of one robot with each other, too.
 
         Raises:
             InvalidModel: a robot that cannot be built.
         """
         self.config = config
-        contact = (config.contact or ContactConfig()) if collision else None
+        contact = (config.contact or ContactConfig()) if collision or itself else None
+        if contact is not None and itself:
+            contact = contact.model_copy(update={"self_collision": True})
         super().__init__(config.model_copy(update={"mode": "kinematic", "contact": contact}))
         self.robots: dict[str, StationRobot] = self.station.robots
         self._moved: dict[ModelInstanceIndex, RigidTransform] = {}
+
+    @cached_property
+    def colliding(self) -> StationModel:
+        """The same station with the shapes that collide."""
+        return StationModel(self.config, collision=True)
+
+    @cached_property
+    def whole(self) -> StationModel:
+        """The same station, links of one robot colliding with each other, too."""
+        return StationModel(self.config, itself=True)
+
+    @cached_property
+    def rigid(self) -> StationModel:
+        """The same station, its free pieces fixed where they begin; itself if there are none."""
+        free = {name: self.config.pieces[name] for name in self.config.free_pieces}
+        fixed = {name: piece.model_copy(update={"free": False, "parent": WORLD}) for name, piece in free.items()}
+        pieces = {**self.config.pieces, **fixed}
+        return StationModel(self.config.model_copy(update={"pieces": pieces})) if fixed else self
+
+    @cached_property
+    def made_so(self) -> Collection[tuple[str, str]]:
+        """The pairs of links that overlap in nearly every posture."""
+        return Clearance(self.config.model_copy(update={"mode": "kinematic"})).made_so
 
     def place_bases(self, state: State | None) -> None:
         """Put robots that stand on their own feet where they are in a state, or where they begin if it is None."""
@@ -228,3 +263,15 @@ def _with_tools(model: StationModel, new: StationConfig, piece: str) -> StationC
         used = {"tcp": piece, "tcp_offset": None} if held else {"tcp": model.tool_in_use(taker) or None}
         robots[taker] = robots[taker].model_copy(update=used)
     return new.model_copy(update={"robots": robots})
+
+
+def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
+    """Return one posture (n,).
+
+    Raises:
+        InvalidParameter: another shape, or numbers that are not finite.
+    """
+    found = finite(values)
+    if found.shape != (axes,):
+        raise InvalidParameter(name, values, f"a posture of {axes} axes, finite numbers [rad]")
+    return found

@@ -18,6 +18,7 @@ from simrob_drake.frames import (
     Vector,
     as_transform,
     finite,
+    numbers,
     pose_from_transform,
     pose_matrices,
     poses_from_matrices,
@@ -26,8 +27,10 @@ from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.analytic import SolverLike, solver_for
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.solver import Solver
+from simrob_drake.programs.free_space import FreeSpace
 from simrob_drake.programs.plan import Check, Plan, check_limits, check_rates, target_name
 from simrob_drake.programs.segments import Segment, Way, pose_segment, through_zones, zone_size
+from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timing import How, Limits, remedy, through_all, timed
 from simrob_drake.robots.catalog import RobotModel
 
@@ -135,6 +138,8 @@ class Planning:
     rate_limits: Limits  # of the axes
     frame: Callable[[WorkObject], RigidTransform]  # gives the pose of a work object in the world
     collide: Callable[[Plan], None]  # raises where a plan leads into something
+    motors: Callable[[Sequence[str]], Motors]  # gives what those of robots that move together can do
+    space: Callable[[Sequence[str]], FreeSpace]  # gives what robots that move together must not touch
 
     @property
     def pose(self) -> Vector:
@@ -144,6 +149,15 @@ class Planning:
     def inverse(self, solver: SolverLike | None) -> Solver:
         """Return the solver of the inverse kinematics, the usual one if None."""
         return solver_for(self.chain, self.solver if solver is None else solver)
+
+    def postures(self, targets: npt.ArrayLike) -> Vector:
+        """Return postures (k, n) [rad or m]; where those of fingers are left out, they stay where they are."""
+        rows, fingers = numbers(targets), list(self.model.fingers)
+        if fingers and rows.ndim in (1, 2) and rows.shape[-1] == len(self.start) - len(fingers):
+            whole = np.tile(self.start, (*rows.shape[:-1], 1)) if rows.ndim > 1 else self.start.copy()
+            whole[..., [place for place in range(len(self.start)) if place not in fingers]] = rows
+            rows = whole
+        return self.chain.postures(rows if fingers else targets, "targets")
 
     def poses(self, targets: PoseTargets, wobj: WorkObject) -> Vector:
         """Return targets in a work object's frame as poses in the world, shape (k, 4, 4)."""
@@ -170,19 +184,27 @@ class Planning:
         hint: str = "",
     ) -> Plan:
         """Give segments their times, and look at the move: first at the targets, for which messages may have a hint."""
+        if through:
+            plan = through_all(self.robot, segments, how, points, self.rate_limits)
+        else:
+            plan = timed(self.robot, segments, how, points, self.rate_limits, lambda: self.motors([self.robot]))
+        ends = np.array([segment.end for segment in segments]) if rows is None else rows
+        plan = self.looked_at(plan, how, ends, hint)
+        if plan.check == "collision":
+            self.collide(plan)
+        return plan
+
+    def looked_at(self, plan: Plan, how: How, ends: Vector, hint: str = "") -> Plan:
+        """Look at the limits of a plan, first of its ends (k, n), for which messages may have a hint."""
         check: Check = how.get("check", "limits")
         one_of("check", check, get_args(Check))
-        plan = (through_all if through else timed)(self.robot, segments, how, points, self.rate_limits)
         if check != "nothing":
-            names = [(points, target_name(index, len(plan.arrivals))) for index in range(len(plan.arrivals))]
-            ends = np.array([segment.end for segment in segments]) if rows is None else rows
+            names = [(plan.points, target_name(index, len(plan.arrivals))) for index in range(len(plan.arrivals))]
             looks, times = plan.looks, plan.arrivals[-len(ends) :]
             check_limits(self.chain, times, ends, lambda at: names[int(np.searchsorted(plan.arrivals, at))], hint)
             check_limits(self.chain, looks, plan.postures(looks), plan.named)
             for order, limits in enumerate(self.rate_limits, 1):
                 check_rates(self.chain, plan.trajectory, looks, limits, order, plan.named, partial(remedy, how, order))
-        if check == "collision":
-            self.collide(plan)
         return replace(plan, check=check)
 
 

@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.math import BsplineBasis
@@ -272,6 +272,11 @@ class Stretch:
     times: Vector
     postures: Vector
     ends: tuple[Slopes, Slopes] | None = None
+
+    def of_axes(self, axes: slice) -> Stretch:
+        """Return the motion of some of the axes."""
+        ends = None if self.ends is None else tuple((speed[axes], push[axes]) for speed, push in self.ends)
+        return Stretch(self.times, self.postures[:, axes], cast(tuple[Slopes, Slopes] | None, ends))
 
     def at(self, begin: float, factor: float = 1.0) -> Stretch:
         """Return the same motion later by ``begin`` [s], its times multiplied by ``factor``."""

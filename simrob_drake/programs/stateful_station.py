@@ -1,25 +1,25 @@
 """A station that goes on where its last run left it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from simrob_drake.arguments import instance, seconds
 from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import PoseLike, Vector, as_transform, finite, pose_from_transform
+from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform
 from simrob_drake.parts.site import WORLD, StationRobot
-from simrob_drake.programs.grasps import let_go, taken
-from simrob_drake.programs.model import StationModel, reparented
+from simrob_drake.programs.free_space import FreeSpace
+from simrob_drake.programs.grasps import let_go, taken, with_efforts
+from simrob_drake.programs.model import StationModel, one_posture, reparented
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import HasTool, WorkObject, pose_numbers
 from simrob_drake.programs.segments import Stretch, rest, trajectory, until
 from simrob_drake.programs.tape import Entry, Take, Tape, in_words, run_entry
+from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import Timeline, run_timed
 from simrob_drake.programs.together import check_moves
 from simrob_drake.results.animation.live import LiveView
@@ -305,6 +305,10 @@ class StatefulStation:
         own_tool = {"name": tool} if isinstance(tool, str) else {"pose": pose_numbers(tool)}
         self.tape.note({"tool": {**own_tool, "robot": None if self.config.only_robot else robot}})
 
+    def limit_efforts(self, robot: str, efforts: Mapping[str, float]) -> None:
+        """Have motors of a robot give at most so much [N·m or N], by axis; the others as before."""
+        self._change(with_efforts(self.config, self.robot(robot), efforts))
+
     def change(self, config: StationConfig) -> None:
         """Go on with a changed station, such as other gains, from the state that this one is in.
 
@@ -320,7 +324,6 @@ class StatefulStation:
             raise InvalidParameter("config", list(config.robots), f"of a station with {', '.join(self.config.robots)}")
         model = StationModel(config)  # if it cannot be built, all stays as it was
         self.config, self._model = config, model
-        self.__dict__.pop("_collision_model", None)
         if self._window:
             self._window.draw(config, self._shown_state())
 
@@ -335,9 +338,24 @@ class StatefulStation:
     @property
     def collision_model(self) -> StationModel:
         """The station's plant with the shapes that collide, robots where they should be now."""
-        self._collision_model.place_pieces(self.state)
-        self._collision_model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
-        return self._collision_model
+        return self._placed(self._model.colliding)
+
+    def free_space(self, robots: Sequence[str]) -> FreeSpace:
+        """Return what robots that move together from their references must not touch, themselves included.
+
+        Raises:
+            StartInCollision: one of them is in something now.
+        """
+        return FreeSpace(self._placed(self._model.whole), {robot: self.reference(robot) for robot in robots})
+
+    def motors(self, robots: Sequence[str]) -> Motors:
+        """Return what the motors of robots that move together can do."""
+        return Motors(self._placed(self._model.rigid), robots)
+
+    def _placed(self, model: StationModel) -> StationModel:
+        model.place_pieces(self.state)
+        model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
+        return model
 
     def show(self) -> str:
         """Open a browser window, in which everything from now on is shown at the pace of the clock.
@@ -380,19 +398,3 @@ class StatefulStation:
     def on_step(self) -> OnStep | None:
         """What is told of each step of a run."""
         return self.watcher or (self._window.on_step if self._window else None)
-
-    @cached_property
-    def _collision_model(self) -> StationModel:
-        return StationModel(self.config, collision=True)
-
-
-def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
-    """Return one posture (n,).
-
-    Raises:
-        InvalidParameter: another shape, or numbers that are not finite.
-    """
-    found = finite(values)
-    if found.shape != (axes,):
-        raise InvalidParameter(name, values, f"a posture of {axes} axes, finite numbers [rad]")
-    return found

@@ -147,7 +147,7 @@ def recorded(
     plan: Plan,
     key: str,
     planning: Planning,
-    targets: PoseTargets,
+    targets: PoseTargets | None,
     how: Mapping[str, Any],
     *,
     wobj: WorkObject = None,
@@ -175,7 +175,8 @@ def recorded(
         frame = getattr(wobj, "name", None)
     elif frame is not None and not isinstance(frame, str):
         frame = pose_numbers(frame)
-    content = {"targets": row_numbers(targets), "robot": planning.robot, **how, "wobj": frame, **more}
+    rows = None if targets is None else row_numbers(targets)
+    content = {"targets": rows, "robot": planning.robot, **how, "wobj": frame, **more}
     if "via" in more:
         content["via"] = row_numbers(more["via"])
     if used != "auto":

@@ -1,6 +1,6 @@
 """How long the parts of a move take, and by which law of time each is gone."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal, TypedDict, get_args
 
 import numpy as np
@@ -12,16 +12,18 @@ from simrob_drake.blocks.references import PEAK
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, numbers
 from simrob_drake.programs.plan import Check, Plan, rate_ratio
-from simrob_drake.programs.segments import Segment, Stretch, by_law
+from simrob_drake.programs.segments import Segment, Stretch, by_law, rest
+from simrob_drake.programs.time_optimal import Motors
 
 POINT_TIME = 0.1
 """Time that a point of a move takes unless something else is asked [s]; Ts in SimRob."""
 ACCELERATION = 2.0
 """How fast the tool is sped up to its cruise speed unless told [m/s²], or less where an axis cannot."""
 
-Profile = Literal["smooth", "trapezoid", "s_curve"]
+Profile = Literal["smooth", "trapezoid", "s_curve", "time_optimal"]
 """How a move is sped up and slowed down: by a polynomial of degree five, evenly, or with an acceleration that does not
-jump; the last two cruise in between."""
+jump; the last two cruise in between. Or as fast as limits of speed, acceleration and torque of the joints allow."""
+TIME_OPTIMAL: Profile = "time_optimal"
 _TURN_LENGTH = 0.1  # m that a radian of a joint counts, where moves share a time
 _AT_ONCE = 1e-6  # m: what the way to a target counts at least
 _LEAST_TIME = 0.01  # s to a target
@@ -40,7 +42,8 @@ class How(TypedDict, total=False):
         times: when each target is reached, shape (k,) [s].
         speed: at which the tool centre point cruises [m/s]; on the mean, where only the joints go straight.
         acceleration: with which it is sped up to that [m/s²]; 2 unless given, or less where an axis cannot.
-        profile: see :data:`Profile`; ``s_curve`` with a speed, else ``smooth``.
+        profile: see :data:`Profile`; ``s_curve`` with a speed, else ``smooth``. With ``time_optimal`` a speed is the
+            most that the tool may have.
         zone: how near to a target the tool turns to the next one: ``fine`` (the usual) to rest there, RAPID's ``z0`` to
             ``z200``, or a distance [m].
         check: what is looked at first, see :data:`Check`.
@@ -65,12 +68,16 @@ def profile_of(how: How) -> Profile:
     """
     profile: Profile = how.get("profile", "s_curve" if "speed" in how else "smooth")
     one_of("profile", profile, get_args(Profile))
-    if "acceleration" in how and ("speed" not in how or profile == "smooth"):
+    if profile == TIME_OPTIMAL and (key := next((key for key in ("duration", "times") if key in how), None)):
+        raise InvalidParameter(key, how.get(key), "left out with profile='time_optimal', which takes the least time")
+    if "acceleration" in how and ("speed" not in how or profile in ("smooth", TIME_OPTIMAL)):
         raise InvalidParameter("acceleration", how["acceleration"], "given with a speed, of a move that cruises")
     return profile
 
 
-def timed(robot: str, segments: Sequence[Segment], how: How, points: int, limits: Limits) -> Plan:
+def timed(
+    robot: str, segments: Sequence[Segment], how: How, points: int, limits: Limits, motors: Callable[[], Motors]
+) -> Plan:
     """Return the move that goes segment by segment by a law of time, and rests at the end of each.
 
     Where its time is left to us it takes as long as the joints need; with a speed alone it is sped up as they allow.
@@ -79,6 +86,8 @@ def timed(robot: str, segments: Sequence[Segment], how: How, points: int, limits
     Raises:
         InvalidParameter: as :func:`arrivals`.
     """
+    if profile_of(how) == TIME_OPTIMAL:
+        return _by_motors(robot, segments, how, points, motors())
     push = positive(how.get("acceleration", ACCELERATION), "acceleration", "m/s²")
     found, free = _laws(segments, how, points, push)
     made = _by_laws(robot, segments, found, points)
@@ -140,6 +149,20 @@ def _by_laws(robot: str, segments: Sequence[Segment], laws: Sequence[TimeLaw], p
         stretches += [stretch.at(begin) for stretch in by_law(segment.parts, segment.postures, law)]
         arrived += (begin + law.times_of(segment.passes)).tolist()
         begin += law.duration
+    return Plan(robot, tuple(stretches), np.array(arrived), points)
+
+
+def _by_motors(robot: str, segments: Sequence[Segment], how: How, points: int, motors: Motors) -> Plan:
+    stretches, arrived, begin = list[Stretch](), list[float](), 0.0
+    speed = positive(how["speed"], "speed", "m/s") if "speed" in how else None
+    for segment in segments:
+        if np.ptp(segment.postures, axis=0).max() == 0.0:
+            stretch, passed = rest(segment.end, 0.0, _LEAST_TIME), np.full(len(segment.passes), _LEAST_TIME)
+        else:
+            stretch, passed = motors.fastest(segment, speed)
+        stretches.append(stretch.at(begin))
+        arrived += (begin + passed).tolist()
+        begin += float(stretch.times[-1])
     return Plan(robot, tuple(stretches), np.array(arrived), points)
 
 

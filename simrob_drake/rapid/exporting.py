@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.programs.moves.attach import AttachMove
+from simrob_drake.programs.moves.grip import FingerMove, GripMove
 from simrob_drake.programs.moves.release import ReleaseMove
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.rapid.configuration import configuration, has_configuration
@@ -64,7 +65,7 @@ def rapid_text(steps: ExportedProgram, name: str) -> tuple[str, str]:
     for step in steps.steps:
         if isinstance(step, WaitMove):
             lines.append(f"WaitTime {number_text(step.duration)};")
-        elif isinstance(step, (AttachMove, ReleaseMove)):
+        elif not isinstance(step, TargetMove):
             lines.append(_signal(step, signals))
         else:
             if step.acceleration != limited:
@@ -86,11 +87,12 @@ def _limited(acceleration: float | None) -> str:
     return rf"PathAccLim TRUE\AccMax:={value},TRUE\DecelMax:={value};"
 
 
-def _signal(move: AttachMove | ReleaseMove, signals: dict[str, dict[int, Any]]) -> str:
+def _signal(move: AttachMove | ReleaseMove | FingerMove, signals: dict[str, dict[int, Any]]) -> str:
     """Return what sets the output that takes a piece, or lets it go, and note that in the table."""
-    value, entry, number = int(isinstance(move, AttachMove)), [move.entry()], 0
+    value, entry, number = int(isinstance(move, (AttachMove, GripMove))), [move.entry()], 0
+    what = "gripper" if isinstance(move, FingerMove) else re.sub(r"[^A-Za-z0-9_]", "_", move.piece)
     while True:
-        name = f"do_{re.sub(r'[^A-Za-z0-9_]', '_', move.piece)}{number or ''}"
+        name = f"do_{what}{number or ''}"
         if signals.setdefault(name, {}).setdefault(value, entry) == entry:
             return f"SetDO {name},{value};"
         number += 1

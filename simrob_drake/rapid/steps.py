@@ -16,9 +16,13 @@ from simrob_drake.interpolation import Arc, turned_by
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.moves.attach import AttachMove
+from simrob_drake.programs.moves.grip import FingerMove
 from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import Move, move_name, naming
+from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
+from simrob_drake.programs.moves.move_c import MoveC
 from simrob_drake.programs.moves.move_j import MoveJ
+from simrob_drake.programs.moves.move_l import MoveL
 from simrob_drake.programs.moves.release import ReleaseMove
 from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.moves.wait import WaitMove
@@ -65,7 +69,7 @@ class TargetMove:
     acceleration: float | None
 
 
-Step = TargetMove | WaitMove | AttachMove | ReleaseMove
+Step = TargetMove | WaitMove | AttachMove | ReleaseMove | FingerMove
 
 
 @dataclass
@@ -115,18 +119,20 @@ class ExportedProgram:
         whose = getattr(move, "robot", None)
         if whose not in (None, self.name):
             raise InvalidParameter("robot", whose, f"{self.name}: an exported program is of one robot")
-        if isinstance(move, ArmMotion):
+        if isinstance(move, (MoveAbsJ, MoveJ, MoveL, MoveC)):
             planning = cell.planning(self.name)
             plan = move.plan(planning)
             self.steps += self._legs(move, planning, plan, called)
             cell.stand([plan], None)
-        elif isinstance(move, (WaitMove, AttachMove, ReleaseMove)):
+        elif isinstance(move, (WaitMove, AttachMove, ReleaseMove, FingerMove)):
             self.steps.append(move)
             move.perform(cell, self.name, cell.stand)
         elif isinstance(move, ToolMove):
             move.perform(cell, self.name, cell.stand)
         else:
-            raise InvalidParameter("the move", move.key, "one of the tool, wait, attach, release or tool")
+            raise InvalidParameter(
+                "the move", move.key, "move_abs_j, move_j, move_l, move_c, wait, tool, or one that takes or lets go"
+            )
 
     def _legs(self, move: ArmMotion, planning: Planning, plan: Plan, called: str) -> Iterator[TargetMove]:
         how, wobj = move.how, planning.frame(getattr(move, "wobj", None))

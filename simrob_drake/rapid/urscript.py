@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector
 from simrob_drake.programs.moves.attach import AttachMove
-from simrob_drake.programs.moves.release import ReleaseMove
+from simrob_drake.programs.moves.grip import GripMove
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.programs.timing import ACCELERATION
 from simrob_drake.rapid.steps import ExportedProgram, TargetMove
@@ -28,8 +28,10 @@ def urscript_text(steps: ExportedProgram, name: str) -> str:
     for step in steps.steps:
         if isinstance(step, WaitMove):
             lines.append(f"sleep({number_text(step.duration)})")
-        elif isinstance(step, (AttachMove, ReleaseMove)):
-            lines.append(f"set_standard_digital_out({_OUTPUT}, {isinstance(step, AttachMove)}) # {step.caption()}")
+        elif not isinstance(step, TargetMove):
+            lines.append(
+                f"set_standard_digital_out({_OUTPUT}, {isinstance(step, (AttachMove, GripMove))}) # {step.caption()}"
+            )
         else:
             if tool is None or not tool.IsNearlyEqualTo(step.tool, 1e-12):
                 tool = step.tool

@@ -113,6 +113,10 @@ def save_result(
                 save_film_strip(result, work / "film_strip.png", frames=shown)
             if video:
                 save_video(result, work / "video.mp4")
+            if recording and any(sensor.kind == "camera" for sensor in result.config.sensors.values()):
+                from simrob_drake.results.footage import footage_of, save_footage
+
+                save_footage(footage_of(result), work / "cameras", video=video)
     return folder
 
 

@@ -1,12 +1,14 @@
 """What a simulation returns: a run at a glance, for a shell or a notebook, and the folder it can be saved to."""
 
+from __future__ import annotations
+
 from base64 import b64encode
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
@@ -18,6 +20,9 @@ from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.results.verdict.judge import verdict_of
 from simrob_drake.results.verdict.verdict import Verdict, joined
+
+if TYPE_CHECKING:
+    from simrob_drake.results.footage import Footage
 
 _WIDTH = 100  # characters of a line
 
@@ -65,6 +70,13 @@ class SimulationResult(RecordedRun):
         if self.runs:
             return joined([part.verdict for part in self.runs], [part.stop_time for part in self.runs])
         return verdict_of(self)
+
+    @cached_property
+    def images(self) -> dict[str, Footage]:
+        """What the cameras of the station saw, by their names; rendered as it is asked for."""
+        from simrob_drake.results.footage import footage_of  # which takes its time to load
+
+        return footage_of(self)
 
     @property
     def warnings(self) -> list[str]:

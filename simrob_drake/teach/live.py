@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 from itertools import count
 from multiprocessing.connection import Connection
+from socket import SHUT_RDWR, socket
 from threading import Lock, Thread
 from typing import Any
 
@@ -52,9 +55,10 @@ class Live:
         return future
 
     def close(self) -> None:
-        """End the process."""
+        """End the process; who listens closes the pipe, whose number a new one could have by then."""
         self._open = False
-        self._pipe.close()
+        with suppress(OSError), socket(fileno=os.dup(self._pipe.fileno())) as end:
+            end.shutdown(SHUT_RDWR)
         Thread(target=self._end, daemon=True).start()
 
     def _end(self) -> None:
@@ -71,8 +75,10 @@ class Live:
                     self._on_news(message)
                 else:
                     self._answer(message)
-        except (EOFError, OSError, TypeError):  # TypeError: the pipe was closed while it was read
+        except (EOFError, OSError):
             self._lost()
+        finally:
+            self._pipe.close()
 
     def _answer(self, message: dict[str, Any]) -> None:
         with self._lock:

@@ -42,8 +42,8 @@ def test_a_file_moves_as_the_roll_out_does(station: str, tmp_path: Path) -> None
         assert run_command(["export", station, "--mjcf", str(file), *told]) == 0
     data, runner = replayed(file), MujocoRunner(config)
     assert data.time == pytest.approx(0.5)
-    q, _ = runner.built.coordinates.to_drake(data.qpos[np.newaxis], data.qvel[np.newaxis])
-    np.testing.assert_allclose(q[0], runner.run().positions_at(np.array([0.5]))[0], atol=1e-5)
+    q = runner.built.coordinates.to_drake(np.hstack([data.qpos, data.qvel])[np.newaxis])
+    np.testing.assert_allclose(q[0, : len(data.qpos)], runner.run().positions_at(np.array([0.5]))[0], atol=1e-5)
 
 
 def test_a_file_can_be_moved_with_its_folder_and_shows_the_robot(tmp_path: Path) -> None:

@@ -24,7 +24,8 @@ from simrob_drake.sections import Strict
 class OwnController(Strict):
     """A block of the user's own, from Python code that is run: only where that is allowed (`--allow-code`).
 
-    Inputs that are named as outputs of the station, or of another controller (`<controller>.<output>`), read those;
+    Inputs that are named as outputs of the station, or of another controller (`<controller>.<output>`), read those,
+    and abstract ones called `image.<sensor>` what a camera sees;
     outputs that are named as its inputs (`reference`, `feedforward` ...) drive those in place of the station's own
     sources. Other outputs are signals.
     """
@@ -180,8 +181,11 @@ def wire_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Le
 def _read(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> None:
     name_of_port = port.get_name()
     if port.get_data_type() != PortDataType.kVectorValued:
-        expected = "a vector, as the outputs are that it can read"
-        raise InvalidParameter(f"the input {name_of_port} of the block {name}", "abstract", expected)
+        if name_of_port not in site.images:
+            expected = f"a vector, or image.<sensor> of a camera with in_loop ({', '.join(site.images) or 'none'})"
+            raise InvalidParameter(f"the input {name_of_port} of the block {name}", "abstract", expected)
+        builder.Connect(site.images[name_of_port], port)
+        return
     if name_of_port not in site.outputs:
         raise UnknownName(f"output of the station for the input of the block {name} called", name_of_port, site.outputs)
     source = site.port(builder, name_of_port)

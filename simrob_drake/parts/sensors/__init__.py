@@ -15,9 +15,11 @@ KINDS = Kinds(
         "encoders": "encoders.Encoders",
         "frame": "frame.FrameSensor",
         "leg_odometry": "leg_odometry.LegOdometry",
+        "camera": "camera.CameraSensor",
     },
 )
 if TYPE_CHECKING:
+    from simrob_drake.parts.sensors.camera import CameraSensor
     from simrob_drake.parts.sensors.distance import Distance
     from simrob_drake.parts.sensors.encoders import Encoders
     from simrob_drake.parts.sensors.external_torque import ExternalTorque
@@ -27,7 +29,9 @@ if TYPE_CHECKING:
     from simrob_drake.parts.sensors.joint_torque import JointTorque
     from simrob_drake.parts.sensors.leg_odometry import LegOdometry
 
-    SensorConfig = Force | Distance | JointTorque | ExternalTorque | Imu | Encoders | FrameSensor | LegOdometry
+    SensorConfig = (
+        Force | Distance | JointTorque | ExternalTorque | Imu | Encoders | FrameSensor | LegOdometry | CameraSensor
+    )
 else:
     SensorConfig = Annotated[Any, KINDS]
 

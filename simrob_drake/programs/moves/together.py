@@ -11,11 +11,12 @@ from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import ArmStation, Move, Run, field_of
 from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
 from simrob_drake.programs.moves.move_c import MoveC
+from simrob_drake.programs.moves.move_free import MoveFree, plan_together
 from simrob_drake.programs.moves.move_j import MoveJ
 from simrob_drake.programs.moves.move_l import MoveL
 from simrob_drake.sections import Duration
 
-MOTIONS: tuple[type[ArmMotion], ...] = (MoveAbsJ, MoveJ, MoveL, MoveC)
+MOTIONS: tuple[type[ArmMotion], ...] = (MoveAbsJ, MoveJ, MoveL, MoveC, MoveFree)
 """Kinds of moves that an arm plans and runs; a new one is listed here."""
 
 if TYPE_CHECKING:
@@ -45,5 +46,10 @@ class TogetherMove(Move):
         return [piece for move in self.together for piece in move.pieces()]
 
     def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
-        """Plan all from where the arms are, and run them at the same time."""
-        return run([move.plan(cell.planning(move.robot or robot)) for move in self.together], self.duration)
+        """Plan all from where the arms are, moves around obstacles as one, and run them at the same time."""
+        plannings = [cell.planning(move.robot or robot) for move in self.together]
+        moves = [move for move in self.together if isinstance(move, MoveFree)]
+        if len(moves) == len(plannings) > 1:
+            return run(plan_together(moves, plannings), self.duration)
+        plans = [move.plan(planning) for move, planning in zip(self.together, plannings, strict=True)]
+        return run(plans, self.duration)

@@ -1,9 +1,10 @@
 """A run's motion in pictures, rendered without display or browser: a strip of frames and a video."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from importlib.metadata import distribution
 from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -127,22 +128,34 @@ def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30
         SimrobError: the package that writes videos is not installed.
         OutputError: the file cannot be written.
     """
-    write_frames = frame_writer()
+    frame_writer()
     width, height = _VIDEO_SIZE
     times = frame_times(result.stop_time, frames_per_second)
     if not file.parent.is_dir():
         raise OutputError(f"{file} cannot be written: there is no folder {file.parent}")
+    return write_video(Studio(result, height=height, width=width).images(times), file, frames_per_second)
+
+
+def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) -> Path:
+    """Write images of one size, shape (h, w, 3) of even numbers, as a video (H.264), and return its file.
+
+    Raises:
+        SimrobError: the package that writes videos is not installed.
+        OutputError: the file cannot be written.
+    """
+    write_frames, images = frame_writer(), iter(images)
+    first = next(images)
     encoding = {
         "quality": 8,
         "macro_block_size": 2,
         "output_params": ["-preset", "veryfast"],
         "ffmpeg_log_level": "fatal",
     }
-    images = Studio(result, height=height, width=width).images(times)
+    size = first.shape[1], first.shape[0]
     with replaced_at_once(file) as work:
-        with closing(write_frames(str(work), _VIDEO_SIZE, fps=frames_per_second, **encoding)) as writer:
+        with closing(write_frames(str(work), size, fps=frames_per_second, **encoding)) as writer:
             writer.send(None)
-            for image in images:
+            for image in chain([first], images):
                 writer.send(np.ascontiguousarray(image))
         _check_video(work)
     return file

@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -51,7 +52,7 @@ class Recorder:
         """
         self.times = array("d")
         self.failure: BaseException | None = None  # what a watcher raised, which is no fault of the simulation
-        self._states: list[array[float]] = []  # of the continuous part and each discrete group, one state after another
+        self._states: list[array[float]] = []  # of the continuous and of the discrete part, one state after another
         self._abstract: list[list[AbstractValue]] = []
         self._watchers, self._look, self._seen = watchers, look, 0
         self.attach(simulator, pace)
@@ -62,7 +63,8 @@ class Recorder:
         self._system = simulator.get_system()
         context = simulator.get_context()
         groups = range(context.num_discrete_state_groups())
-        self._sizes = [context.num_continuous_states(), *(context.get_discrete_state(group).size() for group in groups)]
+        self._ends = np.cumsum([context.get_discrete_state(group).size() for group in groups], dtype=int).tolist()
+        self._sizes = context.num_continuous_states(), self._ends[-1] if self._ends else 0
         self._states = self._states or [array("d") for _ in self._sizes]
         self._values = range(context.num_abstract_states())
         self._vector = context.get_continuous_state_vector()
@@ -96,8 +98,8 @@ class Recorder:
         self.times.append(time)
         if self._sizes[0]:
             self._states[0].frombytes(self._vector.CopyToVector().tobytes())
-        for group, states in zip(self._groups, self._states[1:], strict=True):
-            states.frombytes(group.tobytes())
+        if self._sizes[1]:
+            self._states[1].frombytes(np.concatenate(self._groups).tobytes())
         if self._values:
             self._abstract.append([context.get_abstract_state(index).Clone() for index in self._values])
 
@@ -124,10 +126,11 @@ class Recorder:
     def _rows(self, rows: slice) -> StateHistory:
         first, last, _ = rows.indices(len(self.times))
         everything = last - first == len(self.times)  # of which there shall be no second copy
-        continuous, *groups = (
+        continuous, discrete = (
             np.asarray(states if everything else states[first * size : last * size]).reshape(last - first, size)
             for size, states in zip(self._sizes, self._states, strict=True)
         )
+        groups = [discrete[:, slice(*ends)] for ends in pairwise([0, *self._ends])]
         return StateHistory(np.asarray(self.times[rows]), continuous, groups, self._abstract[rows])
 
 
@@ -224,8 +227,10 @@ class StateHistory:
         context.SetTime(self.times[row])
         if self.continuous.shape[1]:
             context.SetContinuousState(self.continuous[row])
-        for index, group in enumerate(self.discrete):
-            context.SetDiscreteState(index, group[row])
+        if self.discrete:
+            values = context.get_mutable_discrete_state()  # at once: to set one notes all that depends on it
+            for index, group in enumerate(self.discrete):
+                values.set_value(index, group[row])
         for index, value in enumerate(self.abstract[row] if self.abstract else []):
             context.get_mutable_abstract_state(index).SetFrom(value)
 

@@ -84,8 +84,8 @@ class Sampler:
         linear = [port for port in ports if port == state_port or port in self._of_state]
         if linear and where is not None:  # the state was recorded
             known[state_port] = states.continuous[:, where.positions.start : where.velocities.stop]
-        known |= {port: states.discrete[self._recorded[port]] for port in ports if port in self._recorded}
         needed = dict.fromkeys([*(port for port in ports if port not in linear), *([state_port] if linear else [])])
+        known |= {port: states.discrete[self._recorded[port]] for port in needed if port in self._recorded}
         known |= self._evaluated([port for port in needed if port not in known], states)
         known |= {port: self._of_state[port](known[state_port]) for port in linear if port != state_port}
         return {port: known[port] for port in ports}
@@ -108,7 +108,8 @@ class Sampler:
 
     def _value(self, port: OutputPort, context: Context) -> Any:
         try:
-            return copy(port.Eval(context))  # an abstract value is the cache's own, and changes with it
+            value = port.Eval(context)
+            return value if isinstance(value, np.ndarray) else copy(value)  # which is the cache's own, and changes
         except Exception:
             if not self._tolerant:
                 raise
@@ -156,8 +157,9 @@ def _recorded(diagram: Diagram, root: Context) -> dict[OutputPort, int]:
     found, groups = dict[OutputPort, int](), 0
     for system in diagram.GetSystems():
         own = _recorded(system, root) if isinstance(system, Diagram) else {}
-        if isinstance(system, SampledBlock):
-            own = {system.GetOutputPort(name): group for name, group in system.outputs.items()}
+        if isinstance(system, SampledBlock) or system.get_name() == "plant":
+            groups_of = getattr(system, "outputs", {})  # Drake's own plant has none
+            own = {system.GetOutputPort(name): group for name, group in groups_of.items()}
         found |= {port: groups + group for port, group in own.items()}
         groups += system.GetMyContextFromRoot(root).num_discrete_state_groups()
     return found

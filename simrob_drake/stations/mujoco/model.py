@@ -122,6 +122,7 @@ def _set_options(spec: mujoco.MjSpec, plant: StationPlant, step: float, integrat
     option.timestep = step
     option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE  # of walkers a quarter quicker, of arms as quick
     off = mujoco.mjtDisableBit  # runs that go astray stay so, and contacts are as stiff as they are
     option.disableflags = sum(map(int, (off.mjDSBL_AUTORESET, off.mjDSBL_ISLAND, off.mjDSBL_REFSAFE)))
 
@@ -200,8 +201,7 @@ def _weigh_again(spec: mujoco.MjSpec, plant: StationPlant, names: Names, softnes
     model = spec.compile()
     model.pair_margin[:] = _FAR  # so that all touch
     data, context = mujoco.MjData(model), plant.plant.CreateDefaultContext()
-    start = plant.plant.GetPositions(context), plant.plant.GetVelocities(context)
-    data.qpos[:], data.qvel[:] = Coordinates.of(plant.plant, model, names).to_mujoco(*start)
+    Coordinates.of(plant.plant, model, names).put(data, plant.plant.GetPositionsAndVelocities(context))
     mujoco.mj_kinematics(model, data)
     mujoco.mj_transmission(model, data)
     servos = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)  # the other ones are forces

@@ -1,32 +1,20 @@
-r"""The block that stands where a station's plant stands, with the same ports, and is stepped by MuJoCo.
-
-Servos in the plant's actuators are taken at the end of a step h, as Drake's discrete solvers take them:
-
-.. math:: \tau = \mathrm{clip}\bigl(k_p\,(q_r - q^+) - k_d\,v^+ + u\bigr).
-
-MuJoCo's integrator ``discrete`` solves that together with the contacts, but for the limit, which it minds at the start
-of a step: a light joint at its limit then chatters. So its servos have no limits here. After a step those beyond theirs
-give just that, as a constant torque, and the step is made again, until servos and limits agree: an active-set method
-(Nocedal and Wright, Numerical Optimization, ch. 16.5). It takes 2 to 6 rounds, and one where no limit is reached.
-Meanwhile contacts stay as they are: MuJoCo softens each by what its bodies feel of the servos, so that without them it
-is given a stiffer one.
-"""
+"""The block that stands where a station's plant stands, with the same ports, and is stepped by MuJoCo."""
 
 from __future__ import annotations
 
 import weakref
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, JointActuatorIndex, ModelInstanceIndex
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import (
-    BasicVector,
     Context,
     DiscreteValues,
     EventStatus,
@@ -43,15 +31,14 @@ from simrob_drake.parts.site import StationPlant
 from simrob_drake.stations.mujoco.coordinates import Coordinates
 from simrob_drake.stations.mujoco.model import mujoco_model
 from simrob_drake.stations.mujoco.names import Names
+from simrob_drake.stations.mujoco.servos import Servos
 from simrob_drake.stations.resolve import ResolvedStation
 
-_TOGETHER, _ROUNDS = 5, 100
-"""So often all motors that are on a wrong side change together; then the first of them alone, which cannot go on for
-ever where torques turn joints their way (Murty's least-index rule for linear complementarity)."""
+_NOT_YET = np.inf
+"""In place of accelerations, before the first step."""
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """What a step does.
 
     Attributes:
@@ -73,8 +60,8 @@ class MujocoPlant(Block):
         in  ``desired_state.<instance>`` (2 m): positions, then velocities, for servos in its motors.
         in  ``applied_spatial_force``, ``applied_generalized_force`` (nv): from outside.
         out ``state`` (nq + nv): positions and velocities of the whole plant.
-        out ``net_actuation.<instance>`` (m): torques of the motors [N·m or N].
-        out ``contact_results``: :class:`~simrob_drake.blocks.contacts.Contacts`.
+        out ``net_actuation.<instance>`` (m): torques of the motors in the step that ended, as the state [N·m or N].
+        out ``contact_results``: :class:`~simrob_drake.blocks.contacts.Contacts`, of the step that begins.
         out ``body_poses``: of all bodies, by their indices.
     """
 
@@ -93,39 +80,38 @@ class MujocoPlant(Block):
         self._geoms = [made.shapes.get(made.model.geom(index).name) for index in range(made.model.ngeom)]
         bodies = [own.get_body(BodyIndex(index)) for index in range(own.num_bodies())]
         self._bodies = [0, *(made.model.body(names.body(body)).id for body in bodies[1:])]
-        self._motors = _Motors(own, made.model, self._data, names)
+        self._servos = Servos(plant, made.model, self._data, names)
         self._qpos, self._qvel, self._guess = self._data.qpos, self._data.qvel, self._data.qacc_warmstart
         self._nq, self._nv = own.num_positions(), own.num_velocities()
         self._motion = self.DeclareDiscreteState(own.GetPositionsAndVelocities(self._scratch))
+        self._warm = self.DeclareDiscreteState(np.full(self._nv, _NOT_YET))
         self._latest: Step | None = None
-        self._warm = self.DeclareDiscreteState(self._nv)
         self._declare_ports()
         self.DeclarePeriodicDiscreteUpdateEvent(station.time_step, 0.0, weakly(self._update))
+        self.DeclareInitializationDiscreteUpdateEvent(weakly(self._begin))
 
     def _declare_ports(self) -> None:
-        self._actuation: dict[int, InputPort] = {}
-        self._desired: dict[int, InputPort] = {}
-        self._applied: dict[int, OutputPort] = {}
         self._spatial = self.DeclareAbstractInputPort(
             "applied_spatial_force", Value[list[ExternallyAppliedSpatialForce]]()
         )
         self._generalized = self.DeclareVectorInputPort("applied_generalized_force", self._nv)
-        for instance, places in self._motors.instances.items():
-            name = self._plant.GetModelInstanceName(ModelInstanceIndex(instance))
-            self._actuation[instance] = self.DeclareVectorInputPort(f"actuation.{name}", len(places))
-            self._desired[instance] = self.DeclareVectorInputPort(f"desired_state.{name}", 2 * len(places))
-        calc = ValueProducer(allocate=Value[object]().Clone, calc=weakly(self._calc_step))
-        tickets = {self.xd_ticket(), self.all_input_ports_ticket()}
-        self._step = self.DeclareCacheEntry("step", calc, tickets)
         self._state_port = self.DeclareStateOutputPort("state", self._motion)
-        for instance, places in self._motors.instances.items():
-            name = self._plant.GetModelInstanceName(ModelInstanceIndex(instance))
-            tell = partial(weakly(self._tell_torque), places)
-            self._applied[instance] = self.DeclareVectorOutputPort(
-                f"net_actuation.{name}", len(places), tell, {self._step.ticket()}
-            )
+        self.outputs = {"state": int(self._motion)}
+        """The discrete group of its own that each output hands on, by the output's name."""
+        self._motors: dict[int, _Motors] = {}
+        for instance, places in self._servos.instances.items():
+            name, count = self._plant.GetModelInstanceName(ModelInstanceIndex(instance)), len(places)
+            actuation = self.DeclareVectorInputPort(f"actuation.{name}", count).get_index()
+            desired = self.DeclareVectorInputPort(f"desired_state.{name}", 2 * count).get_index()
+            torque = self.DeclareDiscreteState(count)
+            self.outputs[f"net_actuation.{name}"] = int(torque)
+            applied = self.DeclareStateOutputPort(f"net_actuation.{name}", torque).get_index()
+            self._motors[instance] = _Motors(places, actuation, desired, applied, torque)
+        tickets = {self.xd_ticket(), self.all_input_ports_ticket()}
+        step = ValueProducer(allocate=Value[object]().Clone, calc=weakly(self._calc_step))
+        self._step = self.DeclareCacheEntry("step", step, tickets).cache_index()  # the entry would keep the block
         self._contacts = self.DeclareAbstractOutputPort(
-            "contact_results", Value[object], weakly(self._tell_contacts), {self._step.ticket()}
+            "contact_results", Value[object], weakly(self._tell_contacts), {self.get_cache_entry(self._step).ticket()}
         )
         self._poses = self.DeclareAbstractOutputPort(
             "body_poses", Value[list[RigidTransform]], weakly(self._tell_poses), {self.xd_ticket()}
@@ -137,15 +123,15 @@ class MujocoPlant(Block):
 
     def get_actuation_input_port(self, instance: ModelInstanceIndex) -> InputPort:
         """Return ``actuation.<instance>``."""
-        return self._actuation[int(instance)]
+        return self.get_input_port(self._motors[int(instance)].actuation)
 
     def get_desired_state_input_port(self, instance: ModelInstanceIndex) -> InputPort:
         """Return ``desired_state.<instance>``."""
-        return self._desired[int(instance)]
+        return self.get_input_port(self._motors[int(instance)].desired)
 
     def get_net_actuation_output_port(self, instance: ModelInstanceIndex) -> OutputPort:
         """Return ``net_actuation.<instance>``."""
-        return self._applied[int(instance)]
+        return self.get_output_port(self._motors[int(instance)].applied)
 
     def get_applied_spatial_force_input_port(self) -> InputPort:
         """Return ``applied_spatial_force``."""
@@ -186,17 +172,29 @@ class MujocoPlant(Block):
     def _state(self, context: Context) -> Vector:
         return np.array(context.get_discrete_state(self._motion).value())
 
-    def _update(self, context: Context, values: DiscreteValues) -> EventStatus:
-        step: Step = self._step.Eval(context)
-        values.get_mutable_vector(self._motion).SetFromVector(step.state)
-        values.get_mutable_vector(self._warm).SetFromVector(step.warm)
+    def _begin(self, context: Context, values: DiscreteValues) -> EventStatus:
+        """Tell the torques of the servos where a run begins."""
+        if not np.isinf(context.get_discrete_state(self._warm).value()).any():
+            return EventStatus.DidNothing()
+        self._coordinates.put(self._data, self._state(context))
+        self._put_torques(values, self._servos.limited(self._servos.torques(*self._asked(context))))
         return EventStatus.Succeeded()
 
-    def _tell_torque(self, places: npt.NDArray[np.intp], context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._step.Eval(context).torque[places])
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        entry = self.get_cache_entry(self._step)
+        step = self._made(context) if entry.is_out_of_date(context) else entry.Eval(context)
+        values.set_value(self._motion, step.state)
+        values.set_value(self._warm, step.warm)
+        self._put_torques(values, step.torque)
+
+    def _put_torques(self, values: DiscreteValues, torques: Vector) -> None:
+        for motors in self._motors.values():
+            values.set_value(motors.torque, torques[motors.places])
 
     def _tell_contacts(self, context: Context, output: AbstractValue) -> None:
-        if self._step.Eval(context) is not self._latest:  # what touches is in the data of the step made last
+        if (
+            self.get_cache_entry(self._step).Eval(context) is not self._latest
+        ):  # what touches is in the data of the step made last
             self._made(context)
         output.set_value(self._touching())
 
@@ -209,62 +207,40 @@ class MujocoPlant(Block):
 
     def _made(self, context: Context) -> Step:
         """Make a step from the state of a context, and return what it does."""
-        data, motors = self._data, self._motors
-        qpos, qvel = self._coordinates.to_mujoco(*np.split(self._state(context), [self._nq]))
-        self._guess[:] = context.get_discrete_state(self._warm).value()
-        data.time, self._qpos[:], self._qvel[:] = 0.0, qpos, qvel
-        mujoco.mj_step1(self._model, data)
-        self._put_forces(context)
+        kept, nq = context.get_discrete_state(), self._nq
+        there = self._coordinates.to_mujoco(kept.value(self._motion))
+        self._qpos[:], self._qvel[:], warm = there[:nq], there[nq:], kept.value(self._warm)
+        self._guess[:] = 0.0 if warm.size and warm[0] == _NOT_YET else warm
         desired, extra = self._asked(context)
-        sides = np.zeros(motors.count)
-        motors.drive(desired, extra, sides)
-        mujoco.mj_step2(self._model, data)
-        torque, found = motors.torques(desired, extra, sides)
-        if found.any():  # what contacts are with all servos
-            contact, felt, softness = data.contact, self._inverse_masses(), data.contact.solref.copy()
-        for again in range(_ROUNDS):
-            if (found == sides).all():
-                end = self._coordinates.state(self._qpos, self._qvel)
-                self._latest = Step(end, data.qacc.copy(), torque)
-                return self._latest
-            sides = found if again < _TOGETHER else _first_changed(sides, found)
-            motors.drive(desired, extra, sides)
-            for _ in range(2):
-                self._qpos[:], self._qvel[:] = qpos, qvel
-                mujoco.mj_step2(self._model, data)
-                contact.solref[:] = softness * (self._inverse_masses() / felt)[:, np.newaxis]
-            torque, found = motors.torques(desired, extra, sides)
-        raise RuntimeError("servos at their torque limits and MuJoCo's contacts do not settle within a step")
+        applied = self.EvalAbstractInput(context, self._spatial.get_index())
+        if applied is not None:
+            mujoco.mj_step1(self._model, self._data)
+            self._put_spatial(applied.get_value())
+        forces: Vector | float = 0.0
+        if (generalized := self.EvalVectorInput(context, self._generalized.get_index())) is not None:
+            turned = np.concatenate([kept.value(self._motion)[:nq], generalized.value()])
+            forces = self._coordinates.to_mujoco(turned)[nq:]
+        torque = self._servos.step(desired, extra, forces, begun=applied is not None)
+        there[:nq], there[nq:] = self._qpos, self._qvel
+        self._latest = Step(self._coordinates.state(there), self._data.qacc.copy(), torque)
+        return self._latest
 
-    def _inverse_masses(self) -> Vector:
-        """Return what MuJoCo takes for the inverse mass of each contact, times one minus its impedance."""
-        contact, step = self._data.contact, self._model.opt.timestep
-        if not self._data.nefc:
-            return np.ones(self._data.ncon)
-        part = contact.solimp[:, 0] - step * contact.solref[:, 1] - step**2 * contact.solref[:, 0]
-        return np.asarray(self._data.efc_R[contact.efc_address] * part)
-
-    def _asked(self, context: Context) -> tuple[Vector, Vector]:
+    def _asked(self, context: Context) -> tuple[Vector, Vector | None]:
         """Return the desired positions of all motors, and their torques beside those of servos, shape (m,) each."""
-        asked = np.zeros((2, self._motors.count))
-        for ports, row in zip((self._desired, self._actuation), asked, strict=True):
-            for instance, places in self._motors.instances.items():
-                if ports[instance].HasValue(context):
-                    row[places] = ports[instance].Eval(context)[: len(places)]
-        return asked[0], asked[1]
+        desired, extra = np.zeros(self._servos.count), None
+        for motors in self._motors.values():
+            if (asked := self.EvalVectorInput(context, motors.desired)) is not None:
+                desired[motors.places] = asked.value()[: len(motors.places)]
+            if (more := self.EvalVectorInput(context, motors.actuation)) is not None:
+                extra = np.zeros(self._servos.count) if extra is None else extra
+                extra[motors.places] = more.value()
+        return desired, extra
 
-    def _put_forces(self, context: Context) -> None:
-        """Put the forces from outside into MuJoCo's data: on its velocities, and on the centres of bodies."""
-        data, motors = self._data, self._motors
-        motors.forces[:] = 0.0
-        if self._generalized.HasValue(context):
-            _, motors.forces[:] = self._coordinates.to_mujoco(
-                self.GetPositions(context), self._generalized.Eval(context)
-            )
-        if not self._spatial.HasValue(context):
-            return
+    def _put_spatial(self, forces: Sequence[ExternallyAppliedSpatialForce]) -> None:
+        """Put forces from outside on the centres of bodies."""
+        data = self._data
         data.xfrc_applied[:] = 0.0
-        for applied in self._spatial.Eval(context):
+        for applied in forces:
             body, force = self._bodies[int(applied.body_index)], applied.F_Bq_W.translational()
             point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ applied.p_BoBq_B
             data.xfrc_applied[body, :3] += force
@@ -285,55 +261,12 @@ class MujocoPlant(Block):
         return Contacts(pairs, contact.pos[touching], forces, np.zeros_like(forces), frames[:, 0])
 
 
-def _first_changed(sides: Vector, found: Vector) -> Vector:
-    place = int(np.argmax(sides != found))
-    return np.concatenate([sides[:place], found[place : place + 1], sides[place + 1 :]])
-
-
+@dataclass(frozen=True)
 class _Motors:
-    """The m motors of a plant, in its order.
+    """Of a model instance: its motors' places among the plant's, its ports, the discrete group of the torques."""
 
-    Attributes:
-        count: m.
-        instances: the places of each model instance's motors, by its number.
-        forces: on MuJoCo's velocities from elsewhere, shape (nv,), to be set before each step.
-    """
-
-    def __init__(self, plant: MultibodyPlant, model: mujoco.MjModel, data: mujoco.MjData, names: Names) -> None:
-        """Find the motors of a plant in the model that was made of it."""
-        motors = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
-        gains = [motor.get_controller_gains() if motor.has_controller() else None for motor in motors]
-        joints = [model.joint(names.joint(motor.joint())) for motor in motors]
-        owners = np.array([int(motor.model_instance()) for motor in motors], np.intp)
-        self.count, self.forces = len(motors), np.zeros(model.nv)
-        self.instances = {owner: np.flatnonzero(owners == owner) for owner in dict.fromkeys(owners.tolist())}
-        limits = [motor.effort_limit() if own else np.inf for motor, own in zip(motors, gains, strict=True)]
-        self._limits = np.array(limits, dtype=float)
-        self._kp, self._kd = (np.array([getattr(own, key) if own else 0.0 for own in gains]) for key in "pd")
-        self._servos = np.flatnonzero([own is not None for own in gains])
-        self._angles = np.array([joint.qposadr[0] for joint in joints], np.intp)
-        self._speeds = np.array([joint.dofadr[0] for joint in joints], np.intp)
-        self._model, self._control, self._applied = model, data.ctrl, data.qfrc_applied
-        self._qpos, self._qvel, self._sides = data.qpos, data.qvel, np.zeros(self.count)
-
-    def drive(self, desired: Vector, extra: Vector, sides: Vector) -> None:
-        """Let servos within their limits follow their gains, and the others give what they can."""
-        if (sides != self._sides).any():
-            self._sides, within = sides.copy(), (sides == 0)[self._servos]
-            kp, kd, model = self._kp[self._servos] * within, self._kd[self._servos] * within, self._model
-            model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1], model.actuator_biasprm[:, 2] = kp, -kp, -kd
-        self._control[:] = desired[self._servos]
-        self._applied[:] = self.forces
-        if sides.any() or extra.any():
-            beyond = sides != 0
-            np.add.at(self._applied, self._speeds[~beyond], extra[~beyond])
-            np.add.at(self._applied, self._speeds[beyond], (sides * self._limits)[beyond])
-
-    def torques(self, desired: Vector, extra: Vector, sides: Vector) -> tuple[Vector, Vector]:
-        """Return what each motor gives at the end of a step, shape (m,), and on which side of its limit it is."""
-        asked = self._kp * (desired - self._qpos[self._angles]) - self._kd * self._qvel[self._speeds] + extra
-        within = np.minimum(np.maximum(asked, -self._limits), self._limits)
-        torque = asked.copy()
-        torque[sides != 0] = (sides * self._limits)[sides != 0]
-        found = np.sign(asked - within)
-        return torque, np.where(found == -sides, 0.0, found)  # from one limit the way to the other leads between them
+    places: npt.NDArray[np.intp]
+    actuation: int
+    desired: int
+    applied: int
+    torque: int

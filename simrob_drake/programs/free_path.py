@@ -1,0 +1,166 @@
+"""Ways of robots around obstacles: a search between two trees of postures (RRT-Connect), shortcuts, and round corners.
+
+It is measured by how far tools move: a radian of an axis counts as many metres as it may move the tool.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from simrob_drake.extras import needed
+from simrob_drake.frames import Vector
+from simrob_drake.kinematics.chain import Chain
+from simrob_drake.kinematics.numeric import random_postures
+from simrob_drake.programs.errors import NoFreePath
+from simrob_drake.programs.free_space import FreeSpace
+
+_LOOK = 0.02  # m between the looks of a search
+_CLOSE_LOOK = 0.005  # m between those at the way that is found
+_RANGE = 1.0  # m: the longest branch of a tree
+_STRAIGHT = 8  # goals that are tried by a straight way first
+_DEGREE = 5
+_ROUND = (0.2, 0.1, 0.05, 0.02)  # m between the points that round corners are made of
+_THINNEST = 0.1  # m of an arm that turns about itself
+_POSTURES = 100
+_ROUNDING = 1e-9  # m
+_FROM_START = 1  # how the search marks the tree that grows from the start
+
+
+def metres(chain: Chain) -> Vector:
+    """Return how far the tool, or what is 10 cm around it, moves at most for a radian of each axis, shape (n,) [m]."""
+    jacobians = chain.jacobian(random_postures(chain, _POSTURES, 0))
+    return np.asarray(np.linalg.norm(jacobians[:, :3], axis=1).max(axis=0) + _THINNEST * chain.revolute)
+
+
+@dataclass
+class Search:
+    """A search for a way of robots that move together, each number (n,) being of all their axes in turn.
+
+    Attributes:
+        space: what is free.
+        lower, upper: limits of the axes.
+        scale: how many metres a radian counts, see :func:`metres`.
+        seed: two searches with the same one find the same, if they have the time.
+        seconds: how long it may take.
+    """
+
+    space: FreeSpace
+    lower: Vector
+    upper: Vector
+    scale: Vector
+    seed: int
+    seconds: float
+
+    def path(self, goals: Vector) -> Vector:
+        """Return the corners (k, n) of a way of straight lines to one of several free goals (m, n), the nearest first.
+
+        Raises:
+            NoFreePath: none was found in the time; says what came near, and what was in the way.
+        """
+        start = self.space.posture
+        for goal in goals[:_STRAIGHT]:
+            if all(self.space.free(posture) for posture in self._between(np.array([start, goal]), _LOOK)[1:]):
+                return np.array([start, goal])
+        return self._found(start, goals)
+
+    def rounded(self, corners: Vector) -> tuple[Vector, Vector]:
+        """Return a smooth way near straight lines: its parts (k,) from 0 to 1 by length, and postures (k, n) there.
+
+        It is a spline whose control points lie on the lines, so it cuts the corners, as near as it must to be free.
+
+        Raises:
+            NoFreePath: it touches something at its nearest.
+        """
+        whole, hit = self._length(corners), (0.0, ("", ""))
+        if whole < _ROUNDING:
+            return np.linspace(0.0, 1.0, 2 * _DEGREE), corners[:1].repeat(2 * _DEGREE, axis=0)
+        for step in _ROUND:
+            control = self._between(corners, min(step, whole / (2 * _DEGREE)))
+            inner = np.linspace(0.0, 1.0, len(control) - _DEGREE + 1)
+            knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
+            looks = int(np.ceil(whole / _CLOSE_LOOK)) + 2 * len(control)
+            rows = np.asarray(BSpline(knots, control, _DEGREE)(np.linspace(0.0, 1.0, looks)))
+            found = self.space.first_hit(rows)
+            if found is None:
+                gone = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1)))
+                return gone / gone[-1], rows
+            hit = found
+        depth, (first, second) = hit
+        raise NoFreePath(f"the way that was found leads {first} {1e3 * depth:.1f} mm into {second}: try another seed")
+
+    def _length(self, rows: Vector) -> float:
+        return float(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1).sum())
+
+    def _between(self, corners: Vector, step: float) -> Vector:
+        """Return postures on straight lines, at most a step [m] apart."""
+        ways = np.linalg.norm(np.diff(corners * self.scale, axis=0), axis=1)
+        parts = [np.linspace(0.0, 1.0, int(np.ceil(way / step)) + 1)[1:, np.newaxis] for way in ways]
+        lines = [one + part * (other - one) for part, one, other in zip(parts, corners, corners[1:], strict=False)]
+        return np.vstack([corners[:1], *lines])
+
+    def _found(self, start: Vector, goals: Vector) -> Vector:
+        """Search for a way, and make it short."""
+        with needed("move_free", "plan"):
+            from ompl import base, geometric, util
+        util.setLogLevel(util.LOG_NONE)
+        util.RNG.setSeed(self.seed + 1)
+        info = base.SpaceInformation(self._box(np.vstack([start, goals])))
+        info.setStateValidityChecker(lambda state: self.space.free(self._posture(state)))
+        info.setup()
+        problem, goal = base.ProblemDefinition(info), base.GoalStates(info)
+        problem.addStartState(self._state(info, start))
+        for posture in goals:
+            goal.addState(self._state(info, posture))
+        problem.setGoal(goal)
+        planner = geometric.RRTConnect(info)
+        planner.setRange(_RANGE)
+        planner.setProblemDefinition(problem)
+        planner.setup()
+        planner.solve(self.seconds)
+        if not problem.hasExactSolution():
+            raise self._none(planner, base.PlannerData(info), goals)
+        path, simplifier = problem.getSolutionPath(), geometric.PathSimplifier(info)
+        for shorten in (simplifier.reduceVertices, simplifier.ropeShortcutPath, simplifier.partialShortcutPath):
+            shorten(path)
+        corners = np.array([self._posture(path.getState(index)) for index in range(path.getStateCount())])
+        corners[0], corners[-1] = start, goals[np.abs(goals - corners[-1]).sum(axis=1).argmin()]
+        return corners
+
+    def _box(self, ends: Vector) -> Any:
+        """Return the space of postures, in metres; axes without limits turn a half turn beyond the ends (k, n)."""
+        from ompl import base
+
+        space, bounds = base.RealVectorStateSpace(len(self.scale)), base.RealVectorBounds(len(self.scale))
+        lower = np.where(np.isfinite(self.lower), self.lower, ends.min(axis=0) - np.pi)
+        upper = np.where(np.isfinite(self.upper), self.upper, ends.max(axis=0) + np.pi)
+        for axis, (least, most) in enumerate(zip(lower * self.scale, upper * self.scale, strict=True)):
+            bounds.setLow(axis, float(least) - _ROUNDING)
+            bounds.setHigh(axis, float(most) + _ROUNDING)
+        space.setBounds(bounds)
+        space.setLongestValidSegmentFraction(_LOOK / space.getMaximumExtent())
+        return space
+
+    def _state(self, info: Any, posture: Vector) -> Any:
+        made = info.allocState()
+        for axis, value in enumerate((posture * self.scale).tolist()):
+            made[axis] = value
+        return made
+
+    def _posture(self, state: Any) -> Vector:
+        return np.array([state[axis] for axis in range(len(self.scale))]) / self.scale
+
+    def _none(self, planner: Any, tree: Any, goals: Vector) -> NoFreePath:
+        """Return what to say of a search that found nothing: how near it came, and what it met."""
+        planner.getPlannerData(tree)
+        vertices = [tree.getVertex(index) for index in range(tree.numVertices())]
+        reached = [self._posture(vertex.getState()) for vertex in vertices if vertex.getTag() == _FROM_START]
+        ways = np.array([self.space.posture, *reached])[:, np.newaxis] - goals
+        gaps = np.linalg.norm(ways * self.scale, axis=2)
+        row, which = np.unravel_index(int(gaps.argmin()), gaps.shape)
+        short = f"{which + 1} of {len(goals)} is nearest, with a motion of {gaps[row, which]:.2g} m left"
+        met = ", ".join(self.space.obstacles()) or "the arm itself"
+        return NoFreePath(
+            f"no free way was found in {self.seconds:g} s: of the goals number {short}; in the way: {met}"
+        )

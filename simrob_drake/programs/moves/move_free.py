@@ -1,0 +1,246 @@
+"""A move of an arm around obstacles, or of several at once, with what they carry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from typing import Any, ClassVar, Self, Unpack
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import model_validator
+from pydrake.math import RotationMatrix
+
+from simrob_drake.arguments import positive, truth, whole
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.interpolation import stacked
+from simrob_drake.kinematics.every_branch import goal_postures
+from simrob_drake.programs.errors import GoalInCollision
+from simrob_drake.programs.free_path import Search, metres
+from simrob_drake.programs.free_space import SEARCHED, FreeSpace, Hit
+from simrob_drake.programs.moves.motion import ArmMotion, Row
+from simrob_drake.programs.plan import Plan, check_limits
+from simrob_drake.programs.planning import POINTS, Planning, PoseTargets, WorkObject, degrees_hint, points_of, zone_of
+from simrob_drake.programs.segments import Segment, tool_length
+from simrob_drake.programs.tape import recorded
+from simrob_drake.programs.timing import How, timed
+from simrob_drake.sections import Boolean, Integer, Pose, Positive
+
+PLANNING_TIME = 10.0
+"""How long a search for a way may take unless told [s]."""
+_MOST_SEED = 2**31 - 2
+_TURNS = 24  # about the tool, where that is free
+_GOALS, _TRIED = 16, 400  # that a search is for, and that are looked at
+
+
+class MoveFree(ArmMotion):
+    """A tool that goes around what stands in its way; see :meth:`Arm.move_free`."""
+
+    key: ClassVar[str] = "move_free"
+    title: ClassVar[str] = "MoveFree"
+
+    wobj: str | Pose | None = None
+    """In whose frame the target is: a piece, one of its frames as `piece.frame`, a robot's tool or a pose; the world
+    unless given."""
+    piece: str | None = None
+    """Instead of a pose: the piece, or one of its frames as `piece.frame`, where the tool is to be."""
+    joints: Row | None = None
+    """Instead of a pose: the posture [rad or m]."""
+    joints_deg: Row | None = None
+    """The same in degrees."""
+    free_turn: Boolean = False
+    """The tool may turn about its z axis as it likes."""
+    seed: Integer = 0
+    """Of the search; another one finds another way."""
+    planning_time: Positive = PLANNING_TIME
+    """How long the search may take [s]."""
+
+    @model_validator(mode="after")
+    def _one_unit(self) -> Self:
+        ways = [self.targets, self.targets_deg, self.piece, self.joints, self.joints_deg]
+        if sum(value is not None for value in ways) != 1:
+            raise ValueError("where to is given by one of targets, targets_deg, piece, joints and joints_deg")
+        return self
+
+    def posture(self, planning: Planning) -> npt.ArrayLike | None:
+        """Return the posture that it leads to in SI units, if one is given."""
+        if self.joints_deg is None or len(self.joints_deg) != planning.chain.size:
+            return self.joints or self.joints_deg
+        return np.asarray(self.joints_deg * planning.model.user_units)
+
+    def pieces(self) -> Iterable[str]:
+        """Return the piece that it leads to, or that is its work object."""
+        return super().pieces() if self.piece is None else (self.piece.split(".", 1)[0],)
+
+    def goals(self, planning: Planning) -> Vector:
+        """Return the postures that will do, shape (m, n)."""
+        return goals_of(
+            planning, self.piece or self.rows(planning), self.posture(planning), self.wobj, self.free_turn, self.seed
+        )
+
+    def plan(self, planning: Planning) -> Plan:
+        """Return the move, planned."""
+        return plan_move_free(
+            planning, self.piece or self.rows(planning), joints=self.posture(planning), wobj=self.wobj,
+            free_turn=self.free_turn, seed=self.seed, planning_time=self.planning_time, **self.how,
+        )  # fmt: skip
+
+
+def plan_move_free(
+    planning: Planning,
+    targets: PoseTargets | str | None = None,
+    *,
+    joints: npt.ArrayLike | None = None,
+    wobj: WorkObject = None,
+    free_turn: bool = False,
+    seed: int = 0,
+    planning_time: float = PLANNING_TIME,
+    **how: Unpack[How],
+) -> Plan:
+    """Plan a move around all that stands in the way, with what the arm carries, to any posture that will do.
+
+    The way is found by a search between two trees of postures, made shorter, and rounded; every posture that is looked
+    at is free of collisions, of the arm with itself, too. What touches at the start may do so all the way.
+
+    Args:
+        planning: what the move starts from.
+        targets: a pose of the tool in the work object's frame, a place (3,) that keeps its orientation, or the name of
+            a piece or of one of its frames, where the tool is to be.
+        joints: instead of it a posture (n,) [rad or m].
+        wobj: the work object.
+        free_turn: the tool may turn about its z axis as it likes.
+        seed: of the search: with the same one it finds the same way, if it has the time.
+        planning_time: how long it may take [s].
+        how: see :class:`How`.
+
+    Raises:
+        StartInCollision, GoalInCollision: says what is in what, and how deep.
+        Unreachable: no posture within the limits brings the tool there.
+        NoFreePath: no way was found in the time; says how near the search came, and what was in its way.
+        SimrobError: as of other moves.
+    """
+    goals = goals_of(planning, targets, joints, wobj, free_turn, seed)
+    (plan,) = plan_around([planning], [goals], how, seed, planning_time)
+    own: dict[str, Any] = {
+        "joints": None if joints is None else np.asarray(joints).tolist(),
+        "free_turn": free_turn or None,
+    }
+    own |= {"seed": seed or None, "planning_time": None if planning_time == PLANNING_TIME else planning_time}
+    own["piece"], poses = (targets, None) if isinstance(targets, str) else (None, targets)
+    return recorded(plan, MoveFree.key, planning, poses, how, wobj=wobj, solver="auto", **own)
+
+
+def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> list[Plan]:
+    """Plan moves of several robots as one, around each other, too; they begin and end at the same time.
+
+    Raises:
+        InvalidParameter: moves that differ in how they are done.
+        SimrobError: as :func:`plan_move_free`.
+    """
+    first, robots = moves[0], [planning.robot for planning in plannings]
+    if any(move.how != first.how for move in moves) or len({*robots}) < len(robots):
+        raise InvalidParameter("moves around obstacles together", "different", "of different robots, in the same time")
+    goals = [move.goals(planning) for move, planning in zip(moves, plannings, strict=True)]
+    plans = plan_around(plannings, goals, first.how, first.seed, max(move.planning_time for move in moves))
+    return [
+        replace(plan, entry=move.model_copy(update={"robot": plan.robot}).entry())
+        for move, plan in zip(moves, plans, strict=True)
+    ]
+
+
+def goals_of(
+    planning: Planning,
+    targets: PoseTargets | str | None,
+    joints: npt.ArrayLike | None,
+    wobj: WorkObject,
+    free_turn: bool,
+    seed: int,
+) -> Vector:
+    """Return the postures (m, n) within the limits that will do, nearest first.
+
+    Raises:
+        InvalidParameter: none or several targets, or what is no target.
+        Unreachable: there is no posture.
+    """
+    whole(seed, "seed", 0, _MOST_SEED)
+    if (targets is None) == (joints is None):
+        raise InvalidParameter("the target", "given twice" if joints is not None else "missing", "a pose or joints=")
+    chain, start = planning.chain, planning.start
+    if joints is not None:
+        rows = chain.postures(joints, "joints")
+        check_limits(chain, np.zeros(len(rows)), rows, lambda _: (1, "the target"), degrees_hint(chain, rows))
+    else:
+        poses = planning.frame(targets).GetAsMatrix4()[np.newaxis] if isinstance(targets, str) else None
+        rows = planning.poses(targets, wobj) if poses is None else poses
+    if len(rows) != 1:
+        raise InvalidParameter("targets", f"{len(rows)} of them", "one: a move around obstacles has one target")
+    if joints is not None:
+        return rows
+    angles = np.linspace(0.0, 2 * np.pi, _TURNS, endpoint=False) if truth(free_turn, "free_turn") else np.zeros(1)
+    turns = np.array([RotationMatrix.MakeZRotation(angle).matrix() for angle in angles])
+    matrices = stacked(np.zeros((len(turns), 3)), turns)
+    found = goal_postures(chain, rows @ matrices, start, seed)
+    if not len(found):
+        solutions = planning.inverse(None).solve(rows, start)
+        if not solutions.reached.all():
+            raise solutions.unreachable(0, "the target")
+        found = solutions.positions
+    return np.asarray(found[np.argsort(np.abs((found - start) * metres(chain)).sum(axis=1), kind="stable")])
+
+
+def plan_around(
+    plannings: Sequence[Planning], goals: Sequence[Vector], how: How, seed: int, planning_time: float
+) -> list[Plan]:
+    """Plan the way of robots that move together to postures of each that will do, (m, n), nearest first.
+
+    Raises:
+        SimrobError: as :func:`plan_move_free`.
+    """
+    points, first = points_of(how, POINTS), plannings[0]
+    zone_of(how, 1)
+    chains, limits = [planning.chain for planning in plannings], [planning.rate_limits for planning in plannings]
+    space = first.space([planning.robot for planning in plannings])
+    search = Search(
+        space,
+        np.concatenate([chain.lower for chain in chains]),
+        np.concatenate([chain.upper for chain in chains]),
+        np.concatenate([metres(chain) for chain in chains]),
+        seed,
+        positive(planning_time, "planning_time", "s"),
+    )
+    parts, rows = search.rounded(search.path(_free(space, goals)))
+    ways = [tool_length(chain, own) for chain, own in zip(chains, space.parts(rows).values(), strict=True)]
+    together = np.concatenate([speeds for speeds, _ in limits]), np.concatenate([pushes for _, pushes in limits])
+    segment, motors = Segment(parts, rows, max(ways), np.ones(1)), partial(first.motors, [*space.start])
+    whole_plan = timed(first.robot, [segment], how, points, together, motors)
+    found, begin = list[Plan](), 0
+    for planning in plannings:
+        own = whole_plan.of_axes(planning.robot, slice(begin, begin + planning.chain.size))
+        found.append(planning.looked_at(own, how, own.end[np.newaxis]))
+        begin += planning.chain.size
+    return found
+
+
+def _free(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
+    """Return those of combined goals that are free, shape (m, n), of the nearest ones.
+
+    Raises:
+        GoalInCollision: none is.
+    """
+    nearest = sorted(product(*(range(len(rows)) for rows in goals)), key=sum)[:_TRIED]
+    found, hits = list[Vector](), list[Hit]()
+    for places in nearest:
+        posture = np.concatenate([rows[place] for rows, place in zip(goals, places, strict=True)])
+        met = space.hits(posture, SEARCHED)
+        if met:
+            hits.append(met[0])
+        else:
+            found.append(posture)
+        if len(found) == _GOALS:
+            break
+    if not found:
+        raise GoalInCollision("the target", len(hits), *min(hits))
+    return np.array(found)

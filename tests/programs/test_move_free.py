@@ -1,0 +1,173 @@
+"""Moves around obstacles: free by an independent look, by whichever posture is near, and in a line why not."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from simrob_drake import Arm, Workcell, load_station
+from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
+from simrob_drake.frames import as_transform
+from simrob_drake.kinematics.every_branch import goal_postures
+from simrob_drake.kinematics.solver import Unreachable
+from simrob_drake.programs.errors import GoalInCollision, NoFreePath, PathCollision, StartInCollision
+from simrob_drake.programs.plan import check_collisions
+from simrob_drake.stations.config import PieceConfig
+from tests.programs.conftest import HOME, positions_between
+
+AHEAD = (0.0, np.pi / 2, 0.0)
+LEFT, RIGHT = (0.45, 0.2, 0.3, *AHEAD), (0.45, -0.2, 0.3, *AHEAD)
+SHELF = """
+shapes:
+- {box: [0.3, 0.8, 0.02], pose: [0, 0, 0.15, 0, 0, 0]}
+- {box: [0.3, 0.8, 0.02], pose: [0, 0, 0.45, 0, 0, 0]}
+- {box: [0.3, 0.02, 0.6], pose: [0, 0, 0.3, 0, 0, 0]}
+- {box: [0.04, 0.04, 0.04], pose: [-0.15, 0.2, 0.6, 0, 0, 0]}
+frames: {left: [-0.1, 0.2, 0.3, 0, 1.5707963267948966, 0]}
+"""
+
+
+@pytest.fixture(scope="module")
+def station(tmp_path_factory):
+    """An arm with a gripper before a shelf with two compartments."""
+    piece = tmp_path_factory.mktemp("shelf") / "piece.yaml"
+    piece.write_text(SHELF)
+    shelf = {"model": str(piece), "parent": "world", "pose": [0.55, 0, 0, 0, 0, 0]}
+    return load_station("irb120_kinematic", {"robot.initial_deg": {"joint_5": 90}, "pieces.shelf": shelf})
+
+
+@pytest.fixture
+def arm(station):
+    return Arm(station)
+
+
+def check_free(cell, result):
+    """Look at 1000 postures of a run by the check of other moves, which knows nothing of the search."""
+    rows = {robot: positions_between(result, 1000, robot) for robot in cell.config.robots}
+    check_collisions(cell.collision_model, rows, np.linspace(0, result.stop_time, 1000), lambda at: (0, f"{at} s"))
+
+
+class TestTheWay:
+    def test_it_leads_around_what_a_straight_move_runs_into(self, arm):
+        arm.move_free(LEFT)
+        with pytest.raises(PathCollision):
+            arm.plan.move_j(RIGHT, check="collision")
+        result = arm.move_free(RIGHT)
+        check_free(arm.cell, result)
+        np.testing.assert_allclose(arm.tool_pose().GetAsMatrix4(), as_transform(RIGHT).GetAsMatrix4(), atol=1e-6)
+
+    def test_the_same_seed_finds_the_same(self, arm):
+        arm.move_free(LEFT)
+        one, again, other = (arm.plan.move_free(RIGHT, seed=seed) for seed in (0, 0, 1))
+        np.testing.assert_array_equal(one.stretches[0].postures, again.stretches[0].postures)
+        assert one.duration != other.duration
+
+    def test_a_free_turn_and_a_frame_of_a_piece_will_do(self, arm):
+        arm.move_free("shelf.left", free_turn=True)
+        np.testing.assert_allclose(arm.pose()[:3], LEFT[:3], atol=1e-6)
+        across = arm.chain.forward(arm.position)[0, :3, 2]
+        np.testing.assert_allclose(across, [1, 0, 0], atol=1e-6)  # the axis that it turns about
+
+    def test_a_carried_piece_takes_part(self, station):
+        box = PieceConfig(model="box", parent="robot", pose=(0, 0, 0.2, 0, 0, 0))
+        loaded = Arm(station.model_copy(update={"pieces": {**station.pieces, "box": box}}))
+        high = Arm(station).joint([0.38, 0.2, 0.4, *AHEAD])
+        Arm(station).plan.move_free(joints=high)
+        with pytest.raises(GoalInCollision, match=r"box would be .* deep in shelf"):
+            loaded.plan.move_free(joints=high)
+        low = Arm(station).joint([0.38, 0.2, 0.3, *AHEAD])
+        check_free(loaded.cell, loaded.move_free(joints=low))
+
+    def test_a_move_to_where_it_is(self, arm):
+        assert arm.move_free(joints=HOME).message
+
+    def test_a_file_says_the_same(self, arm, station):
+        arm.record()
+        arm.move_free(LEFT, speed=0.3)
+        arm.move_free("shelf.left", free_turn=True, seed=2, planning_time=5)
+        arm.move_free(joints=HOME)
+        again = Arm(station)
+        for entry in arm.cell.tape.moves():
+            again.do(entry)
+        np.testing.assert_array_equal(again.position, arm.position)
+
+
+class TestTogether:
+    def test_two_arms_pass_each_other(self):
+        cell = Workcell("two_arms")
+        cell.record()
+        ends = {"left": [0, 60, -30, 0, 30, 0], "right": [40, 60, -30, 0, 30, 0]}
+        moves = [{"move_free": {"joints_deg": end, "robot": robot}} for robot, end in ends.items()]
+        result = cell.arm("left").do({"together": moves})
+        check_free(cell, result)
+        for robot, end in ends.items():
+            np.testing.assert_allclose(np.rad2deg(cell.reference(robot)), end, atol=1e-9)
+        again = Workcell("two_arms").arm("left").do(cell.tape.moves()[0])
+        assert again.stop_time == result.stop_time
+
+    def test_different_ways_to_do_it_are_refused(self):
+        arm = Workcell("two_arms").arm("left")
+        times = {"left": 1, "right": 2}
+        moves = [{"move_free": {"joints": HOME, "robot": robot, "duration": time}} for robot, time in times.items()]
+        with pytest.raises(InvalidParameter, match="around obstacles together"):
+            arm.do({"together": moves})
+
+
+class TestWhyNot:
+    """Errors in one line, and nothing moves."""
+
+    def test_a_goal_in_collision(self, arm):
+        with pytest.raises(GoalInCollision, match=r"all \d postures there: .* would be .* mm deep in shelf at best"):
+            arm.move_free([0.5, -0.2, 0.46, *AHEAD])
+        with pytest.raises(GoalInCollision, match=r"the only posture there: load would be .* mm deep in floor$"):
+            arm.move_free(joints=[0, 1.9, 0, 0, 1, 0])
+        np.testing.assert_allclose(arm.position, HOME)
+
+    def test_a_start_in_collision(self, arm):
+        arm.move_abs_j([0, 0.9, 0, 0, 1, 0], check="limits")
+        with pytest.raises(StartInCollision, match=r"the start: .* is .* mm deep in shelf; go out of it by"):
+            arm.move_free(joints=HOME)
+
+    def test_no_way_within_the_time(self, arm):
+        arm.move_free(LEFT)
+        with pytest.raises(NoFreePath, match=r"no free way .* in 1e-06 s: .* is nearest, .* m left; in the way: shelf"):
+            arm.move_free(RIGHT, planning_time=1e-6)
+
+    @pytest.mark.parametrize(
+        ("goal", "how", "kind", "text"),
+        [
+            ((0.9, 0, 0.3, *AHEAD), {}, Unreachable, "the target cannot be reached"),
+            (None, {}, InvalidParameter, "the target is missing"),
+            (LEFT, {"joints": HOME}, InvalidParameter, "the target is given twice"),
+            ([LEFT, RIGHT], {}, InvalidParameter, "one target"),
+            (LEFT, {"seed": -1}, InvalidParameter, "seed is -1"),
+            (LEFT, {"planning_time": 0}, InvalidParameter, "planning_time is 0"),
+            (LEFT, {"free_turn": 1}, InvalidParameter, "free_turn is 1"),
+            (LEFT, {"zone": "z10"}, InvalidParameter, "zone is z10"),
+            ("shelv", {}, SimrobError, "did you mean 'shelf'"),
+            (None, {"joints": [0, 0, 0, 0, 90, 0]}, SimrobError, "were these degrees"),
+        ],
+    )
+    def test_what_is_no_target(self, arm, goal, how, kind, text):
+        with pytest.raises(kind, match=text):
+            arm.move_free(goal, **how)
+
+    def test_two_targets_in_a_file(self, arm):
+        with pytest.raises(InvalidConfig, match="where to is given by one of targets"):
+            arm.do({"move_free": {"piece": "shelf", "joints": HOME}})
+
+    def test_a_missing_package(self, arm, monkeypatch):
+        arm.move_free(LEFT)
+        monkeypatch.setitem(sys.modules, "ompl", None)
+        with pytest.raises(SimrobError, match="move_free needs the extra plan: pip install"):
+            arm.move_free(RIGHT)
+
+
+def test_goals_reach_the_pose_by_different_postures(arm):
+    for chain in (arm.chain, Workcell("irb120_on_belt").arm().chain):
+        start = np.zeros(chain.size)
+        target = chain.forward(np.full(chain.size, 0.4))
+        found = goal_postures(chain, target, start)
+        assert len(found) > 1
+        np.testing.assert_allclose(chain.forward(found), np.broadcast_to(target, (len(found), 4, 4)), atol=1e-6)
+        assert ((found >= chain.lower) & (found <= chain.upper)).all()

@@ -1,0 +1,87 @@
+"""Moves in the least time: within the limits of speed, acceleration and torque, and quicker than what cruises."""
+
+import numpy as np
+import pytest
+
+from simrob_drake import Arm, Workcell, load_station
+from simrob_drake.errors import InvalidParameter
+from tests.programs.conftest import DOWN, HOME
+
+FAR = (1.2, 0.6, -0.6, 0.5, 0.9, 1.0)
+
+
+def shares(arm, plan):
+    """Return the largest parts of the limits of speed, acceleration and torque that a plan takes, looked at densely."""
+    robot = arm.cell.robot(arm.name)
+    q, v, a = plan.motion(np.linspace(0, plan.duration, 1000))
+    limits = robot.model.speed_limits, robot.model.accelerations, robot.gains.torque_limit
+    taken = v, a, arm.inverse_dynamics(q, v, a)
+    return [float(np.abs(rows / limit).max()) for rows, limit in zip(taken, limits, strict=True)]
+
+
+@pytest.fixture
+def heavy():
+    """An arm whose torques are what limits it."""
+    return weak_arm(30)
+
+
+def weak_arm(torque):
+    return Arm(load_station("irb120_kinematic", {"robot.initial_deg": {"joint_5": 90}, "servo.torque_limit": torque}))
+
+
+@pytest.mark.parametrize("move", ["joints", "line", "zones"])
+def test_limits_are_kept_and_used(kinematic, move):
+    def plan(**how):
+        if move == "joints":
+            return kinematic.plan.move_abs_j(FAR, **how)
+        if move == "line":
+            return kinematic.plan.move_l([0.2, 0.2, 0.1, *DOWN], wobj="table", **how)
+        return kinematic.plan.move_abs_j([[0.5, 0.5, 0, 0, 1, 0], FAR], zone="z50", **how)
+
+    if move == "line":
+        kinematic.move_j([0.1, 0.1, 0.1, *DOWN], wobj="table")
+    fastest, cruising = plan(profile="time_optimal"), plan(profile="s_curve", duration=10.0)
+    taken = shares(kinematic, fastest)
+    assert 0.95 < max(taken) < 1.001
+    ratios = np.array(shares(kinematic, cruising)) ** [1, 0.5, 0.5]  # of torque: without weight, at most
+    assert fastest.duration < 10.0 * ratios[:2].max()
+    np.testing.assert_allclose(fastest.end, cruising.end, atol=1e-9)
+    assert len(fastest.arrivals) == len(cruising.arrivals)
+    _, v, a = fastest.motion(np.array([0.0, fastest.duration]))
+    np.testing.assert_allclose([v, a], 0.0, atol=1e-6)
+
+
+def test_weak_motors_take_longer(kinematic, heavy):
+    strong, weak = (arm.plan.move_abs_j(FAR, profile="time_optimal") for arm in (kinematic, heavy))
+    assert weak.duration > 1.1 * strong.duration
+    assert 0.9 < shares(heavy, weak)[2] < 1.001
+
+
+def test_motors_that_cannot_hold_the_arm_are_told():
+    arm = weak_arm(1)
+    with pytest.raises(InvalidParameter, match="the motors cannot hold the robot on this way"):
+        arm.plan.move_abs_j(FAR, profile="time_optimal")
+
+
+def test_a_speed_is_the_most_of_the_tool(kinematic):
+    plan = kinematic.plan.move_abs_j(FAR, profile="time_optimal", speed=0.3)
+    places = kinematic.chain.forward(plan.postures(times := np.linspace(0, plan.duration, 2000)))[:, :3, 3]
+    speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)
+    assert 0.28 < speeds.max() < 0.303
+
+
+def test_around_obstacles_for_two_and_when_nothing_moves():
+    cell = Workcell("two_arms")
+    ends = {"left": [0, 60, -30, 0, 30, 0], "right": [40, 60, -30, 0, 30, 0]}
+    moves = [{"move_free": {"joints_deg": end, "robot": name, "profile": "time_optimal"}} for name, end in ends.items()]
+    slow = [{"move_free": {"joints_deg": end, "robot": name}} for name, end in ends.items()]
+    quick = cell.arm("left").do({"together": moves}).stop_time
+    assert quick < Workcell("two_arms").arm("left").do({"together": slow}).stop_time
+    arm = cell.arm("left")
+    assert arm.move_abs_j(arm.reference, profile="time_optimal").stop_time == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("key", ["duration", "times", "acceleration"])
+def test_what_it_cannot_take(kinematic, key):
+    with pytest.raises(InvalidParameter, match=key):
+        kinematic.plan.move_abs_j(HOME, profile="time_optimal", **{key: 1.0})
