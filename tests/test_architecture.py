@@ -29,6 +29,7 @@ ROAD = [
     "programs",
     "comparison",
     "tuning",
+    "legged",
     "learning",
     "simulink",
     "teach",

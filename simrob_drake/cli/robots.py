@@ -1,4 +1,4 @@
-"""The commands about robots: import, view, station."""
+"""The commands about robots: import, view, station, legged."""
 
 import shlex
 from collections.abc import Callable, Iterable
@@ -26,7 +26,7 @@ from simrob_drake.cli.simulink import (
     refuse_model,
 )
 from simrob_drake.cli.tables import payload_lines, report_table, robot_table
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.folders import written_at_once
 from simrob_drake.importer.importing import ImportedRobot, default_folder, examine_robot, import_robot, robot_from_file
 from simrob_drake.importer.options import ImportOptions
@@ -145,6 +145,45 @@ def station(
     console.print(f"        simrob run {target}{leave}", soft_wrap=True, highlight=False)
 
 
+@with_import_options("mesh_path", "collision", "estimate_inertia", "xacro_arg", "drop_loops")
+def legged(
+    *,
+    file: FileArgument,
+    out: Annotated[Path | None, typer.Option(help="Folder of the result; NAME_legged unless given.")] = None,
+    tune: Annotated[
+        float, typer.Option(min=0, metavar="MINUTES", help="Search for better figures that long, and prove them.")
+    ] = 0.0,
+    options: ImportOptions | None,
+    force: Force = False,
+) -> ExitCode:
+    """Make a robot on legs ready to stand and to walk: robot, gait, stations and a report, from its tree alone.
+
+    What cannot be done is told in a line, and the parts that could be are kept.
+
+    For example:
+
+        simrob legged robot.urdf --out robots/robot
+
+        simrob legged robot.urdf --out robots/robot --tune 20
+    """
+    from simrob_drake.legged.making import WALK, make_legged  # loads what runs stations
+    from simrob_drake.legged.report import REPORT
+    from simrob_drake.legged.tuning import tune_walk
+
+    folder = out or Path(f"{file.stem}_legged")
+    with errors.status(Text(f"making and trying {file}")):
+        made = make_legged(file, folder, options, force=force)
+    for line in (*made.found, *made.assumed, *(f"{one.trial}: {one.outcome}" for one in made.attempts)):
+        console.print(line, soft_wrap=True, highlight=False)
+    console.print(f"report  {folder / REPORT}", soft_wrap=True, highlight=False)
+    if made.problem:
+        raise SimrobError(f"{made.problem} What could be done is in {folder}")
+    console.print(f"next    simrob run {folder / WALK}", soft_wrap=True, highlight=False)
+    for sentence in tune_walk(folder, tune) if tune else ():
+        console.print(sentence, soft_wrap=True, highlight=False)
+    return ExitCode.DONE
+
+
 def _leave_to_read(station: Path, places: Iterable[Path]) -> str:
     """Return the options that let a station read files and folders that lie outside of its own package."""
     own = package_root(resolved(station))
@@ -157,4 +196,4 @@ def _tell(imported: ImportedRobot) -> None:
     console.print(f"{imported.report.source.name}: {imported.report.summary()}", soft_wrap=True, highlight=False)
 
 
-COMMANDS: dict[str, Callable[..., Any]] = {"import": import_file, "view": view, "station": station}
+COMMANDS: dict[str, Callable[..., Any]] = {"import": import_file, "view": view, "station": station, "legged": legged}

@@ -39,6 +39,7 @@ from simrob_drake.yaml_files import parse_json, read_yaml
 _HEADER = """\
 # Draft of an import; edit it freely.
 # axes: the joints in the order of every vector; rename an axis as `elbow: {joint: joint_3, sign: -1}`.
+# gripper: where its fingers are closed and open, in deg, or m of those that slide.
 # tools: frames of the URDF whose pose a station can follow; the first is where pieces are attached.
 """
 
@@ -88,7 +89,7 @@ def import_robot(
         _check_apart(source, folder)
     report = ImportReport(source)
     with filled_at_once(folder, marker=REPORT_FILE, force=force) as work:
-        made = _write(source, work, options or ImportOptions(), report, isolated)
+        made = write_robot(source, work, options or ImportOptions(), report, isolated=isolated)
     return ImportedRobot(load_robot_from_urdf(folder / made.urdf_path.name), report)
 
 
@@ -104,8 +105,14 @@ def examine_robot(source: Path | str, options: ImportOptions | None = None) -> I
     return made
 
 
-def _write(source: Path, work: Path, options: ImportOptions, report: ImportReport, isolated: bool) -> RobotModel:
-    """Fill a folder with the clean robot, and return that."""
+def write_robot(
+    source: Path, work: Path, options: ImportOptions, report: ImportReport, *, isolated: bool = True
+) -> RobotModel:
+    """Fill a folder with the clean robot, and return that; args are those of :func:`import_robot`.
+
+    Raises:
+        InvalidModel: a defect that can't be repaired.
+    """
     robot = read_source(source, report, options)
     described = described_robot(source)
     if described is not None and options.base == "auto":
@@ -191,6 +198,10 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport) -> str:
         content["home_deg"] = robot.home_deg
         midway = ", ".join(robot.home_deg)
         report.add("defaulted", "robot.yaml", f"zero is outside of the limits of {midway}: they start midway")
+    if robot.gripper is not None:
+        content["gripper"] = robot.gripper.model_dump(mode="json", exclude_none=True)
+        names = ", ".join(robot.gripper.axes)
+        report.add("read", "robot.yaml", f"{names} are fingers, closed where they are nearest to each other")
     if not robot.links_without_inertia:
         gains = vars(first_gains(robot)).items()
         made = {key: dict(zip(robot.axes, values.tolist(), strict=True)) for key, values in gains}

@@ -179,6 +179,21 @@ class Arm(ArmGeometry):
     move_free = _running(plan_move_free)
     """Move the tool to a pose or a piece, or the axes to a posture, around obstacles; see :func:`plan_move_free`."""
 
+    def grip(self, **how: Any) -> SimulationResult:
+        """Close the fingers, until something is between them, with a ``force`` each [N], or to a ``width`` [m].
+
+        They hold by friction alone, and keep that force. Keywords are the keys of
+        :class:`~simrob_drake.programs.moves.grip.GripMove`.
+
+        Raises:
+            InvalidParameter: a robot without fingers, or what they cannot do.
+        """
+        return cast(SimulationResult, self.do({"grip": how}))
+
+    def open(self, **how: Any) -> SimulationResult:
+        """Open the fingers, all the way or to a ``width`` [m]; see :meth:`grip`."""
+        return cast(SimulationResult, self.do({"open": how}))
+
     def wait(self, duration: float) -> SimulationResult:
         """Hold the place for a time [s]; on a dynamic station the arm settles."""
         return self.cell.wait(duration)

@@ -1,6 +1,6 @@
 """What a robot can take, and what becomes of what it lets go: how far a grasp may be, and what can fall."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import product
 
 import numpy as np
@@ -9,7 +9,7 @@ from pydrake.multibody.tree import Frame
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.parts.site import WORLD
+from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.parts.targets import own_name
 from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.stations.config import StationConfig
@@ -110,3 +110,11 @@ def _gap(first: _Box, second: _Box) -> float:
     bounds = np.concatenate([half, other_half])
     found = lsq_linear(rows, other.translation() - one.translation(), bounds=(-bounds, bounds))
     return float(np.sqrt(2 * found.cost))
+
+
+def with_efforts(config: StationConfig, robot: StationRobot, efforts: Mapping[str, float]) -> StationConfig:
+    """Return a station in which motors of a robot give at most so much [N·m or N], by axis; the others as before."""
+    limits = {**dict(zip(robot.axes, robot.gains.torque_limit.tolist(), strict=True)), **efforts}
+    servo = config.servo_of(robot.name).model_copy(update={"torque_limit": limits})
+    entry = config.robots[robot.name].model_copy(update={"servo": servo})
+    return config.model_copy(update={"robots": {**config.robots, robot.name: entry}})

@@ -18,6 +18,7 @@ from simrob_drake.frames import (
     Vector,
     as_transform,
     finite,
+    numbers,
     pose_from_transform,
     pose_matrices,
     poses_from_matrices,
@@ -176,6 +177,15 @@ class Planning:
     def inverse(self, solver: SolverLike | None) -> Solver:
         """Return the solver of the inverse kinematics, the usual one if None."""
         return solver_for(self.chain, self.solver if solver is None else solver)
+
+    def postures(self, targets: npt.ArrayLike) -> Vector:
+        """Return postures (k, n) [rad or m]; where those of fingers are left out, they stay where they are."""
+        rows, fingers = numbers(targets), list(self.model.fingers)
+        if fingers and rows.ndim in (1, 2) and rows.shape[-1] == len(self.start) - len(fingers):
+            whole = np.tile(self.start, (*rows.shape[:-1], 1)) if rows.ndim > 1 else self.start.copy()
+            whole[..., [place for place in range(len(self.start)) if place not in fingers]] = rows
+            rows = whole
+        return self.chain.postures(rows if fingers else targets, "targets")
 
     def poses(self, targets: PoseTargets, wobj: WorkObject) -> Vector:
         """Return targets in a work object's frame as poses in the world, shape (k, 4, 4)."""

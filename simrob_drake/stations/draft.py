@@ -36,7 +36,12 @@ _UNSHAPED = "The robot has no shapes that collide, so that nothing could carry i
 _ARM: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
 _CREEPS = f"In discrete steps, since {_ARM['scheme']} was tried and creeps: some links are too light for it."
 _DISCRETE: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}
-_ON_FEET: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 2e-3}
+_HOLDS: dict[str, Any] = {
+    "reference": {"kind": "hold"},
+    "floor": {"size": 3},
+    "contact": {"model": "point"},
+    "solver": {"kind": "discrete", "scheme": "sap", "time_step": 2e-3},
+}
 
 
 def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, folder: Path | str | None = None) -> str:
@@ -101,10 +106,8 @@ def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
 
 def _on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     """Fill in the station of a robot with a free base; return remarks."""
-    content["servo"] = _servo(robot, "implicit")
-    content |= {"reference": {"kind": "hold"}, "floor": {"size": 3}, "contact": {"model": "point"}, "solver": _ON_FEET}
-    content["duration"] = 3.0
-    looked_at = Clearance(_config(robot, {**content, "robot": {"initial_deg": robot.home_deg}}))
+    content |= {"servo": _servo(robot, "implicit"), **_HOLDS, "duration": 3.0}
+    looked_at = at_home(robot)
     stances = Stances(looked_at, looked_at.station.robots[ONLY_ROBOT])
     first, outcome = None, ""
     for stance in islice(stances.find(), _TRIALS):
@@ -124,6 +127,12 @@ def _on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         f"No posture was found in which it stands on its feet. {stances.lacking}",
         f"So it begins at home, and falls or not: when it was tried, {outcome}.",
     ]
+
+
+def at_home(robot: RobotModel) -> Clearance:
+    """Return a robot with a free base at home on a floor, to look at how it may stand."""
+    content: dict[str, Any] = {"mode": "dynamic", "servo": _servo(robot, "implicit"), **_HOLDS}
+    return Clearance(_config(robot, {**content, "robot": {"initial_deg": robot.home_deg}}))
 
 
 def _stance_text(stance: Stance) -> str:

@@ -129,4 +129,5 @@ def _sole(points: Vector, near: float, turns: Vector, down: Vector) -> tuple[Vec
     best = int(np.argmax(np.where(fits, (same @ areas) * (_DOWNWARD + normals @ down), -np.inf)))
     parts = same[best]
     centre = (areas[parts, np.newaxis] * corners[parts].mean(axis=1)).sum(axis=0) / areas[parts].sum()
-    return np.asarray(centre), np.asarray(normals[best])
+    normal = areas[parts] @ normals[parts]
+    return np.asarray(centre), np.asarray(normal / np.linalg.norm(normal))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ _LEVEL = 1e-3  # m: feet at one height
 _STEADY = 0.04  # part of its height by which the centre of mass is within the support area: an angle of 2.3 deg
 _UNDER = 0.02  # part of a leg's length by which feet may be off the centre of mass
 _LOAD = 0.9  # part of a motor's torque that standing may take
+_FORWARD = 2  # joints of a leg that steps ahead alone, not aside
 _SHIFTS = 3  # how often the feet are put under the centre of mass
 
 
@@ -70,7 +71,7 @@ class Stances:
             feet = {body.name() for body, _ in ends_of(self._clearance, self._robot)}
             yield from self._good(home, [], feet if groups else feet | {self._robot.root.body().name()}, 0.0)
         for legs in groups:
-            yield from self._bent(legs)
+            yield from self.bent(legs)
 
     def as_it_is(self) -> Stance | None:
         """Return how it stands at home, whatever it stands on; None without shapes."""
@@ -133,8 +134,8 @@ class Stances:
             has = self._robot.gains.torque_limit[worst]
             yield f"{axis} takes {abs(found.torque[worst]):.3g} {unit} and has {has:.3g} {unit}"
 
-    def _bent(self, legs: list[Leg]) -> Iterator[Stance]:
-        """Yield stances on some legs, bent more or less, with the feet under where straight legs have them."""
+    def bent(self, legs: list[Leg], parts: Sequence[float] = _BENT) -> Iterator[Stance]:
+        """Yield stances that hold on some legs, bent to parts of their length, with the feet below straight legs'."""
         self._place(self._home)
         hips = np.array([self._origin(leg.links[0]) for leg in legs])
         chance = self._random.uniform(*span(self._robot), (10 * _SEEDS, len(self._home)))
@@ -143,7 +144,7 @@ class Stances:
         if length <= 0:
             return
         for below in (feet[0], hips):
-            for part in _BENT:
+            for part in parts:
                 targets = np.column_stack(
                     [below[:, 0], feet[0][:, 1], np.full(len(legs), hips[:, 2].min() - part * length)]
                 )
@@ -185,13 +186,14 @@ class Stances:
                 if bent is None:
                     return None
                 posture[leg.axes] = bent
-            ahead = self._feet(legs, posture)[:, 0].mean()
+            middle = self._feet(legs, posture)[:, :2].mean(axis=0)
             lowest = self._clearance.lowest(self._robot)
             heights = np.array([lowest[leg.foot.name()] for leg in legs])
             com = self._plant.CalcCenterOfMassPositionInWorld(self._clearance.context, [self._robot.instance])
-            if np.ptp(heights) < _LEVEL and abs(com[0] - ahead) < _UNDER * length:
+            off = (com[:2] - middle) * [1.0, len(legs[0].axes) > _FORWARD]
+            if np.ptp(heights) < _LEVEL and np.abs(off).max() < _UNDER * length:
                 break
-            targets[:, 0] += com[0] - ahead
+            targets[:, :2] += off
             targets[:, 2] -= heights - heights.mean()
         return self._stance(posture, how)
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.frames import Vector
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.timeline import GRID, USER, Change, PushNow, Timeline
@@ -88,11 +89,10 @@ class Bench:
         cell.change(self._start)
         cell.state = State.at_start_of(self._start)
         self._checkpoints, self._result, self.pacer.at, self._fell = [], None, None, False
-        self.pacer.seen.clear()
         self.pacer.requests.clear()
         self._new_line(GRID)
-        self._view.draw(cell.config, cell.state)
-        self._inbox.tell("tick", time=0.0, ratio=0.0, phase="idle", values={})
+        positions = self._view.draw(cell.config, cell.state)
+        self._inbox.tell("tick", time=0.0, ratio=0.0, positions=positions, values={})
 
     def play(self, program: str) -> dict[str, Any]:
         """Run a program, in YAML, from the start."""
@@ -149,16 +149,24 @@ class Bench:
         """Run so many times as fast as the clock; None: as fast as it can."""
         self.pacer.set_pace(factor)
 
-    def rewind(self, time: float) -> None:
-        """Show a moment of what was run; what is asked for next goes on from there."""
-        number, pacer = self.pacer.line.steps(time), self.pacer
-        if number in pacer.seen:
-            self._view.show(pacer.seen[number])
-        elif number == 0 and self._checkpoints:
-            self._view.draw(self._checkpoints[0].config, self._checkpoints[0].state)
-        else:
+    def rewind(self, time: float, positions: Vector | None = None) -> bool:
+        """Show a moment [s] by the positions of the plant then, or where something began at it; pause what runs.
+
+        Returns:
+            whether what is asked for next goes on from there: it was run here.
+        """
+        pacer, steps = self.pacer, self.pacer.line.steps
+        number = steps(time)
+        before = [place for place in self._checkpoints if steps(place.time) <= number <= steps(pacer.now)]
+        if positions is not None:
+            self._view.show(positions)
+        elif not before:
             raise InvalidParameter("time", f"{time:g} s", "a time that was run, not too long ago")
-        pacer.at, pacer.paused = number, pacer.paused or self.pacer.runs
+        elif steps(before[-1].time) == number:
+            self._view.draw(before[-1].config, before[-1].state)
+        if before:
+            pacer.at, pacer.paused = number, pacer.paused or pacer.runs
+        return bool(before)
 
     def change(self, settings: dict[str, Any]) -> None:
         """Change settings of the running station by their keys, from the next tick on."""
@@ -263,7 +271,6 @@ class Bench:
             finally:
                 self.pacer.end()
         self._result, self._fell = result, line.now <= begun
-        self.pacer.keep_last()
         if self.pacer.at is None:
             self.pacer.show_last()
         ended = {
@@ -276,7 +283,7 @@ class Bench:
             "time": line.now,
             "reached": max(line.now, round(self.pacer.now, 9)),
         }
-        self._inbox.tell("ended", **ended)
+        self._inbox.tell("ended", **ended, positions=self.pacer.last)
         self.pacer.phase("idle")
         return ended
 
@@ -294,7 +301,6 @@ class Bench:
         cell = self.cell
         cell.change(place.config)
         cell.state, cell.timeline.now, pacer.at = place.state, place.time, None
-        pacer.forget_after(number)
         return place, 0.0 if exact else pacer.line.time_of(number)
 
     def _settle(self) -> None:

@@ -150,7 +150,7 @@ class Jogging(MoveRunner):
         return super()._described(description)
 
     def _jog(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
-        self._run_log.append([None], self._start_time, free=True)
+        self.run.moves.append([None], self.run.start, free=True)
         return self._start("free", "jog", targets_deg=targets_deg, duration=duration)
 
     def _lines(

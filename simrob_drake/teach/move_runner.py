@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.moves.play import PlayMove
@@ -17,96 +17,18 @@ from simrob_drake.programs.timeline import GRID, Change
 from simrob_drake.sections import validated
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.program_editor import ProgramEditor
+from simrob_drake.teach.run import Kind
 from simrob_drake.teach.run_client import HandOver, MakeLive, done
 from simrob_drake.teach.run_pacer import News
 from simrob_drake.teach.taught import Taught, entries_of, with_change
 
 Tried = tuple[Move, ...]
 Then = Callable[[], object]
-Kind = Literal["", "program", "tried", "free"]
-"""What is run, or was last: the program, what is tried, or something that is neither stored nor waits to be."""
-
-
-class LogEntry(NamedTuple):
-    """A part of what was run: a move, None of what is none as one that was stopped; and when it began [s], if known."""
-
-    move: Move | None
-    start: float | None = None
-
-
-class RunLog:
-    """What was run, move by move.
-
-    Attributes:
-        mark: where in it what was tried begins.
-        in_time: whether times are those of a program of the same moves.
-    """
-
-    def __init__(self) -> None:
-        """Begin at the start of the station, where nothing was run."""
-        self._entries: list[LogEntry] = []
-        self.mark = 0
-        self.in_time = True
-
-    def restart_with(self, moves: Sequence[Move]) -> None:
-        """Take a whole program that was run from the start."""
-        self._entries, self.in_time = [], True
-        self.append(moves, 0.0, free=True)
-
-    def append(self, moves: Sequence[Move | None], time: float, *, free: bool = False) -> None:
-        """Take moves that were begun at a time [s]; ``free`` ones count as no tries."""
-        self._entries += [LogEntry(move, None if number else time) for number, move in enumerate(moves)]
-        if free:
-            self.mark_stored()
-
-    def mark_stored(self) -> None:
-        """Count what was tried as stored."""
-        self.mark = len(self._entries)
-
-    def is_program(self, moves: Sequence[Move]) -> bool:
-        """Tell whether nothing was run but these moves, all before what was tried, from the start on and in time."""
-        return not self._entries or (self.in_time and self._done(0, self.mark) == list(moves))
-
-    def _done(self, begin: int, end: int | None = None) -> list[Move | None]:
-        return [entry.move for entry in self._entries[begin:end]]
-
-    def align_with(self, moves: Sequence[Move]) -> None:
-        """Find anew where what was tried begins, as the program has changed: behind these moves, if they were run."""
-        stored = self._done(0, len(moves)) == list(moves)
-        self.mark = len(moves) if stored else min(self.mark, len(self._entries))
-
-    def has_others(self, tried: Sequence[Move]) -> bool:
-        """Tell whether something else was tried than these moves, or their beginning."""
-        done = self._done(self.mark)
-        return done != list(tried[: len(done)])
-
-    def back_to(self, tried: Sequence[Move]) -> tuple[float | None, int]:
-        """Forget what was tried otherwise than these moves.
-
-        Returns:
-            when the first that differs began [s], None if none differs or that is not known; and how many of the moves
-            are still done.
-        """
-        done, kept = self._entries[self.mark :], 0
-        while kept < min(len(done), len(tried)) and done[kept].move == tried[kept]:
-            kept += 1
-        if kept == len(done):
-            return None, kept
-        while kept and done[kept].start is None:
-            kept -= 1
-        start = done[kept].start
-        del self._entries[self.mark + kept :]
-        if start is None:
-            self._entries.insert(self.mark, LogEntry(None))  # the robot is not where these moves would have it
-            self.mark += 1
-        return start, kept
 
 
 class MoveRunner(ProgramEditor):
     """What is tried, and how the robot gets there and back."""
 
-    ending: News | None = None
-    """How the last run ended, as its news told; None before."""
     _next: tuple[Callable[[], Future[Any]], Future[Any]] | None = None
 
     def undo(self) -> bool:
@@ -133,13 +55,10 @@ class MoveRunner(ProgramEditor):
         super().__init__(live, hand_over)
         self._begin()
 
-    def _begin(self) -> None:
-        """Count nothing as run."""
-        self._run_log = RunLog()
-        self._kind: Kind = ""
+    def _begin(self, *, lost: bool = False) -> None:
+        """Count nothing as run; what was ``lost`` with its process can be looked at, and no more."""
+        self.run.at_start(lost=lost)
         self._fell: Then = lambda: None
-        self._rewound = False
-        self._start_time = 0.0  # of the next run, where the robot is [s]; after a fall that is not what is shown
         self._failed_try: tuple[Tried, Tried] = (), ()  # what was tried when that fell, and before
         self._travels: set[object] = set()  # asked for and not answered yet
 
@@ -166,21 +85,21 @@ class MoveRunner(ProgramEditor):
         """Run what of the tried moves is not done yet; where that cannot be, they are as ``before``."""
         now = self._history.present
         again = now.pending == before.pending  # the last of them is run once more
-        back, kept = self._run_log.back_to(now.pending[:-1] if again else now.pending)
+        back, kept = self.run.moves.back_to(now.pending[:-1] if again else now.pending)
         moves = now.pending[kept:]
         if not moves:
             return done()
-        if self._rewound and back is None:
-            self._run_log.append([None], self._start_time, free=True)  # no more what the program would do
-        begin = self._start_time if back is None else back
-        self._run_log.append(moves, begin)
+        if self.run.rewound and back is None:
+            self.run.moves.append([None], self.run.start, free=True)  # no more what the program would do
+        begin = self.run.start if back is None else back
+        self.run.moves.append(moves, begin)
         kept_changes = tuple(change for change in now.changes if change.time < begin)
         if kept_changes != now.changes:  # what was changed then is not changed again
             now = now.replaced(changes=kept_changes)
             self._record(now)
 
         def undone() -> None:
-            self._run_log.back_to(now.pending[:kept])
+            self.run.moves.back_to(now.pending[:kept])
 
         def fell() -> None:
             undone()
@@ -197,36 +116,40 @@ class MoveRunner(ProgramEditor):
                 self._record(self._history.present.replaced(**tried))
 
         def run(_: Any = None) -> Future[Any]:
-            self._start_time = begin
+            self.run.start = begin
             if self._next is not None:  # which is newer, and runs what these would
                 undone()
                 return done(None)
             return self._do("tried", moves, give_up, fell)
 
-        return run() if back is None else self._travel("rewind", run, give_up, time=back)
+        return run() if back is None else self._show_moment(back, run, give_up)
 
     def _run_free(self, moves: Sequence[Move]) -> Future[Any]:
         """Run what is neither stored nor waits to be."""
-        self._run_log.append([None] if self._rewound else [], self._start_time)
-        self._run_log.append(moves, self._start_time, free=True)
+        self.run.moves.append([None] if self.run.rewound else [], self.run.start)
+        self.run.moves.append(moves, self.run.start, free=True)
         return self._do("free", moves)
 
     def _do(self, kind: Kind, moves: Sequence[Move], *came_to_nothing: Then) -> Future[Any]:
         """Run moves from where the robot is; those that take no time are followed by a moment, to be seen."""
         if not any(move.takes_time for move in moves):
-            moves, self._run_log.in_time = [*moves, WaitMove(duration=self.program.grid or GRID)], False
+            moves, self.run.moves.in_time = [*moves, WaitMove(duration=self.program.grid or GRID)], False
         return self._start(kind, "do", *came_to_nothing, moves=entries_of(moves))
 
     def _go_back(self) -> Future[Any]:
         """Show where the robot was before what is not tried any more."""
-        back, _ = self._run_log.back_to(self._history.present.pending)
-        if back is None and self.time != self._start_time:  # a fall is shown
-            back = self._start_time
-        return done() if back is None else self._travel("rewind", lambda _: self._stand(back), time=back)
+        back, _ = self.run.moves.back_to(self._history.present.pending)
+        if back is None and self.run.time != self.run.start:  # a fall is shown
+            back = self.run.start
+        return done() if back is None else self._show_moment(back, lambda _: self._stand(back))
+
+    def _show_moment(self, time: float, then: Callable[[Any], Any], failed: Then = lambda: None) -> Future[Any]:
+        """Ask for a moment of the run to be shown [s]."""
+        return self._travel("rewind", then, failed, time=time, positions=self.run.moment(time))
 
     def _play(self) -> Future[Any]:
         program = self._whole_program()
-        self._run_log.restart_with(program.moves)
+        self.run.moves.restart_with(program.moves)
         return self._start("program", "play", self._begin, self._begin, program=program.text())
 
     def _whole_program(self) -> Program:
@@ -239,15 +162,14 @@ class MoveRunner(ProgramEditor):
         self._begin()
 
         def begun(_: Any) -> bool:
-            self.reach = 0.0
+            self.run.take(0.0, self.run.moment(0.0), {})
             return self._stand(0.0)
 
         return self._travel("restart", begun)
 
     def _stand(self, time: float) -> bool:
         """Tell that the robot stands where it was at a time [s]."""
-        self.time = self._start_time = time
-        self._rewound = False
+        self.run.stand(time)
         self._tell("tick")
         return True
 
@@ -269,7 +191,7 @@ class MoveRunner(ProgramEditor):
         self, kind: Kind, method: str, failed: Then = lambda: None, fell: Then = lambda: None, **arguments: Any
     ) -> Future[Any]:
         """Ask for a run; ``failed`` is called if it cannot be, ``fell`` if it came to nothing."""
-        self._kind, self._fell, self._rewound = kind, fell, False
+        self.run.kind, self.run.rewound, self.run.lost, self._fell = kind, False, False, fell
         self._set_phase("running")
 
         def refused() -> None:
@@ -291,7 +213,7 @@ class MoveRunner(ProgramEditor):
         self._forget_next()
         self._next = action, answer
         if self.phase == "gone":
-            self._reopen()
+            self._reopen(lost=self.run.lost)
         elif self.phase in ("running", "paused") and wait:
             self._say(Notice("waits"))
             self._ask("go_on")
@@ -305,7 +227,7 @@ class MoveRunner(ProgramEditor):
         before = self._history.present
         go()
         now = self._history.present
-        self._run_log.align_with(now.program.moves)
+        self.run.moves.align_with(now.program.moves)
         reopened = now.settings != before.settings
         if reopened:
             self.config = self._loaded(now.settings)
@@ -313,7 +235,7 @@ class MoveRunner(ProgramEditor):
         if reopened:
             self._forget_next()
             self._reopen()
-        elif self._run_log.has_others(now.pending):
+        elif self.run.moves.has_others(now.pending):
             self._when_idle(self._go_back)
         return True
 
@@ -342,20 +264,18 @@ class MoveRunner(ProgramEditor):
                 self._ended(news)
             case "died":
                 again = self._died(str(news["why"]))
-                self._begin()
+                self._begin(lost=True)
                 self._forget_next()
                 if again:
-                    self._reopen()
+                    self._reopen(lost=True)
             case _:
                 super()._take(news)
 
     def _ended(self, news: News) -> None:
-        self.ending, jogged = news, self._kind == "free"
-        if not self._rewound:
-            self.time = self.reach = news["reached"]
-            self._start_time = news["time"]
+        jogged = self.run.kind == "free"
+        self.run.end(news)
         if news["ending"] == "stopped":
-            self._run_log.append([None], news["time"])
+            self.run.moves.append([None], news["time"])
         elif not news["goes_on"]:
             self._fell()
         self._fell = lambda: None
@@ -370,17 +290,17 @@ class MoveRunner(ProgramEditor):
         """Put a change of the run into the program, or to what is tried, if its time is theirs."""
         now, made = self._history.present, validated(Change, change, "the change")
         label = " ".join(made.set or ())  # a slider that is moved is one step
-        known = self._kind == "program"
+        known = self.run.kind == "program"
         of_program = known or not now.pending
-        if not (known or self._run_log.is_program(now.program.moves)):
+        if not (known or self.run.moves.is_program(now.program.moves)):
             self._say(Notice("not_stored"))
         elif of_program and made not in now.program.changes:
             self._record(now.with_program(changes=with_change(now.program.changes, made)), label)
         elif not of_program and made not in now.changes:
             self._record(now.replaced(changes=with_change(now.changes, made)), label)
 
-    def _reopen(self, failed: Callable[[], object] | None = None) -> None:
+    def _reopen(self, failed: Callable[[], object] | None = None, *, lost: bool = False) -> None:
         """Open the station anew in the run; ``failed`` is called if that cannot be."""
-        self._begin()
+        self._begin(lost=lost)
         how = {"station": self.station, "settings": self.settings, "robot": self.robot or None}
         self._open_live(failed or (lambda: self._set_phase("gone")), **how, allow_code=self._allow_code)

@@ -12,6 +12,7 @@ from typing import Any, Literal, Protocol, TypeVar
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.teach.pages.words import Notice
+from simrob_drake.teach.run import TaughtRun
 from simrob_drake.teach.run_pacer import News, RunLost
 
 Made = TypeVar("Made")
@@ -20,8 +21,6 @@ MakeLive = Callable[[Callable[[News], None]], "Running"]
 HandOver = Callable[[Callable[[], None]], object]
 
 _DEATHS, _SOON = 3, 60.0  # so many in so many seconds, and it is not started again by itself
-_KEPT = 2400
-"""Values of a signal that are kept: two minutes of simulated time."""
 
 
 class Running(Protocol):
@@ -52,11 +51,9 @@ class RunClient:
         self._viewers: list[Callable[[News], None]] = []
         self._watched: dict[object, tuple[str, ...]] = {}
         self.description: dict[str, Any] = {}
-        self.phase, self.time, self.reach, self.ratio = "opening", 0.0, 0.0, 0.0
+        self.phase, self.run = "opening", TaughtRun()
         self.pace: float | None = 1.0
         self.message = Notice()
-        self.values: dict[str, Any] = {}
-        self.history: dict[str, deque[tuple[float, Any]]] = {}
 
     def hear(self, timeout: float = 0.0) -> None:
         """Take the news that have come, waiting for the first so long [s]: for scripts, which hand nothing over."""
@@ -95,8 +92,7 @@ class RunClient:
         if not self._watched[viewer]:
             del self._watched[viewer]
         names = list(dict.fromkeys(name for own in self._watched.values() for name in own))
-        self.history = {name: self.history.get(name, deque(maxlen=_KEPT)) for name in names}
-        self.values = {name: value for name, value in self.values.items() if name in names}
+        self.run.watch(names)
         self._tell("history")
         return done() if self._live is None else self._ask("watch", signals=names)  # else it is told these first
 
@@ -121,9 +117,11 @@ class RunClient:
         return opened
 
     def _described(self, description: dict[str, Any]) -> dict[str, Any]:
-        self.description, self.time, self.reach, self.ratio = description, 0.0, 0.0, 0.0
-        for ring in self.history.values():
-            ring.clear()
+        self.description = description
+        if self.run.lost:  # it can be looked at all the same
+            self._ask("rewind", time=self.run.time, positions=self.run.moment(self.run.time))
+        else:
+            self.run.take(0.0, self.run.moment(0.0), {})
         if self.phase == "opening":
             self._set_phase("idle")
         self._tell("description")
@@ -187,13 +185,9 @@ class RunClient:
                 self._wrong(news["text"])
 
     def _ticked(self, news: News) -> None:
-        self.time = self.reach = news["time"]
-        self.ratio = news["ratio"]
-        for name, value in news["values"].items():
-            self.values[name] = value
-            if name in self.history:
-                self.history[name].append((self.time, value))
-        self._tell("tick")
+        if not self.run.lost:  # else it is of the next one, which is being opened
+            self.run.take(news["time"], news.get("positions"), news["values"], news["ratio"])
+            self._tell("tick")
 
     def _died(self, why: str) -> bool:
         """Tell that the run died; return whether it may be started again, for that has helped so far."""

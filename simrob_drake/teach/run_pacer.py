@@ -19,7 +19,6 @@ from simrob_drake.simulation import Moment
 
 _FRAME = 1 / 25
 """Time on the clock from one picture to the next [s]."""
-_MOST = 20_000  # moments that can be gone back to
 
 
 News = dict[str, Any]
@@ -85,7 +84,6 @@ class RunPacer:
         runs: whether a run is on its way.
         stopping: whether it is to end at the next tick.
         until: up to when it runs as fast as it can without being shown, since all that was shown before [s].
-        seen: positions of the plant at the moments that were run, by their numbers.
         at: the number of an earlier moment that is shown; None: the present.
         now: up to when the last run came [s], also one that came to nothing.
     """
@@ -102,7 +100,6 @@ class RunPacer:
         self.at: int | None = None
         self.drag: tuple[str, tuple[float, ...], tuple[float, ...]] | None = None
         self.requests: list[Change] = []
-        self.seen: dict[int, Vector] = {}
         self.runs = self.paused = self.stopping = self._one = False
         self.until = 0.0
         self._dragging: int | None = None
@@ -162,9 +159,6 @@ class RunPacer:
     def at_tick(self, time: float, moment: Moment) -> bool:
         """Tell of a tick and take what was asked for; True ends the run."""
         number = self.line.steps(time)
-        if self._last is not None:
-            self.seen[number] = self._last[1]
-            self.seen.pop(number - _MOST, None)
         if time < self.until - 1e-9:
             return False
         if self.until:
@@ -192,7 +186,7 @@ class RunPacer:
         elapsed = perf_counter() - self._began
         ratio = (time - self._zero) / elapsed if elapsed > 0 else 0.0
         values = {name: np.atleast_1d(moment.value(name)).tolist() for name in self.watched}
-        self._inbox.tell("tick", time=time, ratio=ratio, phase=self._phase, values=values)
+        self._inbox.tell("tick", time=time, ratio=ratio, positions=self.last, values=values)
 
     def _take_changes(self, number: int) -> None:
         time, changes = self.line.time_of(number), self.line.changes
@@ -217,14 +211,10 @@ class RunPacer:
         if self._last is not None:
             self._show(self._last[1])
 
-    def keep_last(self) -> None:
-        """Keep the last that was run among the moments: what ends a run may come between two ticks."""
-        if self._last is not None:
-            self.seen.setdefault(self.line.steps(self.now), self._last[1])
-
-    def forget_after(self, number: int) -> None:
-        """Forget the moments after one."""
-        self.seen = {seen: positions for seen, positions in self.seen.items() if seen <= number}
+    @property
+    def last(self) -> Vector | None:
+        """Positions of the plant where the last run ended, which may be between two ticks; None if there are none."""
+        return None if self._last is None or not np.isfinite(self._last[1]).all() else self._last[1]
 
     def end(self) -> None:
         """Take note of the end of a run."""

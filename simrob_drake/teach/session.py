@@ -46,13 +46,10 @@ class Session(Teaching, Jogging):
         program: what is stored.
         pending: moves that were tested and not added yet, as a program's file has them.
         phase: ``opening``, ``idle``, ``running``, ``paused``, or ``gone`` where no run can be had.
-        time: of the moment that is shown [s]; ``reach``: how far the run has come, also one that came to nothing;
-            ``ratio``: simulated time over the clock's.
+        run: what was run since the start of the station, to be looked at.
         pace: asked for; None: as fast as it can.
         conflict: whether another editor has changed the file since: see :meth:`take_theirs` and :meth:`keep_both`.
         message: the last thing to tell; ``str(message)`` is English, ``message.key`` tells pages which.
-        values: last value of each watched signal.
-        history: of each watched signal its last values, as ``(time, value)`` in a ring: ``session.history[name]``.
         settings: what is changed of the station, by dotted key.
         targets: taught targets of an arm by name.
         ghosts: the branches that :meth:`branches` found last.

@@ -57,7 +57,7 @@ class Teaching(MoveRunner):
         if not self._history.present.pending:
             return self._refused("nothing_tested")
         self._record(self._history.present.added())
-        self._run_log.mark_stored()
+        self.run.moves.mark_stored()
         return True
 
     def discard(self) -> Future[Any]:
@@ -87,8 +87,8 @@ class Teaching(MoveRunner):
 
     def go_on(self) -> Future[Any]:
         """Go on after a pause, or from a moment that was gone back to; what came after that is forgotten."""
-        if self.phase == "idle" and self._rewound:
-            return self._start(self._kind, "go_on")
+        if self.phase == "idle" and self.run.rewound:
+            return self._start(self.run.kind, "go_on")
         return self._proceed("go_on")
 
     def one_tick(self) -> Future[Any]:
@@ -97,7 +97,7 @@ class Teaching(MoveRunner):
 
     def _proceed(self, method: str) -> Future[Any]:
         """Ask for more of a run; in one that was gone back in there is no more but from there."""
-        self._rewound = self._rewound and self.phase == "idle"
+        self.run.rewound = self.run.rewound and self.phase == "idle"
         return self._ask(method)
 
     def set_pace(self, factor: float | None) -> Future[Any]:
@@ -114,12 +114,14 @@ class Teaching(MoveRunner):
     def rewind(self, time: float) -> Future[Any]:
         """Show a moment of what was run [s]."""
 
-        def shown(_: Any) -> bool:
-            self._stand(float(time))
-            self._rewound = True
+        def shown(goes_on: Any) -> bool:
+            self.run.time = float(time)
+            if goes_on:
+                self.run.start, self.run.rewound = self.run.time, True
+            self._tell("tick")
             return True
 
-        return self._travel("rewind", shown, time=time)
+        return self._show_moment(float(time), shown)
 
     def change(self, key: str, value: Any) -> Future[Any]:
         """Change the running station by a dotted key, such as ``servo.kp``; it goes into the program with its time."""

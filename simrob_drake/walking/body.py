@@ -2,6 +2,7 @@
 
 import weakref
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,15 +15,17 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.feet import FootContact
+from simrob_drake.walking.knees import knee_of
 
 Rows = Sequence[Sequence[float]]
 """A matrix."""
-_ROWS = {6: [0, 1, 2, 3, 4, 5], 4: [0, 1, 3, 5], 3: [3, 4, 5]}
-"""Which of [roll, pitch, yaw, ahead, left, up] of its foot a leg of so many joints is asked for."""
+_ROWS = {7: [[0, 1, 2, 3, 4, 5]], 6: [[0, 1, 2, 3, 4, 5]], 5: [[0, 1, 3, 4, 5], [1, 2, 3, 4, 5]]}
+_ROWS |= {4: [[0, 1, 3, 5]], 3: [[3, 4, 5]]}
+"""Which of [roll, pitch, yaw, ahead, left, up] of its foot a leg of so many joints is asked for; of several what it
+can best."""
 _ABOUT = np.zeros((9, 3))  # from the entries of a small rotation, a row after the other, to what it turns about
 _ABOUT[[7, 2, 3], [0, 1, 2]], _ABOUT[[5, 6, 1], [0, 1, 2]] = 0.5, -0.5
 _DAMPING = 1e-5  # of a leg that is nearly straight [m², rad²]
-_LEAST_KNEE = 0.05  # so that a leg never bends the other way [rad]
 _LARGEST = 0.3  # change of a joint in a sample [rad]
 
 
@@ -54,7 +57,8 @@ class Body:
         root: Frame,
         axes: AxisMap,
         limits: tuple[Vector, Vector],
-        knees: Sequence[int],
+        posture: Vector,
+        stance: Vector,
         feet: Sequence[Frame],
         contact: FootContact,
         legs: Sequence[Sequence[int]],
@@ -68,19 +72,20 @@ class Body:
             root: the frame of its root link.
             axes: of the robot.
             limits: of the axes, lower and upper, shape (n,) [rad].
-            knees: the axes that never get straight.
+            posture: near which legs are found, shape (n,) [rad]; knees stay on the side to which they bend there.
+            stance: in which the soles are flat and stand as they shall side by side, shape (n,) [rad].
             feet: the frames of their links.
             contact: what touches the ground there.
             legs: the axes of each foot's leg.
             facing: where the robot looks while its root is not turned, from the world's x axis [rad].
 
         Raises:
-            InvalidParameter: a leg that has neither three, four nor six joints.
+            InvalidParameter: a leg that has fewer than three joints or more than seven, or not as many as the others.
         """
         for frame, leg in zip(feet, legs, strict=True):
             if len(leg) not in _ROWS or len(leg) != len(legs[0]):
                 raise InvalidParameter(
-                    f"leg of {frame.name()}", f"{len(leg)} joints", "three, four or six, all alike, to walk"
+                    f"leg of {frame.name()}", f"{len(leg)} joints", "three to seven, all alike, to walk"
                 )
         self._plant, self._instance, self._axes = weakref.proxy(plant), instance, axes
         self._root, self._feet = root.index(), [foot.index() for foot in feet]
@@ -94,12 +99,12 @@ class Body:
         self._which, joints = np.arange(len(legs))[:, np.newaxis], self._legs.shape[1]
         self._columns, self._senses = axes.velocity_places[self._legs], axes.signs[self._legs]
         # legs of fewer joints keep their soles flat and the way ahead: as seen in that direction
-        turn = np.kron(np.eye(2), self.facing.matrix())
-        self._rows = None if joints == len(turn) else turn[_ROWS[joints]].T
+        self._soles(contact, [foot.name() for foot in feet], stance)
+        self.take(posture)
+        self._rows = self._asked(np.kron(np.eye(2), self.facing.matrix()), joints)
         self._damping = _DAMPING * np.eye(joints)
-        self._lower, self._upper = limits[0].copy(), limits[1]
-        self._lower[list(knees)] = np.maximum(self._lower[list(knees)], _LEAST_KNEE)
-        self._soles(contact, [foot.name() for foot in feet])
+        self._lower, self._upper = limits[0].copy(), limits[1].copy()
+        self._bend_knees(legs, posture)
         self._facing = self.facing.matrix()  # arrays of what is multiplied in every sample
         self._middles = np.array([upright.GetAsMatrix4() for upright in self._upright])
 
@@ -111,10 +116,33 @@ class Body:
         places = [axes.position_places, ahead + axes.velocity_places, free, range(motion, motion + 3)]
         return np.concatenate([*places]).astype(np.intp), np.concatenate([axes.signs, axes.signs, np.ones(13)])
 
-    def _soles(self, contact: FootContact, links: Sequence[str]) -> None:
-        """Find the middles of the soles, and which way they look, from the robot with all axes at zero."""
+    def _asked(self, turn: Vector, joints: int) -> Vector | None:
+        """Return how [roll, pitch, yaw, ahead, left, up] of a foot become what its leg is asked for; None: as they are.
+
+        ``turn`` (6, 6) lets them be seen the way the robot looks.
+        """
+        if joints >= len(turn):
+            return None
+        rates = self._rates(0)[:, self._columns[0]]
+        choices = [turn[rows].T for rows in _ROWS[joints]]
+        return max(choices, key=lambda rows: float(np.linalg.svd(rates.T @ rows, compute_uv=False)[-1]))
+
+    def _bend_knees(self, legs: Sequence[Sequence[int]], posture: Vector) -> None:
+        """Narrow the limits so that knees stay bent as they are in a posture (n,), which is the one taken."""
+        plant, axes, lower, upper = self._plant, self._axes, self._lower, self._upper
+        all_joints = map(plant.get_joint, plant.GetJointIndices(self._instance))
+        joints = {joint.velocity_start(): joint for joint in all_joints if joint.num_velocities() == 1}
+        for leg, foot, tip in zip(legs, self._feet, self._tips, strict=True):
+            chain = [joints[place] for place in axes.velocity_places[list(leg)]]
+            knee = knee_of(plant, self._goal, chain, plant.get_frame(foot), tip)
+            axis = leg[knee.place]
+            knee = replace(knee, straight=axes.signs[axis] * knee.straight)
+            lower[axis], upper[axis] = knee.kept_bent(posture[axis], lower[axis], upper[axis])
+
+    def _soles(self, contact: FootContact, links: Sequence[str], stance: Vector) -> None:
+        """Find the middles of the soles, and which way they look, from the robot in a stance (n,)."""
         plant, context = self._plant, self._goal
-        plant.SetPositions(context, self._axes.spread_positions(0.0, plant.GetPositions(context)))
+        plant.SetPositions(context, self._axes.spread_positions(stance, plant.GetPositions(context)))
         root = plant.get_frame(self._root)
         self._tips, self._upright, self.homes, self.over = list[Vector](), list[RigidTransform](), list[Vector](), 0.0
         self._corners = list[list[list[float]]]()
@@ -187,14 +215,18 @@ class Body:
                 self.take(posture)
             for number, link in enumerate(links):
                 poses[number] = link.CalcPose(context, frame).GetAsMatrix34()
-                rates[number] = plant.CalcJacobianSpatialVelocity(
-                    context, JacobianWrtVariable.kV, link, self._tips[number], frame, frame
-                )
+                rates[number] = self._rates(number)
             there = poses @ self._middles
             posture = posture.copy()
             posture[self._legs] += self._step(rates, there, target)
             posture = np.minimum(np.maximum(posture, self._lower), self._upper)
         return posture
+
+    def _rates(self, foot: int) -> Vector:
+        """Return the Jacobian (6, nv) of the middle of a sole, in the root's axes, in the posture taken."""
+        plant, root = self._plant, self._plant.get_frame(self._root)
+        link, tip = plant.get_frame(self._feet[foot]), self._tips[foot]
+        return np.asarray(plant.CalcJacobianSpatialVelocity(self._goal, JacobianWrtVariable.kV, link, tip, root, root))
 
     def _step(self, rates: Vector, there: Vector, target: Vector) -> Vector:
         """Return a damped step of the legs' joints (legs, k) from poses of the feet towards others, (legs, 3, 4) each.

@@ -159,8 +159,11 @@ class WalkingParameters(Renamed):
     """How the trunk is carried."""
     groups: tuple[tuple[str, ...], tuple[str, ...]] = (("right_foot",), ("left_foot",))
     """The feet that stand and swing together, the right ones first; tools of the robot."""
+    stance_deg: AxisValues = 0.0
+    """Angles of the axes where the robot stands with its soles flat and ahead, its feet as far apart as in the walk but
+    for `widen` [deg]."""
     widen: Number = 0.0
-    """How much further out each foot stands than with straight legs [m]."""
+    """How much further out each foot stands than so [m]."""
     step_time: Duration
     """From one footfall to the next [s]."""
     double_support: Annotated[Number, Field(ge=0, lt=0.9)] = 0.2

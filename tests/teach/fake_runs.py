@@ -17,6 +17,8 @@ class CountingRun:
     """
 
     held = False
+    shown = True  # whether it goes on from what was asked to be shown
+    positions = None
     refused = ""
     dead = False
 
@@ -25,7 +27,7 @@ class CountingRun:
         self.running, self.end = None, 0.0
 
     def call(self, method, /, **arguments):
-        self.calls.append((method, arguments))
+        self.calls.append((method, {name: value for name, value in arguments.items() if name != "positions"}))
         future = Future()
         try:
             if self.dead:
@@ -59,7 +61,7 @@ class CountingRun:
     def tick(self, time, **values):
         """Tell of a moment of the run."""
         self.time = time
-        self.tell({"news": "tick", "time": time, "ratio": 1.0, "phase": "running", "values": values})
+        self.tell({"news": "tick", "time": time, "ratio": 1.0, "positions": [time], "values": values})
 
     def note(self, **change):
         """Tell of a change."""
@@ -93,8 +95,11 @@ class CountingRun:
         if self.running is not None:
             self.finish("stopped", time=self.time)
 
-    def _rewind(self, time):
-        self.time = time
+    def _rewind(self, time, positions):
+        self.positions = positions
+        if self.shown:
+            self.time = time
+        return self.shown
 
     def _go_on(self):
         if self.running is None and self.time < self.end:

@@ -1,6 +1,5 @@
 """A session without a run, for the legged page: a robot as it is, a program that keeps what it is given, and notes."""
 
-from collections import deque
 from concurrent.futures import Future
 
 import numpy as np
@@ -11,6 +10,7 @@ from simrob_drake.programs.program import Program
 from simrob_drake.programs.stages import SEQUENCE
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.teach.pages.words import Notice
+from simrob_drake.teach.run import TaughtRun
 
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
@@ -51,6 +51,12 @@ def described(name="humanoid"):
     }
 
 
+def take(session, news):
+    """Let a session, or its run, have other attributes."""
+    for name, value in news.items():
+        setattr(session.run if hasattr(session.run, name) else session, name, value)
+
+
 class LegsSession:
     """What the legged page calls of a session; `calls` has the names and arguments."""
 
@@ -59,10 +65,10 @@ class LegsSession:
     def __init__(self, name="humanoid", *, moves=(), changes=()):
         self.subject = self.robot = name
         self.station = f"{name}_dynamic"
-        self.description, self.phase, self.time, self.ratio, self.pace = described(name), "idle", 0.0, 0.0, 1.0
+        self.description, self.phase, self.pace, self.run = described(name), "idle", 1.0, TaughtRun()
         self.program = Program.model_validate({"moves": list(moves), "changes": list(changes)})
-        self.pending, self.targets, self.message, self.values = (), {}, Notice(), {}
-        self.history = {name: deque(maxlen=2400) for name in ("reference", "position", "base_pose")}
+        self.pending, self.targets, self.message = (), {}, Notice()
+        self.run.watch(("reference", "position", "base_pose"))
         self.calls, self._hearers = [], []
 
     def listen(self, callback):
@@ -74,7 +80,7 @@ class LegsSession:
 
     def told(self, *topics, **news):
         """Let something change, and the listeners hear of it."""
-        vars(self).update(news)
+        take(self, news)
         for topic in topics:
             for hearer in list(self._hearers):
                 hearer(topic)

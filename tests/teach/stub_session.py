@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import numpy as np
+from legs_session import take
 from pydrake.geometry import Role
 
 from simrob_drake import load_station
@@ -49,7 +50,7 @@ class StubSession(Session):
 
     def told(self, *topics, **news):
         """Let something change, and the listeners hear of it."""
-        vars(self).update(news)
+        take(self, news)
         for topic in topics:
             for hearer in list(self._hearers):
                 hearer(topic)

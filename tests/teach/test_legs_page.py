@@ -19,6 +19,7 @@ from simrob_drake.robots.catalog import load_robot
 from simrob_drake.teach.pages import legs, plots
 from simrob_drake.teach.pages.phrases import Phrases, matches
 from simrob_drake.teach.pages.words import languages, texts_of, words
+from simrob_drake.teach.run import TaughtRun
 
 MOVE = {"target_deg": {"HomIF": 30.0, "CadDF": 20.0}, "duration": 1.5}
 
@@ -163,7 +164,7 @@ def test_what_was_typed_stays_when_a_test_falls(ended, again):
         press(user, "2. Test")
         session.ending.set_result(ended)
         session.told("phase", "program", phase="idle", time=0.7)
-        session.history["reference"].append((0.7, [0.0] * 18))  # where the fall began
+        session.run.history["reference"].append((0.7, [0.0] * 18))  # where the fall began
         await heard()
         fell = "right_elbow" in again[0]
         assert field(user, "right elbow").value == (20.0 if fell else 0.0)
@@ -274,7 +275,7 @@ def test_the_key_enter_in_a_field_tests():
 def test_joints_that_are_not_set_show_what_the_robot_is_asked_for():
     async def script(user, session):
         give(user, field(user, "left elbow"), 30.0)
-        session.history["reference"].append((2.0, [radians(number) for number in range(18)]))
+        session.run.history["reference"].append((2.0, [radians(number) for number in range(18)]))
         session.told("phase", phase="idle", time=2.0)
         await heard()
         assert field(user, "right shoulder: arm outward").value == pytest.approx(1.0)
@@ -472,7 +473,7 @@ def test_another_robot_has_its_own_joints_and_one_without_legs_none():
 
 def test_plots_are_drawn_of_what_is_watched_and_no_longer_than_they_are_open():
     async def script(user, session):
-        session.history["position"].extend((number / 20, [radians(number)] * 18) for number in range(3))
+        session.run.history["position"].extend((number / 20, [radians(number)] * 18) for number in range(3))
         give(user, next(iter(user.find(ui.expansion).elements)), True)
         await heard(0.5)
         charts = user.find(ui.echart).elements
@@ -509,10 +510,13 @@ def test_moves_are_told_in_words():
 
 
 def test_plots_show_the_newest_run_only():
-    ring = [(0.1, 1), (0.2, 2), (0.3, 3), (0.1, 4), (0.2, 5)]
-    assert plots.newest(ring) == [(0.1, 4), (0.2, 5)]
-    assert plots.at(ring, 0.15) == 4
-    assert plots.at(ring, 0.05) is None
+    run = TaughtRun()
+    run.watch(["x"])
+    for number, time in enumerate((0.1, 0.2, 0.3, 0.1, 0.2), 1):
+        run.take(time, None, {"x": number})
+    assert list(run.history["x"]) == [(0.1, 4), (0.2, 5)]
+    assert plots.at(run.history["x"], 0.15) == 4
+    assert plots.at(run.history["x"], 0.05) is None
 
 
 def test_columns_are_called_without_what_all_begin_with():

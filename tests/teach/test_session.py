@@ -27,7 +27,7 @@ class Taught(Session):
     runs: list[CountingRun]
 
     @property
-    def run(self):
+    def worker(self):
         return self.runs[-1]
 
 
@@ -90,7 +90,7 @@ def test_tests_gather_in_one_move_that_begins_where_the_first_did(teach):
     assert tried(session, ELBOW, 1.5) is not None
     assert tried(session, {"HomIF": 40}) is not None
     assert session.pending == ({"target_deg": {"left_elbow": 30.0, "HomIF": 40.0}, "duration": 1.5},)
-    first, back, both = session.run.asked("do", "rewind")
+    first, back, both = session.worker.asked("do", "rewind")
     assert first == ("do", {"moves": [{"target_deg": ELBOW, "duration": 1.5}]})
     assert back == ("rewind", {"time": 0.0})
     assert both == ("do", {"moves": list(session.pending)})
@@ -99,16 +99,16 @@ def test_tests_gather_in_one_move_that_begins_where_the_first_did(teach):
     assert not session.pending
     assert [move.target_deg for move in session.program.moves] == [{"left_elbow": 30.0, "HomIF": 40.0}]
     assert tried(session, KNEE) is not None  # the next one begins behind it
-    assert session.run.asked("do", "rewind")[3:] == [("do", {"moves": list(session.pending)})]
-    assert session.time == 2.5
+    assert session.worker.asked("do", "rewind")[3:] == [("do", {"moves": list(session.pending)})]
+    assert session.run.time == 2.5
 
 
 def test_tested_again_it_is_seen_again(teach):
     session = teach()
     tried(session, ELBOW)
     assert tried(session, ELBOW) is not None
-    assert [name for name, _ in session.run.asked("do", "rewind")] == ["do", "rewind", "do"]
-    assert session.time == 1.0
+    assert [name for name, _ in session.worker.asked("do", "rewind")] == ["do", "rewind", "do"]
+    assert session.run.time == 1.0
     assert session.undo()
     assert not session.can_undo
 
@@ -128,10 +128,10 @@ def test_discard_goes_back_to_before_all_that_was_tried(teach):
     heard(session, session.try_move({"walk": {"steps": 2}}))
     assert len(session.pending) == 2
     assert heard(session, session.discard())
-    assert session.run.asked("rewind") == [("rewind", {"time": 1.0})]
+    assert session.worker.asked("rewind") == [("rewind", {"time": 1.0})]
     assert session.pending == ()
     assert len(session.program.moves) == 1
-    assert session.time == 1.0
+    assert session.run.time == 1.0
 
 
 def test_a_step_is_the_robots_own(teach):
@@ -153,7 +153,7 @@ def test_a_step_is_the_robots_own(teach):
 def test_what_cannot_be_run_is_not_kept(teach):
     session = teach()
     tried(session, ELBOW)
-    session.run.refused = "do"
+    session.worker.refused = "do"
     assert tried(session, KNEE) is None
     assert str(session.message) == "do cannot be"
     assert session.phase == "idle"
@@ -164,8 +164,8 @@ def test_what_cannot_be_run_is_not_kept(teach):
 def falling(session, asked, begun=0.0):
     """Let the robot fall in a run that was asked for, 0.8 s after it began."""
     session.hear()
-    session.run.tick(begun + 0.75)
-    session.run.finish("monitor", goes_on=False, time=begun, reached=begun + 0.8)
+    session.worker.tick(begun + 0.75)
+    session.worker.finish("monitor", goes_on=False, time=begun, reached=begun + 0.8)
     session.hear()
     assert asked.done()
 
@@ -174,50 +174,50 @@ def test_a_move_in_which_the_robot_falls_is_kept_and_can_be_looked_at(teach):
     session = teach()
     tried(session, KNEE)
     session.add()
-    session.run.held = True
+    session.worker.held = True
     falling(session, session.test({"HomIF": 110.0, "HomDF": 110.0}), 1.0)
     assert [move["target_deg"] for move in session.pending] == [{"HomIF": 110.0, "HomDF": 110.0}]
     assert session.message.wrong
-    assert (session.time, session.reach) == (1.8, 1.8)
+    assert (session.run.time, session.run.reach) == (1.8, 1.8)
     session.rewind(1.5)
     session.hear()
-    assert (session.time, session.reach) == (1.5, 1.8)
+    assert (session.run.time, session.run.reach) == (1.5, 1.8)
     session.rewind(1.0)
     session.hear()
     again = session.test({"HomIF": 40.0})  # the others stay as they were
     session.hear()
-    assert session.run.asked("do")[-1][1]["moves"] == list(session.pending)
+    assert session.worker.asked("do")[-1][1]["moves"] == list(session.pending)
     assert session.pending[0]["target_deg"] == {"HomIF": 40.0, "HomDF": 110.0}
-    session.run.finish(time=2.0)
+    session.worker.finish(time=2.0)
     session.hear()
     assert again.result()
-    assert (session.time, session.reach) == (2.0, 2.0)
+    assert (session.run.time, session.run.reach) == (2.0, 2.0)
 
 
 def test_after_a_fall_the_next_test_begins_before_it_and_nothing_is_done_twice(teach):
     session = teach()
-    session.run.held = True
+    session.worker.held = True
     fallen = session.test(ELBOW, 1.0)
     session.hear()
-    session.run.tick(0.5)
-    session.run.note(push={"at": "trunk", "force": [9, 0, 0]})
+    session.worker.tick(0.5)
+    session.worker.note(push={"at": "trunk", "force": [9, 0, 0]})
     falling(session, fallen)
     assert len(session._history.present.changes) == 1
     session.test(ELBOW, 2.0)
     session.hear()
-    assert not session.run.asked("rewind")
+    assert not session.worker.asked("rewind")
     assert not session._history.present.changes  # nobody pushes any more
-    session.run.finish()
+    session.worker.finish()
     session.hear()
     session.test(KNEE)
     session.hear()
-    assert session.run.asked("rewind") == [("rewind", {"time": 0.0})]
+    assert session.worker.asked("rewind") == [("rewind", {"time": 0.0})]
 
 
 def test_what_fell_gives_way_to_what_is_tried_instead(teach):
     session = teach()
     tried(session, ELBOW)
-    session.run.held = True
+    session.worker.held = True
     falling(session, session.try_move({"walk": {"steps": 4, "amplitude": 1.9}}), 1.0)
     assert len(session.pending) == 2
     falling(session, session.try_move({"walk": {"steps": 4, "amplitude": 1.5}}), 1.0)
@@ -225,8 +225,8 @@ def test_what_fell_gives_way_to_what_is_tried_instead(teach):
     session.test(KNEE)
     session.hear()
     assert [list(move["target_deg"]) for move in session.pending] == [["left_elbow"], ["left_knee"]]
-    assert session.run.asked("do")[-1][1]["moves"] == [session.pending[1]]
-    session.run.finish()
+    assert session.worker.asked("do")[-1][1]["moves"] == [session.pending[1]]
+    session.worker.finish()
     session.hear()
     falling(session, session.step(), 2.0)
     assert session.undo()
@@ -236,13 +236,13 @@ def test_what_fell_gives_way_to_what_is_tried_instead(teach):
 def test_a_move_that_fell_can_be_added_and_discarded(teach):
     for name in ("add", "discard"):
         session = teach()
-        session.run.held = True
+        session.worker.held = True
         falling(session, session.test(ELBOW))
         getattr(session, name)()
         session.hear()
         assert session.pending == ()
         assert len(session.program.moves) == (name == "add")
-        assert session.time == (0.8 if name == "add" else 0.0)
+        assert session.run.time == (0.8 if name == "add" else 0.0)
         session.undo()
         session.undo()
 
@@ -250,28 +250,50 @@ def test_a_move_that_fell_can_be_added_and_discarded(teach):
 def test_a_program_in_which_the_robot_falls_can_be_looked_at(teach):
     session = teach()
     session.insert(0, {"walk": {"steps": 4}})
-    session.run.held = True
+    session.worker.held = True
     falling(session, session.simulate())
-    assert (session.time, session.reach) == (0.8, 0.8)
+    assert (session.run.time, session.run.reach) == (0.8, 0.8)
     session.rewind(0.5)
     session.hear()
     session.go_on()
     session.hear()
-    assert [name for name, _ in session.run.asked("rewind", "go_on")] == ["rewind", "go_on"]
+    assert [name for name, _ in session.worker.asked("rewind", "go_on")] == ["rewind", "go_on"]
 
 
 def test_the_way_back_ends_with_the_run_that_it_leads_into(teach):
     session = teach()
     tried(session, ELBOW, 2.0)
-    assert session.reach == 2.0
+    assert session.run.reach == 2.0
     heard(session, session.restart())
-    assert session.reach == 0.0
+    assert session.run.reach == 0.0
     tried(session, KNEE)
-    session.run.die()
+    assert session.run.reach == 2.0
+
+
+def test_a_run_can_be_looked_at_when_its_process_has_died(teach):
+    session = teach()
+    session.worker.held = True
+    session.test(ELBOW, 2.0)
+    session.hear()
+    for number in range(1, 20):
+        session.worker.tick(number / 20, position=[number])
+    session.watch(["position"])
+    session.hear()
+    session.worker.die()
     session.hear()
     session.hear()
-    assert session.phase == "idle"
-    assert (session.time, session.reach) == (0.0, 0.0)
+    assert session.message.key == "died"
+    assert (session.phase, session.run.time, session.run.reach) == ("idle", 0.95, 0.95)
+    assert session.run.lost
+    session.worker.shown = False  # its station is at the start
+    assert heard(session, session.rewind(0.5))
+    assert session.worker.positions == [0.5]
+    assert (session.run.time, session.run.reach, session.run.rewound) == (0.5, 0.95, False)
+    assert heard(session, session.restart())
+    assert (session.run.time, session.run.reach, session.run.lost) == (0.0, 0.0, False)
+    session.test(ELBOW, 1.0)
+    session.hear()
+    assert session.worker.asked("do")[-1] == ("do", {"moves": [{"target_deg": ELBOW, "duration": 1.0}]})
 
 
 def test_simulate_plays_all_from_the_start(teach):
@@ -281,19 +303,19 @@ def test_simulate_plays_all_from_the_start(teach):
         session.add()
     tried(session, {"HomIF": 10})
     assert heard(session, session.simulate())
-    (_, played), *_ = session.run.asked("play")
+    (_, played), *_ = session.worker.asked("play")
     assert Program.of_text(played["program"]).moves == session.program.moves
-    assert session.time == 2.0
+    assert session.run.time == 2.0
     assert len(session.pending) == 1  # what was tested is not lost, nor taken for stored
     tried(session, {"HomIF": 20})
-    assert session.run.asked("do")[-1][1]["moves"] == list(session.pending)
-    assert session.time == 3.0
+    assert session.worker.asked("do")[-1][1]["moves"] == list(session.pending)
+    assert session.run.time == 3.0
 
 
 def test_an_empty_program_leaves_the_station_to_its_file(teach):
     session = teach()
     heard(session, session.simulate())
-    (_, played), *_ = session.run.asked("play")
+    (_, played), *_ = session.worker.asked("play")
     duration = load_station("humanoid_dynamic").duration
     assert Program.of_text(played["program"]).moves[0].duration == duration
     assert not session.program.moves
@@ -301,26 +323,26 @@ def test_an_empty_program_leaves_the_station_to_its_file(teach):
 
 def test_what_is_asked_for_while_something_runs(teach):
     session = teach()
-    session.run.held = True
+    session.worker.held = True
     first = session.test(ELBOW, 2.0)
     session.hear()
-    session.run.tick(0.5)
+    session.worker.tick(0.5)
     second = session.test(KNEE)  # goes with the first: that is ended
     session.hear()
     session.hear()
-    assert [name for name, _ in session.run.asked("do", "stop", "rewind")] == ["do", "stop", "rewind", "do"]
+    assert [name for name, _ in session.worker.asked("do", "stop", "rewind")] == ["do", "stop", "rewind", "do"]
     assert first.done()
     later = session.try_move({"walk": {"steps": 2}})  # does not: it waits
     assert session.message.key == "waits"
     session.hear()
     assert not later.done()
-    assert len(session.run.asked("do")) == 2
-    session.run.finish()
+    assert len(session.worker.asked("do")) == 2
+    session.worker.finish()
     session.hear()
     session.hear()
     assert second.done()
-    assert session.run.asked("do")[-1][1]["moves"] == [{"walk": {"steps": 2}}]
-    session.run.finish()
+    assert session.worker.asked("do")[-1][1]["moves"] == [{"walk": {"steps": 2}}]
+    session.worker.finish()
     assert heard(session, later) is not None
 
 
@@ -359,7 +381,7 @@ def test_wrong_targets_are_refused_in_words(teach, target, told):
     assert told in str(session.message)
     assert session.message.wrong
     assert not session.pending
-    assert not session.run.asked("do")
+    assert not session.worker.asked("do")
     assert not session.can_undo
     assert not session.insert(0, {"target_deg": target})
 
@@ -416,7 +438,7 @@ OPERATIONS = {
     "describe": lambda s, n: s.describe(f"{n}\u2028"),
     "reset": lambda s, n: heard(s, s.reset()),
     "simulate": lambda s, n: heard(s, s.simulate()),
-    "note": lambda s, n: s.run.note(set={"servo.kp": 100 + n}),
+    "note": lambda s, n: s.worker.note(set={"servo.kp": 100 + n}),
     "undo": lambda s, n: s.undo(),
     "redo": lambda s, n: s.redo(),
 }
@@ -469,7 +491,7 @@ def test_a_session_is_taken_up_where_it_was_left(teach):
     session.set("servo.kp", 120)
     again = teach()
     assert state(again) == state(session)
-    assert again.run.asked("open")[0][1]["settings"] == {"servo.kp": 120}
+    assert again.worker.asked("open")[0][1]["settings"] == {"servo.kp": 120}
     assert again.undo()
     assert not again.settings
     assert again.undo()
@@ -793,21 +815,21 @@ def test_changes_of_a_run_go_into_the_program(teach):
     session = teach()
     tried(session, ELBOW)
     session.add()
-    session.run.held = True
+    session.worker.held = True
     session.simulate()
     session.hear()
-    session.run.tick(0.5)
-    session.run.note(set={"servo.kp": 90})
-    session.run.note(drag={"at": "trunk", "targets": [[0, 0, 1]]})
-    session.run.note(drag={"at": "trunk", "targets": [[0, 0, 1], [0, 0, 2]]})  # it has gone on
-    session.run.tick(0.2)
-    session.run.note(push={"at": "trunk", "force": [1, 0, 0]})
+    session.worker.tick(0.5)
+    session.worker.note(set={"servo.kp": 90})
+    session.worker.note(drag={"at": "trunk", "targets": [[0, 0, 1]]})
+    session.worker.note(drag={"at": "trunk", "targets": [[0, 0, 1], [0, 0, 2]]})  # it has gone on
+    session.worker.tick(0.2)
+    session.worker.note(push={"at": "trunk", "force": [1, 0, 0]})
     session.hear()
     told = [change.model_dump(mode="json") for change in on_disk(session).changes]
     assert [one["time"] for one in told] == [0.2, 0.5, 0.5]
     assert told[2]["drag"]["targets"] == [[0, 0, 1], [0, 0, 2]]
-    session.run.tick(0.5)
-    session.run.note(set={"servo.kp": 90})  # as it runs anew
+    session.worker.tick(0.5)
+    session.worker.note(set={"servo.kp": 90})  # as it runs anew
     session.hear()
     assert len(session.program.changes) == 3
     assert session.undo()
@@ -820,12 +842,12 @@ def test_changes_of_a_run_go_into_the_program(teach):
 
 def test_a_slider_that_is_moved_is_one_step(teach):
     session = teach()
-    session.run.held = True
+    session.worker.held = True
     session.simulate()
     session.hear()
     for number in range(5):
-        session.run.tick(0.05 * number)
-        session.run.note(set={"servo.kp": 90 + number})
+        session.worker.tick(0.05 * number)
+        session.worker.note(set={"servo.kp": 90 + number})
     session.hear()
     assert len(session.program.changes) == 5
     assert session.undo()
@@ -835,25 +857,25 @@ def test_a_slider_that_is_moved_is_one_step(teach):
 
 def test_changes_of_what_is_tried_wait_with_it(teach):
     session = teach()
-    session.run.held = True
+    session.worker.held = True
     session.test(ELBOW)
     session.hear()
-    session.run.tick(0.4)
-    session.run.note(push={"at": "trunk", "force": [1, 0, 0]})
-    session.run.finish()
+    session.worker.tick(0.4)
+    session.worker.note(push={"at": "trunk", "force": [1, 0, 0]})
+    session.worker.finish()
     session.hear()
     assert not session.program.changes
     session.add()
     assert [change.time for change in session.program.changes] == [0.4]
     session.test(KNEE)
     session.hear()
-    session.run.tick(1.4)
-    session.run.note(push={"at": "trunk", "force": [2, 0, 0]})
-    session.run.finish()
+    session.worker.tick(1.4)
+    session.worker.note(push={"at": "trunk", "force": [2, 0, 0]})
+    session.worker.finish()
     session.hear()
     session.test({"HomIF": 3})  # runs anew, and nobody pushes
     session.hear()
-    session.run.finish()
+    session.worker.finish()
     session.hear()
     session.add()
     assert [change.time for change in session.program.changes] == [0.4]
@@ -864,10 +886,10 @@ def test_a_change_elsewhere_than_the_program_leads_is_not_stored(teach):
     tried(session, ELBOW)
     session.add()
     session.insert(0, {"act": "bow"})  # which the robot has not done
-    session.run.held = True
+    session.worker.held = True
     session.test(KNEE)
     session.hear()
-    session.run.note(set={"servo.kp": 90})
+    session.worker.note(set={"servo.kp": 90})
     session.hear()
     session.add()
     assert session.message.key == "not_stored"
@@ -879,13 +901,13 @@ def test_gone_back_to(teach):
     tried(session, ELBOW, 2.0)
     session.add()
     heard(session, session.rewind(0.5))
-    assert session.time == 0.5
+    assert session.run.time == 0.5
     heard(session, session.go_on())
-    assert session.time == 2.0
+    assert session.run.time == 2.0
     session.rewind(0.5)
     session.hear()
     tried(session, KNEE)  # from there: no more what the program would do
-    session.run.note(set={"servo.kp": 90})
+    session.worker.note(set={"servo.kp": 90})
     session.hear()
     assert session.message.key == "not_stored"
 
@@ -894,7 +916,7 @@ def test_rapid_tests_wait_for_the_way_back(teach, monkeypatch):
     """A second test slips in while the first one's way back is not answered yet: it is run once, from the start."""
     session = teach()
     tried(session, ELBOW)
-    call, held = session.run.call, []
+    call, held = session.worker.call, []
 
     def slowly(method, /, **arguments):
         answer = call(method, **arguments)
@@ -904,25 +926,25 @@ def test_rapid_tests_wait_for_the_way_back(teach, monkeypatch):
         held.append(lambda: late.set_result(answer.result()))
         return late
 
-    monkeypatch.setattr(session.run, "call", slowly)
+    monkeypatch.setattr(session.worker, "call", slowly)
     first = session.test({"left_elbow": 20.0})
     second = session.test({"left_elbow": 10.0})
     session.hear()
-    assert len(session.run.asked("do")) == 1  # neither yet
+    assert len(session.worker.asked("do")) == 1  # neither yet
     while held:
         held.pop(0)()
         session.hear()
         session.hear()
     assert first.done()
     assert second.done()
-    assert [moves["moves"][0]["target_deg"] for _, moves in session.run.asked("do")] == [ELBOW, {"left_elbow": 10.0}]
-    assert (session.phase, session.time) == ("idle", 1.0)
+    assert [moves["moves"][0]["target_deg"] for _, moves in session.worker.asked("do")] == [ELBOW, {"left_elbow": 10.0}]
+    assert (session.phase, session.run.time) == ("idle", 1.0)
 
 
 def test_going_on_where_nothing_is_left_to_run_ends(teach):
     session = teach()
-    session.run.held = True
-    session._rewound = True  # the run has gone on meanwhile
+    session.worker.held = True
+    session.run.rewound = True  # the run has gone on meanwhile
     session.go_on()
     session.hear()
     assert session.phase == "idle"
@@ -930,18 +952,18 @@ def test_going_on_where_nothing_is_left_to_run_ends(teach):
 
 def test_gone_back_to_in_a_pause(teach):
     session = teach()
-    session.run.held = True
+    session.worker.held = True
     session.test(ELBOW, 2.0)
     session.hear()
-    session.run.tick(1.0)
-    session.run.tell({"news": "phase", "phase": "paused"})
+    session.worker.tick(1.0)
+    session.worker.tell({"news": "phase", "phase": "paused"})
     session.rewind(0.5)
     session.hear()
-    assert session.time == 0.5
+    assert session.run.time == 0.5
     session.go_on()
-    session.run.finish()
+    session.worker.finish()
     session.hear()
-    assert session.time == 2.0
+    assert session.run.time == 2.0
 
 
 # The run and who listens
@@ -953,12 +975,12 @@ def test_a_killed_run_is_started_again(teach):
     session.watch(["position"], "tab")
     tried(session, ELBOW)
     session.add()
-    session.run.held = True
-    session.run._stop = lambda: None  # it is killed before it can
+    session.worker.held = True
+    session.worker._stop = lambda: None  # it is killed before it can
     tested = session.test(KNEE)
     asked = session.simulate()  # waits until that is ended
     before = state(session)
-    session.run.die()
+    session.worker.die()
     session.hear()
     assert session.message.key == "died"
     assert "killed by signal 9" in str(session.message)
@@ -968,12 +990,12 @@ def test_a_killed_run_is_started_again(teach):
     assert asked.result() is None
     assert state(session) == before  # and what was being tested is still there
     assert on_disk(session).moves == session.program.moves
-    assert session.run.asked("pace", "watch") == [("pace", {"factor": 2.0}), ("watch", {"signals": ["position"]})]
+    assert session.worker.asked("pace", "watch") == [("pace", {"factor": 2.0}), ("watch", {"signals": ["position"]})]
     session.hear()
     assert session.phase == "idle"
     session.runs[0].tick(77.0)  # what an old run still tells
     session.hear()
-    assert session.time == 0.0
+    assert session.run.time == 1.0  # where the old one was
     assert heard(session, session.simulate()) is not None
 
 
@@ -986,7 +1008,7 @@ def test_a_tab_that_leaves_while_there_is_no_run_hides_no_message(teach):
         session.watch((), "tab")
 
     forget = session.listen(leave)
-    session.run.die()
+    session.worker.die()
     session.hear()
     assert session.message.key == "died"
 
@@ -994,7 +1016,7 @@ def test_a_tab_that_leaves_while_there_is_no_run_hides_no_message(teach):
 def test_a_run_that_dies_again_and_again_is_left_alone(teach):
     session = teach()
     for _ in range(run_client._DEATHS + 1):
-        session.run.die()
+        session.worker.die()
         session.hear()
         session.hear()
     assert session.message.key == "lost"
@@ -1010,7 +1032,7 @@ def test_a_station_that_cannot_be_opened_leaves_the_program(teach):
     session = teach()
     tried(session, ELBOW)
     session.add()
-    session.run.refused = "open"
+    session.worker.refused = "open"
     assert session.set("servo.kp", 130)
     session.hear()
     assert str(session.message) == "open cannot be"
@@ -1025,7 +1047,7 @@ def test_tabs_hear_of_changes_until_they_forget(teach):
     session.listen(heard_by["two"].append)
     views = []
     session.listen_to_view(views.append)
-    session.run.tell({"news": "view", "subject": "poses", "commands": [1]})
+    session.worker.tell({"news": "view", "subject": "poses", "commands": [1]})
     session.describe("heard")
     session.hear()
     assert heard_by["one"] == heard_by["two"] == ["program"]
@@ -1041,15 +1063,15 @@ def test_tabs_watch_what_each_wants(teach):
     session = teach()
     session.watch(["position", "torque"], "one")
     session.watch(["position", "base_pose"], "two")
-    assert session.run.asked("watch")[-1][1] == {"signals": ["position", "torque", "base_pose"]}
+    assert session.worker.asked("watch")[-1][1] == {"signals": ["position", "torque", "base_pose"]}
     for number in range(3000):
-        session.run.tick(number * 0.05, position=[number], torque=[0.0])
+        session.worker.tick(number * 0.05, position=[number], torque=[0.0])
     session.hear()
-    assert session.values["position"] == [2999]
-    assert len(session.history["position"]) == 2400
+    assert session.run.values["position"] == [2999]
+    assert len(session.run.history["position"]) == 2400
     session.watch([], "one")
-    assert list(session.history) == ["position", "base_pose"]
-    assert len(session.history["position"]) == 2400
+    assert list(session.run.history) == ["position", "base_pose"]
+    assert len(session.run.history["position"]) == 2400
 
 
 def test_news_of_another_thread_are_handed_over(tmp_path):
@@ -1062,9 +1084,9 @@ def test_news_of_another_thread_are_handed_over(tmp_path):
     telling = Thread(target=partial(runs[0].tick, 1.25))
     telling.start()
     telling.join()
-    assert session.time == 0.0  # until the page's thread takes it
+    assert session.run.time == 0.0  # until the page's thread takes it
     handed.pop(0)()
-    assert session.time == 1.25
+    assert session.run.time == 1.25
     session.close()
 
 
@@ -1074,16 +1096,16 @@ def test_five_hundred_runs_leave_no_more_than_the_rings(teach):
     session.watch(["position"])
     for number in range(500):
         tried(session, {"left_elbow": float(number % 90)})
-        session.run.tick(number, position=[0.0] * 20)
+        session.worker.tick(number, position=[0.0] * 20)
         session.add() if number % 2 else heard(session, session.discard())
-        session.run.calls.clear()
+        session.worker.calls.clear()
         if number % 50 == 0:
             session.reset()
             session.hear()
     kept = session._history._steps
     assert len(kept) <= MOST_STEPS
     assert sum(len(text) for _, text in kept) < 2e6
-    assert len(session._run_log._entries) <= 60
+    assert len(session.run.moves._entries) <= 60
 
 
 # The station
@@ -1094,20 +1116,20 @@ def test_settings_open_the_station_anew_and_can_be_undone(teach):
     assert session.set("servo.kp", 120)
     assert session.value("servo.kp") == 120
     session.hear()
-    assert session.run.asked("open")[-1][1]["settings"] == {"servo.kp": 120}
+    assert session.worker.asked("open")[-1][1]["settings"] == {"servo.kp": 120}
     assert session.phase == "idle"
     program = on_disk(session)
     assert load_station(session.file.parent / program.station).servo.kp == 120
     assert session.undo()
     assert session.settings == {}
     session.hear()
-    assert session.run.asked("open")[-1][1]["settings"] == {}
+    assert session.worker.asked("open")[-1][1]["settings"] == {}
     assert on_disk(session).station == "humanoid_dynamic"
     session.redo()
     assert session.unset("servo.kp")
     assert session.value("servo.kp") != 120
     session.hear()
-    session.run.held = True
+    session.worker.held = True
     session.simulate()
     session.hear()
     assert not session.set("servo.kp", 130)

@@ -118,7 +118,7 @@ def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it
     lines = ended.splitlines()
     assert lines[0].startswith("ran to its end at 0.5 s")
     assert lines[1].startswith("final error ")
-    assert len(lines) == 2 + len(session.ending["warnings"])
+    assert len(lines) == 2 + len(session.run.ending["warnings"])
 
 
 def test_a_push_of_a_test_that_was_discarded_is_forgotten(teach):
@@ -287,3 +287,50 @@ def heard_until(session, condition, patience=60.0):
     while not condition():
         assert time.monotonic() < end, f"{session.phase}: {session.message}"
         session.hear(0.1)
+
+
+HIPS = {"left_hip_pitch": 110, "right_hip_pitch": 110}
+
+
+def shown(session, run):
+    """Return where the view has the trunk."""
+    scene = run._bench._view.scene
+    return scene.pose(scene.station.robots[session.robot].root).translation()
+
+
+def test_a_fall_is_scrubbed_with_its_signals_and_gone_back_from(teach):
+    """Both hips 110 degrees forward: the run can be looked at through the fall, whatever is asked for then."""
+    session, run = teach("humanoid")
+    session.watch(["base_pose"])
+    ended = heard(session, session.test(HIPS, 3.0))
+    assert (ended["ending"], ended["goes_on"], session.run.start) == ("monitor", False, 0.0)
+    reach = session.run.reach
+    assert reach == session.run.time > 2.0
+    lying = shown(session, run)
+    rows = list(session.run.history["base_pose"])
+    assert [row[0] for row in rows] == sorted(row[0] for row in rows)
+    assert rows[-1][0] > reach - 0.06
+    for at, pose in (rows[5], rows[-1], rows[20]):
+        assert heard(session, session.rewind(at))
+        assert session.run.time == at
+        np.testing.assert_allclose(shown(session, run), pose[:3], atol=1e-9)
+    heard(session, session.rewind(reach))
+    np.testing.assert_allclose(shown(session, run), lying)
+    assert heard(session, session.restart())
+    assert (session.run.time, session.run.reach) == (0.0, 0.0)
+    assert shown(session, run)[2] > lying[2] + 0.05
+
+
+def test_a_run_that_diverges_is_scrubbed(teach):
+    session, _ = teach("irb120_dynamic")
+    for key, value in {"solver.scheme": "explicit_euler", "solver.max_step": 0.01, "servo.torque_limit": 1e12}.items():
+        assert session.set(key, value)
+        session.hear()
+    heard(session, session.test({"joint_1": 20.0}, 0.5))
+    assert session.run.ending["ending"] == "diverged"
+    assert session.run.start == 0.0 < session.run.reach
+    assert heard(session, session.rewind(session.run.reach / 2))
+    assert session.run.rewound
+    assert heard(session, session.go_on())["ending"] == "diverged"  # again
+    assert heard(session, session.restart())
+    assert session.run.reach == 0.0

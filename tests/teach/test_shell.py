@@ -338,7 +338,7 @@ def test_without_webgl_a_run_is_a_strip_of_pictures_and_why(tmp_path):
     drawn = []
 
     def strip(self):
-        drawn.append(self.time)
+        drawn.append(self.run.time)
         done = Future()
         done.set_result(file)
         return done

@@ -122,13 +122,15 @@ class Walk(LoopSection):
         links = {robot.plant.GetFrameByName(link, robot.instance).body().index(): link for link in feet.links}
         frames = [robot.plant.GetFrameByName(links[robot.tools[foot].body().index()], robot.instance) for foot in names]
         facing = math.radians(gaits_file(robot.model).facing_deg)
+        posture = robot.model.axis_vector(parameters.bearing.posture_deg, f"{key}.gait.bearing.posture_deg")
         body = Body(
             plant=robot.plant,
             instance=robot.instance,
             root=robot.root,
             axes=robot.axis_map,
             limits=robot.model.axis_limits,
-            knees=[number for number, axis in enumerate(robot.axes) if axis.endswith("knee")],
+            posture=np.deg2rad(posture),
+            stance=np.deg2rad(robot.model.axis_vector(parameters.stance_deg, f"{key}.gait.stance_deg")),
             feet=frames,
             contact=feet,
             legs=[axes_to(robot, frame) for frame in frames],
@@ -136,7 +138,6 @@ class Walk(LoopSection):
         )
         groups = [[names.index(foot) for foot in group] for group in parameters.groups]
         path = None if self.path is None else Follower(self.path, parameters.max_speed, facing)
-        posture = robot.model.axis_vector(parameters.bearing.posture_deg, f"{key}.gait.bearing.posture_deg")
         return WalkingLoop(
             self,
             Engine(body, parameters, groups, 1 / self.rate),

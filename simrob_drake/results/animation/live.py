@@ -39,13 +39,19 @@ class StationView:
         self._tell, self._config = tell, None
         self.scene: ViewedStation | None = None
 
-    def draw(self, config: StationConfig, state: State | None = None) -> None:
-        """Show a station in a state, or at its initial posture; it is loaded anew where its looks have changed."""
+    def draw(self, config: StationConfig, state: State | None = None) -> Vector:
+        """Show a station in a state, or at its initial posture; it is loaded anew where its looks have changed.
+
+        Returns:
+            positions of the whole plant, shape (nq,).
+        """
         looks = _looks(config)
         if self.scene is None or looks != self._config:
             self.scene, self._config = ViewedStation(config), looks
             self._tell_scene(self.scene, config)
-        self.show(self.scene.initial if state is None else state.of_plant(self.scene.station)[0])
+        positions = self.scene.initial if state is None else state.of_plant(self.scene.station)[0]
+        self.show(positions)
+        return positions
 
     def show(self, positions: Vector) -> None:
         """Show positions of the whole plant, shape (nq,)."""

@@ -125,8 +125,8 @@ class _Teaching:
         session = self._session
         if session.phase == "running":
             return
-        asked = plots.at(session.history.get(self._reference, ()), session.time) if session.time else None
-        if asked is not None or not session.time:
+        asked = plots.at(session.run.history.get(self._reference, ()), session.run.time) if session.run.time else None
+        if asked is not None or not session.run.time:
             shown = [axis["now"] for axis in self._axes] if asked is None else asked
             turns = [asked is not None and axis["unit"] == "deg" for axis in self._axes]
             values = [degrees(value) if turn else value for turn, value in zip(turns, shown, strict=True)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Reversible, Sequence
 from itertools import takewhile
 from math import pi
 from typing import Any
@@ -62,7 +62,7 @@ def scope(session: Session, t: Words, signal: str, *, only: str | Collection[str
 
 
 def watch(session: Session, signal: str, element: ui.element) -> None:
-    """Have a signal in ``session.history`` as long as an element of the present page is there."""
+    """Have a signal in ``session.run.history`` as long as an element of the present page is there."""
     viewer = f"{context.client.id} {element.id}"
 
     def hear(_: str) -> None:
@@ -116,13 +116,13 @@ class _Scope:
 
     def _look(self) -> None:
         """Draw what has come since the last look."""
-        ring = self._session.history.get(self._name) or ()
+        ring = self._session.run.history.get(self._name) or ()
         seen = (len(ring), ring[0][0], ring[-1]) if ring else ()
         if seen == self._drawn:
             return
         self._drawn = seen
         chosen: list[int] = sorted(self._choice.value)
-        rows = thinned(newest(ring), _POINTS)
+        rows = thinned(list(ring), _POINTS)
         source = [[time, *(as_list(value)[i] * self._factor for i in chosen)] for time, value in rows]
         names = [self._choice.options[column] for column in chosen]
         self._chart.props["options"] = _picture(names, [_style(column) for column in chosen], source)
@@ -147,18 +147,9 @@ def short(names: Sequence[str]) -> list[str]:
     return [".".join(part[common:]) for part in parts]
 
 
-def newest(ring: Iterable[Row]) -> list[Row]:
-    """Return of values in the order in which they came those that none of an earlier time came after."""
-    kept: list[Row] = []
-    for row in reversed(list(ring)):
-        if not kept or row[0] < kept[-1][0]:
-            kept.append(row)
-    return kept[::-1]
-
-
-def at(ring: Iterable[Row], time: float) -> Any:
+def at(ring: Reversible[Row], time: float) -> Any:
     """Return the value at a time [s], or the last one before it; None before all."""
-    return next((value for when, value in reversed(newest(ring)) if when <= time + _SAME), None)
+    return next((value for when, value in reversed(ring) if when <= time + _SAME), None)
 
 
 def as_list(value: Any) -> Sequence[float]:

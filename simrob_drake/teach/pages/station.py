@@ -41,7 +41,7 @@ class _Page:
         self._fields: list[Field] = []
         self._content: dict[str, Any] = {}
         self._endings: list[str] = []
-        self._heard = session.ending
+        self._heard = session.run.ending
         self._sections: dict[str, Callable[[list[Field]], None]] = {}
         self._panels = next((one for one in context.slot.parent.ancestors() if isinstance(one, ui.tab_panels)), None)
         self._asked = True
@@ -191,7 +191,7 @@ class _Page:
 
     def _hear(self) -> None:
         """Keep what ended a run, unless that was its own end or the user."""
-        ending = self._session.ending
+        ending = self._session.run.ending
         if ending is None or ending is self._heard:
             return
         self._heard = ending

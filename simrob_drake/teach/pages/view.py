@@ -54,7 +54,7 @@ def _stills(session: Session, t: Words) -> None:
             strip.props["src"] = f"data:image/png;base64,{b64encode(Path(file).read_bytes()).decode()}"
 
     def show() -> None:
-        if session.phase == "idle" and session.time > 0.0:
+        if session.phase == "idle" and session.run.time > 0.0:
             background_tasks.create(draw())
 
     follow(session, show, "phase")
@@ -135,16 +135,16 @@ def build_bar(session: Session, t: Words) -> None:
         play.set_enabled(can)
         stop.set_enabled(session.phase in ("running", "paused"))
         tick.set_enabled(can and not running)
-        start.set_enabled(session.reach > 0.0)
+        start.set_enabled(session.run.reach > 0.0)
         time()
 
     def time() -> None:
-        scrubber.props["max"] = max(session.reach, _grid(session))
+        scrubber.props["max"] = max(session.run.reach, _grid(session))
         scrubber.props["step"] = _grid(session)
-        scrubber.value = session.time
+        scrubber.value = session.run.time
         running = session.phase == "running"
-        clock.text = t("run.time", time=f"{session.time:.2f}", reach=f"{session.reach:.2f}") + (
-            f"  {t('run.ratio', ratio=f'{session.ratio:.1f}')}" if running else ""
+        clock.text = t("run.time", time=f"{session.run.time:.2f}", reach=f"{session.run.reach:.2f}") + (
+            f"  {t('run.ratio', ratio=f'{session.run.ratio:.1f}')}" if running else ""
         )
 
     def tell() -> None:
@@ -163,7 +163,7 @@ def _grid(session: Session) -> float:
 
 def _at_end(session: Session) -> bool:
     """Tell whether nothing runs, and no moment is shown that was run before others."""
-    return session.phase == "idle" and session.time >= session.reach - _grid(session) / 2
+    return session.phase == "idle" and session.run.time >= session.run.reach - _grid(session) / 2
 
 
 def _play(session: Session) -> None:

@@ -1,0 +1,180 @@
+"""A run: its moments, signals and moves, and how it ended. It can be looked at whatever ended it."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, NamedTuple
+
+from simrob_drake.frames import Vector
+from simrob_drake.programs.moves.move import Move
+
+Kind = Literal["", "program", "tried", "free"]
+"""What is run, or was last: the program, what is tried, or something that is neither stored nor waits to be."""
+_VALUES = 2400
+"""Values of a signal that are kept: two minutes of simulated time."""
+_MOMENTS = 20_000  # that can be gone back to
+_SAME = 1e-9  # s
+_NEAR = 0.05  # s; from a moment to the next, unless a program has a grid of its own
+
+
+class LogEntry(NamedTuple):
+    """A part of what was run: a move, None of what is none as one that was stopped; and when it began [s], if known."""
+
+    move: Move | None
+    start: float | None = None
+
+
+class RunLog:
+    """What was run, move by move.
+
+    Attributes:
+        mark: where in it what was tried begins.
+        in_time: whether times are those of a program of the same moves.
+    """
+
+    def __init__(self) -> None:
+        """Begin at the start of the station, where nothing was run."""
+        self._entries: list[LogEntry] = []
+        self.mark = 0
+        self.in_time = True
+
+    def restart_with(self, moves: Sequence[Move]) -> None:
+        """Take a whole program that was run from the start."""
+        self._entries, self.in_time = [], True
+        self.append(moves, 0.0, free=True)
+
+    def append(self, moves: Sequence[Move | None], time: float, *, free: bool = False) -> None:
+        """Take moves that were begun at a time [s]; ``free`` ones count as no tries."""
+        self._entries += [LogEntry(move, None if number else time) for number, move in enumerate(moves)]
+        if free:
+            self.mark_stored()
+
+    def mark_stored(self) -> None:
+        """Count what was tried as stored."""
+        self.mark = len(self._entries)
+
+    def is_program(self, moves: Sequence[Move]) -> bool:
+        """Tell whether nothing was run but these moves, all before what was tried, from the start on and in time."""
+        return not self._entries or (self.in_time and self._done(0, self.mark) == list(moves))
+
+    def _done(self, begin: int, end: int | None = None) -> list[Move | None]:
+        return [entry.move for entry in self._entries[begin:end]]
+
+    def align_with(self, moves: Sequence[Move]) -> None:
+        """Find anew where what was tried begins, as the program has changed: behind these moves, if they were run."""
+        stored = self._done(0, len(moves)) == list(moves)
+        self.mark = len(moves) if stored else min(self.mark, len(self._entries))
+
+    def has_others(self, tried: Sequence[Move]) -> bool:
+        """Tell whether something else was tried than these moves, or their beginning."""
+        done = self._done(self.mark)
+        return done != list(tried[: len(done)])
+
+    def back_to(self, tried: Sequence[Move]) -> tuple[float | None, int]:
+        """Forget what was tried otherwise than these moves.
+
+        Returns:
+            when the first that differs began [s], None if none differs or that is not known; and how many of the moves
+            are still done.
+        """
+        done, kept = self._entries[self.mark :], 0
+        while kept < min(len(done), len(tried)) and done[kept].move == tried[kept]:
+            kept += 1
+        if kept == len(done):
+            return None, kept
+        while kept and done[kept].start is None:
+            kept -= 1
+        start = done[kept].start
+        del self._entries[self.mark + kept :]
+        if start is None:
+            self._entries.insert(self.mark, LogEntry(None))  # the robot is not where these moves would have it
+            self.mark += 1
+        return start, kept
+
+
+class TaughtRun:
+    """What was run since the start of the station, up to the end of it, a fall, or the death of its process.
+
+    Attributes:
+        time: of the moment that is shown [s].
+        reach: how far the run has come [s], also one that came to nothing.
+        start: where the robot stands, and the next move begins [s]; after a fall before it, which is not what is shown.
+        ratio: simulated time over the clock's.
+        values: last value of each watched signal.
+        history: of each watched signal its last values, as ``(time, value)`` in order of time.
+        moves: what was run.
+        kind: of what is run, or was last.
+        ending: how the last run ended, as its news told; None before.
+        rewound: whether a moment is shown that more was run after, and what comes next goes on from there.
+        lost: whether the process that ran it is gone, so that nothing goes on from its moments.
+    """
+
+    def __init__(self) -> None:
+        """Begin at the start of a station, where nothing was run."""
+        self.values: dict[str, Any] = {}
+        self.history: dict[str, deque[tuple[float, Any]]] = {}
+        self._times, self._positions = list[float](), list[Vector]()
+        self.time = self.reach = self.ratio = 0.0
+        self.ending: dict[str, Any] | None = None
+        self.at_start()
+
+    def at_start(self, *, lost: bool = False) -> None:
+        """Count nothing as run, since the robot stands at the start of the station; what is shown stays."""
+        self.moves, self.lost = RunLog(), lost
+        self.kind: Kind = ""
+        self.start, self.rewound = 0.0, False
+
+    def stand(self, time: float) -> None:
+        """Take note that the robot stands where it was at a time [s], and is shown there."""
+        self.time = self.start = time
+        self.rewound = False
+
+    def watch(self, signals: Iterable[str]) -> None:
+        """Keep the values of these signals, and no others."""
+        self.history = {name: self.history.get(name, deque(maxlen=_VALUES)) for name in signals}
+        self.values = {name: value for name, value in self.values.items() if name in self.history}
+
+    def take(self, time: float, positions: Vector | None, values: dict[str, Any], ratio: float = 0.0) -> None:
+        """Take a moment [s]: positions of the whole plant, values of signals; what was run later is forgotten."""
+        self._forget_from(time)
+        self.time = self.reach = time
+        self.ratio = ratio
+        self._keep(time, positions)
+        for name, value in values.items():
+            self.values[name] = value
+            if name in self.history:
+                self.history[name].append((time, value))
+
+    def _keep(self, time: float, positions: Vector | None) -> None:
+        if positions is not None:
+            self._times.append(time)
+            self._positions.append(positions)
+            del self._times[:-_MOMENTS], self._positions[:-_MOMENTS]
+
+    def _forget_from(self, time: float) -> None:
+        first = bisect_left(self._times, time - _SAME)
+        del self._times[first:], self._positions[first:]
+        for ring in self.history.values():
+            while ring and ring[-1][0] > time - _SAME:
+                ring.pop()
+
+    def end(self, news: dict[str, Any]) -> None:
+        """Take what is told of its end, which may come between two ticks; and where the robot stands then."""
+        self.ending = news
+        if self.rewound:
+            return
+        self.time = self.reach = news["reached"]
+        self.start = news["time"]
+        self._forget_from(self.reach + 2 * _SAME)
+        if not self._times or self._times[-1] < self.reach - _SAME:
+            self._keep(self.reach, news.get("positions"))
+
+    def moment(self, time: float) -> Vector | None:
+        """Return the positions of the plant at the moment next to a time [s]; None where none is kept nearby."""
+        place = bisect_left(self._times, time)
+        near = min(self._times[max(place - 1, 0) : place + 1], key=lambda one: abs(one - time), default=None)
+        if near is None or abs(near - time) > _NEAR:
+            return None
+        return self._positions[bisect_left(self._times, near)]

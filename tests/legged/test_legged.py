@@ -1,0 +1,131 @@
+"""Robots on legs of which only the tree is known: what is seen in them, what they can do, and what they cannot."""
+
+import re
+
+import numpy as np
+import pytest
+import yaml
+
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.app import run_command
+from simrob_drake.importer.importing import robot_from_file
+from simrob_drake.importer.options import ImportOptions
+from simrob_drake.legged.anatomy import Anatomy, anatomy_of
+from simrob_drake.legged.making import STAND, WALK, make_legged
+from simrob_drake.legged.scaling import EXAMPLES, Build, asked_speed, gains, walk_of
+from simrob_drake.legged.soles import soles_of
+from simrob_drake.robots.catalog import load_robot, load_robot_file
+from simrob_drake.robots.gaits_file import gaits_file
+from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.draft import at_home
+from simrob_drake.stations.load import ONLY_ROBOT, load_station
+from simrob_drake.stations.stances import Stance, Stances
+from tests.legged.conftest import arm, biped, dog
+
+
+def seen(file) -> tuple[Anatomy, Stance]:
+    robot = robot_from_file(file, ImportOptions(base="floating"))
+    clearance = at_home(robot)
+    anatomy = anatomy_of(clearance, clearance.station.robots[ONLY_ROBOT])
+    stances = Stances(clearance, anatomy.robot).bent([limb.leg for limb in anatomy.legs], (0.85,))
+    good = (one for one in stances if not anatomy.has_soles or anatomy.knees_ahead(one.posture))
+    return anatomy, next(good)
+
+
+def test_limbs_of_a_quadruped_are_told_by_geometry(tmp_path):
+    anatomy, stance = seen(dog().write(tmp_path))
+    assert [limb.name for limb in anatomy.legs] == ["front_right", "front_left", "rear_right", "rear_left"]
+    assert anatomy.groups == [["front_right_foot", "rear_left_foot"], ["front_left_foot", "rear_right_foot"]]
+    named = dict(zip(anatomy.robot.axes, anatomy.names, strict=True))
+    assert [named[f"j1{joint}"] for joint in "abc"] == [
+        f"front_right_{part}" for part in ("hip_roll", "hip_pitch", "knee")
+    ]
+    signs = dict(zip(anatomy.names, anatomy.signs(stance.posture), strict=True))
+    assert (signs["front_left_hip_roll"], signs["front_right_hip_roll"]) == (1, -1)  # outward
+    assert signs["rear_left_hip_pitch"] == -1  # forward
+    (sole, *_) = soles_of(anatomy, stance)
+    assert not sole.flat
+    assert sole.radius == pytest.approx(0.02)
+
+
+def test_limbs_of_a_biped_are_told_by_geometry(tmp_path):
+    anatomy, stance = seen(biped().write(tmp_path))
+    assert [limb.name for limb in anatomy.legs] == ["right", "left"]
+    assert anatomy.facing == 0.0
+    named = dict(zip(anatomy.robot.axes, anatomy.names, strict=True))
+    ankle = ["left_knee", "left_ankle_pitch", "left_ankle_roll"]
+    assert [named[f"p{n}j"] for n in range(6)] == ["left_hip_yaw", "left_hip_roll", "left_hip_pitch", *ankle]
+    assert sorted(anatomy.robot.axes[axis] for (axis,) in anatomy.arms) == ["pshoulder", "qshoulder"]
+    assert [anatomy.robot.axes[axis] for axis in anatomy.head] == ["neck"]
+    for limb in anatomy.legs:
+        assert limb.knee.straight == pytest.approx(0.0, abs=1e-6)
+    for sole in soles_of(anatomy, stance):
+        assert sole.flat
+        assert np.ptp(sole.points, axis=0)[:2] + 2 * sole.radius == pytest.approx([0.14, 0.08], abs=1e-3)
+
+
+def test_a_walk_scales_as_pendulums_do():
+    (model, *_) = EXAMPLES[2]
+    build, half, four = model.build, 0.5, 0.25
+    small = Build(four * build.height, build.mass, four * build.spread, (four * build.sole[0], four * build.sole[1]))
+    known = gaits_file(load_robot(model.name)).section("reacting")
+    own = {"height": 0.1, "groups": [["right_foot"], ["left_foot"]], "posture": {}}
+    walk = walk_of(small, model, **own)
+    assert walk["step_time"] == pytest.approx(half * known["step_time"], rel=0.01)
+    assert walk["lift"] == pytest.approx(four * known["lift"], rel=0.01)
+    assert walk["max_speed"]["ahead"] == pytest.approx(half * known["max_speed"]["ahead"], rel=0.01)
+    assert walk["feedback"]["com_rate"] == pytest.approx(known["feedback"]["com_rate"] / half, rel=0.01)
+    assert gains(small, model)["kp"] == pytest.approx(four * gains(build, model)["kp"], rel=0.01)
+    assert asked_speed(walk, 0.5) == pytest.approx(asked_speed(walk) / 2, rel=0.01)
+
+
+LESS = {
+    "no legs": (arm, "made has no legs"),
+    "legs of unlike length": (lambda: dog(left=0.14), "legs of unlike length"),
+    "a foot without a shape": (
+        lambda: dog(ball=False),
+        "c0, c1, c2, c3 at the ends of its chains have no collision shape",
+    ),
+    "joints too weak": (lambda: dog(effort=0.5), "takes .* and has 0.5 N·m"),
+}
+
+
+@pytest.mark.parametrize(
+    ("tree", "said"),
+    [pytest.param(*given, id=name, marks=[] if "shape" in name else pytest.mark.long) for name, given in LESS.items()],
+)
+def test_what_cannot_be_done_is_one_line_and_the_rest_is_kept(tmp_path, capsys, tree, said):
+    file, folder = tree().write(tmp_path), tmp_path / "out"
+    assert run_command(["legged", str(file), "--out", str(folder)]) == ExitCode.BAD_INPUT
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert re.search(said, line)
+    assert load_robot_file(folder / "robot.yaml").base == "floating"
+    assert load_station(folder / STAND).mode == "dynamic"
+    assert re.search(said, (folder / "legged.md").read_text())
+
+
+def test_a_root_that_the_urdf_has_not_is_told(tmp_path):
+    file = dog().write(tmp_path)
+    description = {"urdf": file.name, "base": "floating", "root": "pelvis", "axes": ["j0a"]}
+    (file.parent / "robot.yaml").write_text(yaml.safe_dump(description))
+    with pytest.raises(ValueError, match="root is pelvis; it must be trunk, the root link"):
+        make_legged(file, tmp_path / "out")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("tree", [dog, biped], ids=["quadruped", "biped"])
+def test_a_robot_walks_from_its_tree_alone(tmp_path, tree):
+    made = make_legged(tree().write(tmp_path), tmp_path / "out")
+    assert made.problem == ""
+    assert [attempt.trial for attempt in made.attempts if attempt.done] == [
+        "stands",
+        "shifts its weight",
+        "steps",
+        "walks",
+    ]
+    assert made.attempts[-1].ahead > 1.0
+    assert (tmp_path / "out" / "legged.png").is_file()
+    for station in (STAND, WALK):
+        assert not [
+            finding for finding in check_station(load_station(tmp_path / "out" / station)) if finding.level == "error"
+        ]
