@@ -9,6 +9,10 @@ through the desired position,
 which the actuator clamps as one. So no other port of the plant is wired: the scheme ``cenic`` differentiates each of
 them at every step. (Drake 1.51 to 1.58 take a desired velocity with the wrong sign under it, too.) Where a joint has no
 stiffness, :math:`\tau_e` of the whole robot enters through the actuation port.
+
+The line of a motor whose limit of torque is its stall torque (:class:`~simrob_drake.blocks.servo.MotorLine`) is exact
+and implicit, too: the joint has the damper D, and the servo the gain :math:`k_d - D` and the constant limit
+:math:`\tau_s`.
 """
 
 import numpy as np
@@ -36,9 +40,11 @@ def set_actuators(
         if actuator.joint().index() not in joints:
             continue
         axis = joints.index(actuator.joint().index())
-        actuator.set_effort_limit(float(gains.torque_limit[axis]))
+        actuator.set_effort_limit(float(gains.actuator_limit[axis]))
+        actuator.joint().set_default_damping(actuator.joint().default_damping() + float(gains.damping[axis]))
         if with_servos:
-            actuator.set_controller_gains(PdControllerGains(p=float(gains.kp[axis]), d=float(gains.kd[axis])))
+            derivative = float(gains.kd[axis] - gains.damping[axis])
+            actuator.set_controller_gains(PdControllerGains(p=float(gains.kp[axis]), d=derivative))
 
 
 def add_actuator_servos(
@@ -73,8 +79,11 @@ def add_actuator_servos(
     source = joined(builder, f"{prefix}desired", *ports)
     state = mapped(builder, f"{prefix}desired_state", desired, source)
     builder.Connect(state, plant.get_desired_state_input_port(instance))
-    applied = plant.get_net_actuation_output_port(instance)
-    return mapped(builder, f"{prefix}applied_torque", actuation_map.T, applied)
+    applied, matrix = plant.get_net_actuation_output_port(instance), actuation_map.T
+    if gains.damping.any():
+        applied = joined(builder, f"{prefix}applied_and_state", applied, signals.state)
+        matrix = np.hstack([matrix, np.zeros_like(np.diag(gains.kp)), -np.diag(gains.damping)])
+    return mapped(builder, f"{prefix}applied_torque", matrix, applied)
 
 
 def _extra_torques(

@@ -18,6 +18,13 @@ A cascade has a loop for the velocity inside of the one for the position, whose 
 
 Without an integral part it is the law above, as long as the speed is not limited.
 
+A motor on a voltage has less torque the faster it turns (:mod:`simrob_drake.robots.motors`). Its line of stall torque
+:math:`\tau_s` and slope D is a damper beside a servo of constant limit,
+
+.. math:: \tau = \mathrm{clip}_{\tau_p}\bigl(\mathrm{clip}_{\tau_s}(\tau_c + D v) - D v\bigr),
+
+with the command :math:`\tau_c` and, where its current is limited below that of the stall, the limit :math:`\tau_p`.
+
 Drake's PidController has no such clamp, and keeps an integrator state even where ki is 0, which made an implicit
 integrator 1.4 times slower on six joints; so the PD part is a MatrixGain here. ``per_joint`` gives each joint blocks
 of its own, as the Simulink picture does; ``vector`` is the same with one group that holds all joints.
@@ -41,6 +48,38 @@ CLAMP_TIME = 0.02
 
 
 @dataclass(frozen=True)
+class MotorLine:
+    """How the torque of n motors falls with their speed.
+
+    Attributes:
+        stall: torque at rest by the voltage, shape (n,) [N·m]; infinite of axes without a motor.
+        slope: D, shape (n,) [N·m·s/rad]; 0 of axes without a motor.
+        damping: the part of D that the plant's joints have as dampers, shape (n,).
+    """
+
+    stall: Vector
+    slope: Vector
+    damping: Vector
+
+    def bounds(self, speed: Vector, limit: Vector) -> tuple[Vector, Vector]:
+        """Return the least and the largest torque (..., n) at a speed (..., n), within a limit (n,) to both sides.
+
+        A limit that the line reaches at rest alone is none: against its turning a motor has more than its stall torque.
+        """
+        cap = self.cap(limit)
+        lower, upper = (np.clip(side * self.stall - self.slope * speed, -cap, cap) for side in (-1.0, 1.0))
+        return lower, upper
+
+    def share(self, torque: Vector, speed: Vector, limit: Vector) -> Vector:
+        """Return which part of the voltage or of the current torques (..., n) take at their speeds; 1 is all."""
+        return np.asarray(np.fmax(np.abs(torque + self.slope * speed) / self.stall, np.abs(torque) / self.cap(limit)))
+
+    def cap(self, limit: Vector) -> Vector:
+        """Return the limit (n,) where it is below the stall torque, else infinity."""
+        return np.where(limit < self.stall, limit, np.inf)
+
+
+@dataclass(frozen=True)
 class ServoGains:
     """The figures of n servos, each of shape (n,): gains not negative, limits positive.
 
@@ -53,6 +92,24 @@ class ServoGains:
     torque_limit: Vector  # N·m
     integral_limit: Vector  # N·m, of the integral part alone
     speed_limit: Vector | None = None  # rad/s, of what the outer loop of a cascade commands; None: no cascade
+    line: MotorLine | None = None  # of the motors; None: the limit is all
+
+    @property
+    def damping(self) -> Vector:
+        """What the plant's joints have as dampers of the motors' lines, (n,) [N·m·s/rad]."""
+        return np.zeros(len(self.kp)) if self.line is None else self.line.damping
+
+    @property
+    def cap(self) -> Vector:
+        """What bounds torques at any speed, (n,) [N·m]; infinite of motors that their voltage bounds alone."""
+        return self.torque_limit if self.line is None else self.line.cap(self.torque_limit)
+
+    @property
+    def actuator_limit(self) -> Vector:
+        """The limit of actuators beside those dampers, (n,) [N·m]: the stall torque where there is one."""
+        return (
+            self.torque_limit if self.line is None else np.where(self.damping > 0, self.line.stall, self.torque_limit)
+        )
 
     def __post_init__(self) -> None:
         """Check the figures.
@@ -113,11 +170,40 @@ def add_servos(
     name_of_all = f"{prefix}torque" if saturated else f"{prefix}command"
     torque = builder.AddNamedSystem(name_of_all, Multiplexer([len(group) for group in groups.values()]))
     for place, (name, group) in enumerate(groups.items()):
-        command = _add_group(builder, selector.get_output_port(place), gains, group, signals, f"{prefix}{name}")
+        bus, row = selector.get_output_port(place), f"{prefix}{name}"
+        command = _add_group(builder, bus, gains, group, signals, row)
         if saturated:
-            command = add_saturation(builder, command, gains.torque_limit[group], f"{prefix}{name}.saturation")
+            speed = _speeds_of_bus(signals, len(group))
+            limiter = f"{row}.saturation"
+            command = add_motor(builder, command, gains, group, row, bus=bus, speed=speed, limiter=limiter)
         builder.Connect(command, torque.get_input_port(place))
     return torque.get_output_port()
+
+
+def add_motor(
+    builder: DiagramBuilder,
+    command: OutputPort,
+    gains: ServoGains,
+    group: list[int],
+    name: str,
+    *,
+    bus: OutputPort,
+    speed: Vector,
+    limiter: str,
+) -> OutputPort:
+    """Add what bounds the torques that a group of n joints is commanded: its motors' lines, if any, and its limits.
+
+    Their speeds are ``speed`` (n, size of the bus) times what the bus carries; the last block is called ``limiter``.
+    """
+    if gains.line is not None and gains.line.slope[group].any():
+        each, slope = np.eye(len(group)), gains.line.slope[group, np.newaxis] * speed
+        driven = mapped(
+            builder, f"{name}.drive", np.hstack([each, slope]), joined(builder, f"{name}.drives", command, bus)
+        )
+        driven = add_saturation(builder, driven, gains.line.stall[group], f"{name}.stall")
+        pair = joined(builder, f"{name}.brakes", driven, bus)
+        command = mapped(builder, f"{name}.brake", np.hstack([each, -slope]), pair)
+    return add_saturation(builder, command, gains.cap[group], limiter)
 
 
 def add_saturation(builder: DiagramBuilder, command: OutputPort, limit: Vector, name: str) -> OutputPort:
@@ -175,6 +261,12 @@ def _of_bus(signals: ServoSignals, *parts: Vector) -> Vector:
     return np.hstack([part for part, there in zip(parts, wired, strict=True) if there])
 
 
+def _speeds_of_bus(signals: ServoSignals, count: int) -> Vector:
+    """Return the matrix from the bus of a group of joints to their speeds."""
+    each, none = np.eye(count), np.zeros((count, count))
+    return _of_bus(signals, none, none, each, none, none)
+
+
 def _add_cascade(
     builder: DiagramBuilder, bus: OutputPort, gains: ServoGains, group: list[int], signals: ServoSignals, name: str
 ) -> OutputPort:
@@ -187,7 +279,7 @@ def _add_cascade(
     speed = add_saturation(builder, desired, gains.speed_limit[group], f"{name}.speed_limit")
     parts, columns = [speed, bus], [damping, _of_bus(signals, none, none, -damping, none, each)]
     if (gains.ki[group] > 0).any():
-        measured = mapped(builder, f"{name}.speed", _of_bus(signals, none, none, each, none, none), bus)
+        measured = mapped(builder, f"{name}.speed", _speeds_of_bus(signals, len(group)), bus)
         scaled = replace(gains, ki=gains.ki * gains.kd / gains.kp)
         parts.append(add_integral(builder, [speed, measured], scaled, group, name))
         columns.append(each)

@@ -88,7 +88,7 @@ class PolicySensors:
     def _measured(self, own: Encoders, motion: Vector) -> Vector:
         units, true = self._robot.model.user_units, self._value("position", motion)
         noise = own.noise_deg * units * self._chance.standard_normal(true.shape)
-        return rounded(true + noise, units * own.resolution_deg)
+        return rounded(true + noise, units * own.resolution(self._robot))
 
     def _turn(self, own: Imu, places: Places, motion: Vector) -> None:
         self.orientation[places] = orientation = self._value("base_pose", motion)[:, 3:]

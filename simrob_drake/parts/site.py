@@ -25,6 +25,7 @@ from simrob_drake.parts.ground import Ground
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.feet import FootContact
+from simrob_drake.robots.motors import Motor
 from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.sections import Pose
 from simrob_drake.signals import Compute, Signal
@@ -65,6 +66,7 @@ class ResolvedRobot:
         tcp_offset: pose of the tool centre point in that tool's frame; then the tool in use is called ``tcp``.
         feet: what it stands on; None without.
         prescribed: references of axes whose motion is prescribed in a dynamic station, of one value each, by place.
+        motors: of its axes; None where a servo has none.
     """
 
     name: str
@@ -82,6 +84,7 @@ class ResolvedRobot:
     tcp_offset: Pose | None
     feet: FootContact | None
     prescribed: Mapping[int, Reference]
+    motors: tuple[Motor | None, ...]
 
     def __repr__(self) -> str:
         """Say in one line which robot it is."""
@@ -92,6 +95,12 @@ class ResolvedRobot:
     def axes(self) -> list[str]:
         """The names of the axes, in order."""
         return list(self.model.axes)
+
+    @property
+    def speed_limits(self) -> Vector:
+        """How fast its axes may be, shape (n,) [rad/s or m/s]: the no-load speed of motors, else the URDF's limit."""
+        speeds = zip(self.motors, self.model.speed_limits, strict=True)
+        return np.array([limit if motor is None else motor.line[1] for motor, limit in speeds])
 
     @property
     def tool_names(self) -> list[str]:

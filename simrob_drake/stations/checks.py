@@ -9,6 +9,7 @@ from simrob_drake.dynamics import Dynamics
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.site import WORLD, StationPlant, StationRobot
+from simrob_drake.robots.motors import rated_torques
 from simrob_drake.robots.urdf import doubtful_efforts
 from simrob_drake.signals import Signal
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
@@ -42,7 +43,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     for robot in ports.plant.robots.values():
         findings += _reference_findings(robot, closed.references.get(robot.name), config.duration)
     for robot in ports.plant.robots.values():
-        findings += _import_findings(config, robot) + _effort_findings(config, robot)
+        findings += _import_findings(config, robot) + _effort_findings(config, robot) + _motor_findings(robot)
         if config.mode == "kinematic" or robot.model.base == "fixed":
             findings += _holding_findings(ports, robot, closed.references.get(robot.name))
         else:
@@ -56,10 +57,24 @@ def check_station(config: StationConfig) -> list[Finding]:
         key = f"controllers.{name}"
         findings += [Finding("warning", key, text) for text in loop.warnings(key, ports.robot(loop.robot))]
     if config.mode == "dynamic":
+        findings += _grip_findings(config, ports)
         findings += step_findings(config, ports.plant, closed.references)
         findings += contact_findings(diagram, ports)
     findings += clearance_findings(config, closed.references)
     return findings + [_declared(signal) for signal in ports.signals if signal.part]
+
+
+def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
+    """Say what fingers need in order to hold by friction what friction holds."""
+    wrong = None
+    if config.contact is None:
+        wrong = "the station has no contact: fingers hold nothing; add contact: {model: hydroelastic}"
+    elif config.contact.model == "point":
+        wrong = "points let a held piece turn and creep; take contact.model hydroelastic"
+    elif config.solver.scheme == "sap":
+        wrong = "sap lets fingers hold several times what friction holds; take solver.scheme lagged"
+    fingers = [robot for robot in ports.plant.robots.values() if robot.model.fingers]
+    return [Finding("warning", f"gripper of {robot.name}", wrong) for robot in fingers if wrong]
 
 
 def _declared(signal: Signal) -> Finding:
@@ -112,7 +127,7 @@ def _reference_findings(robot: StationRobot, reference: Reference | None, durati
         return [Finding("note", subject, "not looked at: a controller says where the robot goes")]
     check_reference(robot, reference, duration)
     times, positions = reference_samples(reference, duration)
-    speeds, limits = np.abs(np.diff(positions, axis=0)).max(axis=0) / times[1], robot.model.speed_limits
+    speeds, limits = np.abs(np.diff(positions, axis=0)).max(axis=0) / times[1], robot.speed_limits
     looked = f"within the joints' limits at {len(times)} times from 0 to {duration:g} s"
     if np.isfinite(limits).any():
         looked += f", at most {np.nanmax(speeds / limits):.0%} of their speed"
@@ -127,7 +142,7 @@ def _reference_findings(robot: StationRobot, reference: Reference | None, durati
 
 def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
     """Doubt torques that no motor of such light links has, where the station does not set its own."""
-    if config.servo_of(robot.name).torque_limit is not None:
+    if config.servo_of(robot.name).torque_limit is not None or any(robot.motors):
         return []
     doubtful = doubtful_efforts(robot.model.element)
     axes = [f"{name} ({effort:g} N·m, {mass:.3g} kg)" for name, (effort, mass) in doubtful.items()]
@@ -135,6 +150,25 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
         return []
     text = f"more than their links' motors may have: {listed(axes)}; set servo.torque_limit"
     return [Finding("warning", f"efforts of {robot.name}", text)]
+
+
+def _motor_findings(robot: StationRobot) -> list[Finding]:
+    """Say what the motors of a robot have, those alike together."""
+    kinds = dict[str, list[str]]()
+    for axis, unit, motor in zip(robot.axes, robot.model.units, robot.motors, strict=True):
+        if motor is not None:
+            stall, speed = motor.line
+            text = f"{stall:.3g} {unit.effort} at rest, {speed:.3g} {unit.si}/s without load"
+            text += f", {motor.peak_torque:g} {unit.effort} by its current" if motor.peak_torque else ""
+            text += f", {motor.rated_torque:g} {unit.effort} for ever" if motor.rated_torque else ""
+            kinds.setdefault(f"{text} ({motor.source or 'figures of the station'})", []).append(axis)
+    return [Finding("note", f"motors of {robot.name}", f"{listed(axes)}: {text}") for text, axes in kinds.items()]
+
+
+def _for_ever(robot: StationRobot, axis: int, torque: float) -> str:
+    """Return a warning where a torque is more than a motor may give for ever; empty otherwise."""
+    rated, unit = rated_torques(robot.motors)[axis], robot.model.units[axis].effort
+    return f"; its motor gets too warm: it may give {rated:g} {unit} for ever" if abs(torque) > rated else ""
 
 
 def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Reference | None) -> list[Finding]:
@@ -169,7 +203,10 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Refer
         modelled = servo.feedforward != "none" or servo.law == "computed_torque"
         sag = f"; it sags by {abs(torque[-1]) / kp / unit.size:.3g} {unit.name} there" if kp > 0 else ""
         sag = "; the servo's model holds it without sagging" if modelled else sag
-        findings.append(Finding("ok", subject, f"{text}; the limit is {limit:g} {effort}{sag}"))
+        warm = _for_ever(robot, axis, worst)
+        findings.append(
+            Finding("warning" if warm else "ok", subject, f"{text}; the limit is {limit:g} {effort}{sag}{warm}")
+        )
     masses = dynamics.payload(positions).min(axis=0) if robot.tcp else np.array([np.inf])
     if np.isfinite(masses.min()):
         weakest = robot.axes[int(np.argmin(masses))]
@@ -212,10 +249,11 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
         text = "box soles rock in point contact, which pushes at one point a box; set contact.model to "
         findings.append(Finding("warning", f"{robot.prefix}feet", f"{text}hydroelastic_with_fallback"))
     held = zip(found.torque, robot.gains.torque_limit, robot.gains.kp, strict=True)
-    for name, unit, (torque, limit, kp) in zip(robot.axes, robot.model.units, held, strict=True):
+    for axis, (name, unit, (torque, limit, kp)) in enumerate(zip(robot.axes, robot.model.units, held, strict=True)):
         text = f"standing takes {torque:z.2f} {unit.effort} and the limit is {limit:g} {unit.effort}"
         sag = f"; it sags by {abs(torque) / kp / unit.size:.2f} {unit.name}" if kp > 0 else ""
         weak = abs(torque) > limit
-        end = ": the joint will not hold" if weak else sag
-        findings.append(Finding("warning" if weak else "ok", f"torque of {robot.prefix}{name}", text + end))
+        warm = "" if weak else _for_ever(robot, axis, torque)
+        end = ": the joint will not hold" if weak else sag + warm
+        findings.append(Finding("warning" if weak or warm else "ok", f"torque of {robot.prefix}{name}", text + end))
     return findings

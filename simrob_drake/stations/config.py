@@ -26,6 +26,7 @@ from simrob_drake.parts.references.hold import Hold
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
 from simrob_drake.robots.drives import Drives
+from simrob_drake.robots.motors import Motors
 from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.sections import (
     FASTEST_RATE,
@@ -46,7 +47,7 @@ from simrob_drake.sections import (
     default_of,
 )
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
-from simrob_drake.stations.solver_config import ContinuousSolver, FixedSteps, SolverConfig
+from simrob_drake.stations.solver_config import ContinuousSolver, FixedSteps, MujocoSolver, SolverConfig
 from simrob_drake.stations.verdict_config import VerdictConfig
 
 Input = Literal["feedforward", "reference_velocity", "external_force", "external_torque"]
@@ -87,8 +88,12 @@ class ServoConfig(Renamed):
     """Integral gain, per axis [N·m/(rad·s) or N/(m·s)]; 0 leaves the integrators out."""
     kd: _Gain | None = None
     """Derivative gain, per axis [N·m·s/rad or N·s/m; 1/s of a computed torque]."""
+    motor: Motors | None = None
+    """Motors that give the torque, by name (of `models/motors.yaml`, `urdf` or `none`) or by their figures, for all
+    axes or by axis; the robot's own unless given. What no other key says is theirs: the limit of torque and how it
+    falls with speed, rotors, gears and friction of `drives`, the resolution of `encoders`."""
     torque_limit: _Limit | None = None
-    """Saturation, per axis [N·m or N]; the URDF's effort unless given."""
+    """Saturation, per axis [N·m or N]; of the motor or the URDF's effort unless given."""
     integral_limit: _Limit | None = None
     """What the integral part may reach, per axis [N·m or N]; torque_limit unless given."""
     speed_limit: _Speed | None = None
@@ -107,6 +112,8 @@ class ServoConfig(Renamed):
             raise ValueError("admittance_gain needs realization per_joint or vector: implicit hides the servo's torque")
         if self.law != "pid" and self.realization == "implicit":
             raise ValueError(f"law {self.law} needs realization per_joint or vector: actuators know the law pid alone")
+        if self.motor is not None and self.admittance_gain > 0:
+            raise ValueError("admittance_gain goes without a motor")
         if self.law != "pid" and self.admittance_gain > 0:
             raise ValueError("admittance_gain goes with law pid")
         if self.speed_limit is not None and self.law != "cascade":
@@ -337,6 +344,12 @@ class StationConfig(Renamed):
     def servo_of(self, robot: str) -> ServoConfig:
         """Return a robot's own servo section, or the station's."""
         return self.robots[robot].servo or self.servo
+
+    def motors_are_dampers(self, robot: str) -> bool:
+        """Tell whether the lines of a robot's motors are dampers of Drake's joints, as its actuators need it."""
+        if self.mode == "kinematic" or isinstance(self.solver, MujocoSolver):
+            return False
+        return self.servo_of(robot).realization == "implicit" or self.solver.scheme == "cenic"
 
     def follows_speed(self, robot: str) -> bool:
         """Tell whether a robot is given the speed that it is asked for, so that samples are joined smoothly."""

@@ -6,7 +6,8 @@ from simrob_drake.parts.captions import MANY, short, shown_limits, shown_values,
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.ports import StationPorts
 
-_PARTS = "pd", "position_loop", "speed_limit", "velocity_loop", "saturation", "integrator", "integral_clip"
+_MOTOR = "drives", "drive", "stall", "brakes", "brake"
+_PARTS = "pd", "position_loop", "speed_limit", "velocity_loop", "saturation", "integrator", "integral_clip", *_MOTOR
 """What a servo may be made of."""
 
 
@@ -30,6 +31,7 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
     axes, prefix = robot.axes, robot.prefix
     if ports.config.solver.scheme == "cenic":  # one block saturates for all
         _draw_saturation(ports, f"{prefix}torque", list(range(len(axes))), robot)
+        _draw_motors(ports, f"{prefix}motors", list(range(len(axes))), robot)
     if not per_joint:
         _draw_servo(ports, robot, "servo", list(range(len(axes))), f"{len(axes)} joints")
         return
@@ -49,6 +51,7 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
     limit = wrapped(shown_limits(robot.gains.torque_limit, list(robot.model.effort_units)))
     kp, kd = f"kp {shown_values(robot.gains.kp)}", f"kd {shown_values(robot.gains.kd)}"
     law = f"PD\n{kp}, {kd}" if short(f"{kp}, {kd}") else f"PD\n{wrapped(kp)}\n{wrapped(kd)}"
+    ports.draw_nothing(f"{robot.prefix}applied_and_state")
     for part in ("desired_state", "actuation"):
         ports.draw(
             f"{robot.prefix}{part}",
@@ -74,6 +77,7 @@ def draw_computed_torque(ports: StationPorts, robot: StationRobot) -> None:
     kp, kd = shown_values(gains.kp), shown_values(gains.kd)
     ports.draw(name, "servo", f"Computed torque\nkp {kp} 1/s²\nkd {kd} 1/s", robot)
     _draw_saturation(ports, f"{robot.prefix}torque", list(range(len(robot.axes))), robot)
+    _draw_motors(ports, f"{robot.prefix}motors", list(range(len(robot.axes))), robot)
 
 
 def draw_integral(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
@@ -95,8 +99,17 @@ def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[
         ports.draw_nothing(f"{name}.speed")
     ports.draw(f"{name}.pd", "servo", f"{who}: PD\nkp {shown_values(kp)}, kd {shown_values(kd)}", robot)
     _draw_saturation(ports, f"{name}.saturation", group, robot)
+    _draw_motors(ports, name, group, robot)
     if (gains.ki[group] > 0).any():
         draw_integral(ports, robot, row, group, who)
+
+
+def _draw_motors(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
+    line = robot.gains.line
+    if line is not None and line.slope[group].any():
+        limit = shown_limits(line.stall[group], [robot.model.effort_units[index] for index in group])
+        ports.draw(f"{name}.stall", "servo", f"Motor\n{wrapped(limit)} at rest", robot)
+        ports.draw_nothing(*(f"{name}.{part}" for part in (*_MOTOR, "commands", "driven") if part != "stall"))
 
 
 def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:

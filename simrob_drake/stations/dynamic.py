@@ -12,7 +12,7 @@ from simrob_drake.blocks.admittance import add_admittance
 from simrob_drake.blocks.external_force import add_external_force
 from simrob_drake.blocks.model_torque import add_computed_torque, add_feedforward, add_model_torque
 from simrob_drake.blocks.passive_joints import add_joint_stops
-from simrob_drake.blocks.servo import ServoSignals, add_saturation, add_servos
+from simrob_drake.blocks.servo import ServoSignals, add_motor, add_servos
 from simrob_drake.blocks.wiring import fed, joined, mapped, summed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
@@ -60,6 +60,8 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
         stiffness, damping = stops_of(config, ports.plant)
         stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
         ports.generalized_forces.extend([stops] if stops is not None else [])
+    for name, coupling in config.couplings.items():
+        coupling.add_forces(builder, ports, f"couplings.{name}")
 
 
 def stops_of(config: StationConfig, plant: StationPlant) -> Vector:
@@ -151,6 +153,11 @@ def _with_feedforward(
     for (name, own), torque in zip(fed_forward.items(), torques, strict=True):
         prefix = ports.plant.robots[name].prefix
         parts = [port for port in (own.feedforward,) if port is not None]
+        damping = ports.plant.robots[name].gains.damping
+        if damping.any() and servo_of(name).feedforward == "inverse_dynamics":  # dampers of motors need no torque
+            assert own.reference_velocity is not None
+            matrix = -np.diag(damping)
+            parts.append(mapped(builder, f"{prefix}motors.feedforward", matrix, own.reference_velocity))
         read[name] = replace(own, feedforward=summed(builder, f"{prefix}whole_feedforward", torque, *parts))
     draw_feedforward(ports, list(fed_forward))
     return read
@@ -194,12 +201,18 @@ def _add_servo_blocks(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
 ) -> OutputPort:
     """Add servos as blocks; return their torques. Under ``cenic`` the actuators are what saturates."""
-    plant, servo, limit = ports.plant.plant, ports.config.servo_of(robot.name), robot.gains.torque_limit
+    plant, servo, count = ports.plant.plant, ports.config.servo_of(robot.name), len(robot.axes)
     cenic, prefix, per_joint = ports.config.solver.scheme == "cenic", robot.prefix, servo.realization == "per_joint"
+    speed, every = np.eye(2 * count)[count:], list(range(count))
+
+    def limited(command: OutputPort) -> OutputPort:
+        name, limiter = f"{prefix}motors", f"{prefix}torque"
+        return add_motor(builder, command, robot.gains, every, name, bus=signals.state, speed=speed, limiter=limiter)
+
     if servo.law == "computed_torque":
         name = f"{prefix}computed_torque"
         command = add_computed_torque(builder, plant, ports.state, robot.axis_map, signals, robot.gains, name=name)
-        command = command if cenic else add_saturation(builder, command, limit, f"{prefix}torque")
+        command = command if cenic else limited(command)
         draw_computed_torque(ports, robot)
     else:
         command = add_servos(
@@ -207,9 +220,14 @@ def _add_servo_blocks(
         )
         draw_servos(ports, robot, per_joint=per_joint)
     matrix = robot.axis_map.actuation_matrix(plant, robot.instance)
-    actuation = mapped(builder, f"{prefix}actuators", matrix, command)
+    driven = command
+    if robot.gains.damping.any():
+        bus = joined(builder, f"{prefix}motors.commands", command, signals.state)
+        dampers = np.hstack([np.eye(count), np.diag(robot.gains.damping) @ speed])
+        driven = mapped(builder, f"{prefix}motors.driven", dampers, bus)
+    actuation = mapped(builder, f"{prefix}actuators", matrix, driven)
     builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
-    return add_saturation(builder, command, limit, f"{prefix}torque") if cenic else command
+    return limited(command) if cenic else command
 
 
 def _add_admittance_servos(

@@ -75,10 +75,10 @@ def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> Resolve
         references[place] = config.prescribed[key].trajectory(alone, alone.initial)
     if not references:
         return robot
-    gains = {key: np.array(value) for key, value in vars(robot.gains).items() if value is not None}
-    for key in ("kp", "ki", "kd"):
-        gains[key][list(references)] = 0.0
-    driven = replace(robot, gains=replace(robot.gains, **gains), prescribed=references)
+    served = np.array([place not in references for place in range(len(robot.axes))], dtype=float)
+    own = robot.gains
+    gains = replace(own, kp=served * own.kp, ki=served * own.ki, kd=served * own.kd)
+    driven = replace(robot, gains=gains, prescribed=references)
     return replace(driven, initial=begin_on_prescribed(driven, robot.initial, np.zeros_like(robot.initial))[0])
 
 

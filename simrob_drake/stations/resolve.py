@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from pydrake.math import RigidTransform
 
-from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidModel, InvalidParameter, UnknownName
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
@@ -18,11 +17,13 @@ from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
+from simrob_drake.robots.drives import Drives
 from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.poses import piece_of
 from simrob_drake.stations.prescribed import with_prescribed_axes
+from simrob_drake.stations.servos import check_motors, drives_of, servo_gains, station_motors
 from simrob_drake.stations.solver_config import FixedSteps, MujocoSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
@@ -49,7 +50,7 @@ def resolve(config: StationConfig) -> ResolvedStation:
         SimrobError: a name that stands for nothing, or a figure that does not fit; the message names the key.
     """
     config = _with_inputs(config)
-    models = {name: _robot_model(entry) for name, entry in config.robots.items()}
+    models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}
     pieces = {piece.name: piece for piece in _pieces(config, models)}
     for name in config.pieces:
         if name in config.robots or name == WORLD:
@@ -120,8 +121,12 @@ def _check_engine(config: StationConfig) -> None:
             raise InvalidParameter(key, ", ".join(held), expected)
 
 
-def _robot_model(entry: RobotConfig) -> RobotModel:
+def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
+    """Return a robot with the drives that its motors, its own file and the station tell, each over those before."""
     robot = _robot_as_described(entry)
+    own, motors = robot.drives, station_motors(robot, servo)
+    if any(motors):
+        robot = robot.model_copy(update={"drives": Drives()}).with_drives(drives_of(motors, robot)).with_drives(own)
     return robot if entry.drives is None else robot.with_drives(entry.drives)
 
 
@@ -195,7 +200,7 @@ def _robot(
     tcp = tool_in_use(model.tools, held, entry.tcp)
     if tcp and tcp not in frames:
         raise UnknownName(f"tool of {name}", tcp, frames)
-    return with_prescribed_axes(
+    resolved = with_prescribed_axes(
         config,
         ResolvedRobot(
             name=name,
@@ -203,7 +208,8 @@ def _robot(
             model=model,
             base=(ground.tilt if model.base == "floating" else RigidTransform()) @ transform_from_pose(entry.base),
             floats=config.mode == "dynamic" and model.base == "floating",
-            gains=servo_gains(model, servo),
+            gains=servo_gains(model, servo, dampers=config.motors_are_dampers(name)),
+            motors=tuple(station_motors(model, servo)),
             stops=_stops(config, name, model),
             initial=_initial_position(entry, name, model),
             carried=carried,
@@ -215,27 +221,8 @@ def _robot(
             prescribed={},
         ),
     )
-
-
-def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
-    """Return the gains and limits of a robot's servos: the station's, else the robot's own, else the URDF's."""
-    efforts = robot.efforts
-
-    def gains_of(key: str) -> Vector:
-        own = getattr(robot.servo, key, None)
-        base = robot.axis_vector(own, key) if own is not None else np.zeros(len(robot.axes))
-        stated = getattr(servo, key)
-        return base if stated is None else robot.axis_vector(stated, f"servo.{key}", base)
-
-    def limits(key: str, otherwise: Vector) -> Vector:
-        stated = getattr(servo, key)
-        return otherwise if stated is None else robot.axis_vector(stated, f"servo.{key}", otherwise)
-
-    limit = limits("torque_limit", efforts)
-    speed = limits("speed_limit", robot.speed_limits) if servo.law == "cascade" else None
-    if servo.law == "computed_torque" and (gains_of("ki") > 0).any():
-        raise InvalidParameter("servo.ki", servo.ki, "0 with law computed_torque, whose model takes its place")
-    return ServoGains(gains_of("kp"), gains_of("ki"), gains_of("kd"), limit, limits("integral_limit", limit), speed)
+    check_motors(config, resolved)
+    return resolved
 
 
 def _stops(config: StationConfig, robot: str, model: RobotModel) -> tuple[Vector, Vector]:

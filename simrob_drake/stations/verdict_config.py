@@ -23,13 +23,18 @@ class VerdictConfig(Strict):
     beyond_stop_m: Bound = 0.002
     """The same of an axis that slides [m]."""
     torque_share: Bound = 1.05
-    """Largest torque or force of an axis, as part of its limit: in a kinematic station it may be more than all."""
+    """Largest torque or force of an axis, as part of its limit, or of what its motor has at that speed: in a kinematic
+    station it may be more than all."""
     torque_time: Bound = 0.05
     """Part of the run in which an axis is at its limit of torque."""
     speed_share: Bound = 1.05
-    """Largest speed of an axis, as part of the limit in its URDF."""
+    """Largest speed of an axis, as part of its motor's no-load speed or of the limit in its URDF."""
     speed_time: Bound = "none"
     """Part of the run in which an axis is beyond its limit of speed."""
+    rated_time: Bound = "none"
+    """Part of the run in which a motor gives more than its rated torque."""
+    heat: Bound = 1.0
+    """How warm a motor may get; 1 is as warm as its rated torque makes it in the end."""
     below_floor: Bound = 0.005
     """How far tools in use, floating bases and free pieces may be below the ground [m]."""
     distance: Number | Literal["none"] = -0.005

@@ -13,7 +13,6 @@ from simrob_drake.simulink.importing import import_simulink
 from simrob_drake.simulink.mechanics.joints import rigid_transform
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
 from simrob_drake.simulink.mechanics.solids import moved, read_solid, together
-from simrob_drake.simulink.mechanics.trees import body_poses
 from simrob_drake.simulink.model.nodes import Findings, Node
 from simrob_drake.simulink.reading.graph import SimulinkBlock
 from simrob_drake.simulink.simulink_model import read_simulink
@@ -283,8 +282,8 @@ def test_a_joint_the_other_way_round_turns_the_other_way(tmp_path):
     np.testing.assert_allclose(result.pose("tcp")[0, :3], [np.cos(angle), np.sin(angle), 0], atol=1e-12)
 
 
-def four_bar(closing=REVOLUTE, **parameters):
-    """Three bars of 1 m between hinges 1.2 m apart, the last hinge closing the loop."""
+def four_bar(closing=REVOLUTE, start="80", bars=3, **parameters):
+    """Bars of 1 m between hinges 1.2 m apart, the last hinge closing the loop."""
     level = Level()
     world = level.block(WORLD, "World")
     ground = level.block(TRANSFORM, "Ground", TranslationMethod="Cartesian", TranslationCartesianOffset="[1.2 0 0]")
@@ -295,7 +294,7 @@ def four_bar(closing=REVOLUTE, **parameters):
     level.connect(f"{world}#rconn:1", f"{stand}#lconn:1")
     before = f"{stand}#rconn:1"
     level.connect(f"{stand}#rconn:1", f"{ground}#lconn:1")
-    for number, start in ((1, "80"), (2, "-80"), (3, "-70")):
+    for number in range(1, bars + 1):
         given = {"PositionTargetSpecify": "on", "PositionTargetValue": start, "PositionTargetValueUnits": "deg"}
         joint = level.block(REVOLUTE, f"Joint{number}", **(given if number == 1 else {}))
         rod = level.block(INERTIA, f"Rod{number}", Mass="1", MomentsOfInertia="[0.1 0.1 0.1]", CenterOfMass="[0.5 0 0]")
@@ -309,25 +308,6 @@ def four_bar(closing=REVOLUTE, **parameters):
     level.connect(before, f"{last}#rconn:1")
     level.connect(f"{ground}#rconn:1", f"{last}#lconn:1")
     return level
-
-
-def test_a_loop_of_hinges_is_closed_and_stays_so(tmp_path):
-    """A four-bar linkage swings, and its ends stay where the closing hinge holds them; energy is that of its rods."""
-    imported = import_simulink(write_model(tmp_path / "a.slx", four_bar()), tmp_path / "out")
-    config = load_station(imported.station)
-    assert config.solver.kind == "discrete"
-    result = simulate(config, duration=1.0, progress=False)
-    (robot,) = imported.files.robots.values()
-    q = np.array([result[f"q.{axis}"] for axis in robot.axes.values()])
-    names = list(robot.axes.values())
-    assert len(names) == 3
-    turned = np.ptp(q, axis=1)
-    assert turned.max() > 0.3  # it moves
-    gaps = []
-    for column in q.T:
-        poses = body_poses(robot.tree, column)
-        gaps += [closing.gap(poses) for closing in robot.tree.closings]
-    assert np.abs(gaps).max() < 2e-4
 
 
 def test_a_loop_is_cut_at_a_hinge_and_not_at_its_slider(tmp_path):
@@ -352,7 +332,7 @@ def test_a_loop_is_cut_at_a_hinge_and_not_at_its_slider(tmp_path):
     level.connect(before, f"{turned[1]}#lconn:1")
     level.connect(f"{turned[1]}#rconn:1", f"{slider}#rconn:1")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
-    result = simulate(load_station(imported.station, {"solver.time_step": 5e-4}), duration=1.0, progress=False)
+    result = simulate(load_station(imported.station), duration=1.0, progress=False)
     angle = result["q.Crank"]
     assert np.ptp(angle) > 2
     np.testing.assert_allclose(result["v.Crank"][0], 3, rtol=1e-4)

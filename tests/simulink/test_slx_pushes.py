@@ -127,3 +127,10 @@ def test_a_force_on_the_world_moves_nothing_and_one_from_an_input_is_a_port(tmp_
     np.testing.assert_allclose(
         simulate(imported.station, progress=False).piece_pose("Body")[-1, :3], [0.125, 0.25, 0], atol=1e-6
     )
+
+
+def test_a_force_of_too_many_elements_is_lost_and_told(tmp_path):
+    body = Body(INERTIA, Mass="1", MomentsOfInertia="[1 1 1]")
+    body.push(body.frame, body.chain("Constant", "Nine", Value="ones(9, 1)"), EnableForce="on")
+    imported = body.imported(tmp_path, "0.5")
+    assert ["has 9 elements, not 3" in entry.text for entry in imported.report.of("lost")] == [True]

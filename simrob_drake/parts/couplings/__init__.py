@@ -11,15 +11,16 @@ KINDS = Kinds(
         "ball": "constraint.Ball",
         "rod": "constraint.Rod",
         "weld": "constraint.Weld",
+        "hinge": "constraint.Hinge",
         "spring": "spring.Spring",
     },
 )
 if TYPE_CHECKING:
-    from simrob_drake.parts.couplings.constraint import Ball, Rod, Weld
+    from simrob_drake.parts.couplings.constraint import Ball, Hinge, Rod, Weld
     from simrob_drake.parts.couplings.gear import Gear
     from simrob_drake.parts.couplings.spring import Spring
 
-    CouplingConfig = Gear | Ball | Rod | Weld | Spring
+    CouplingConfig = Gear | Ball | Rod | Weld | Hinge | Spring
 else:
     CouplingConfig = Annotated[Any, KINDS]
 

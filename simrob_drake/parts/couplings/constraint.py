@@ -1,8 +1,9 @@
-"""Points and frames of bodies that stay together, or apart by a length: constraints of Drake's discrete solvers."""
+"""Points and frames of bodies that stay together, or apart by a length."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 
 from simrob_drake.frames import transform_from_pose
@@ -10,6 +11,7 @@ from simrob_drake.parts.couplings.coupling import (
     Attachment,
     BetweenPoints,
     CouplingSection,
+    add_bushing,
     anchored,
     end_of,
 )
@@ -17,10 +19,13 @@ from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
 from simrob_drake.parts.targets import check_frame
 from simrob_drake.sections import ORIGIN, Pose, Positive
 
+_HALF_APART = 0.025  # m: of the points on a hinge's axis
+
 
 class Ball(BetweenPoints):
     """Two points that stay together, as in a ball and socket."""
 
+    schemes: ClassVar[tuple[str, ...]] = ()
     kind: Literal["ball"]
 
     def add(self, plant: StationPlant) -> None:
@@ -41,6 +46,7 @@ class Ball(BetweenPoints):
 class Rod(BetweenPoints):
     """Two points that stay apart by a length, as the ends of a massless rod with ball joints."""
 
+    schemes: ClassVar[tuple[str, ...]] = ()
     kind: Literal["rod"]
     length: Positive
     """[m]."""
@@ -60,10 +66,9 @@ class Rod(BetweenPoints):
         return f"a rod of {self.length:g} m from {self.body} to {self.other}"
 
 
-class Weld(CouplingSection):
-    """Two frames that stay together."""
+class BetweenFrames(CouplingSection):
+    """A coupling of a frame of one body with a frame of another."""
 
-    kind: Literal["weld"]
     body: str
     """A tool or link of a robot, or a piece."""
     pose: Pose = ORIGIN
@@ -79,22 +84,62 @@ class Weld(CouplingSection):
         for part in ("body", "other"):
             check_frame(station, f"{key}.{part}", getattr(self, part))
 
-    def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized."""
-        one, other = (anchored(plant.plant, end) for end in self._ends(plant))
-        plant.plant.AddWeldConstraint(one.body, one.pose, other.body, other.pose)
-
-    def gap(self, plant: StationPlant, context: Context) -> float:
-        """Return how far the frames are apart, the larger of distance [m] and angle [rad]."""
-        one, other = (plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose for end in self._ends(plant))
-        apart = one.inverse() @ other
-        return max(float(np.linalg.norm(apart.translation())), float(apart.rotation().ToAngleAxis().angle()))
-
-    def _ends(self, plant: StationPlant) -> tuple[Attachment, Attachment]:
+    def ends(self, plant: StationPlant) -> tuple[Attachment, Attachment]:
+        """Return both frames."""
         ends = (self.body, self.pose), (self.other, self.other_pose)
         one, other = (end_of(plant, name, transform_from_pose(pose)) for name, pose in ends)
         return one, other
 
+    def apart(self, plant: StationPlant, context: Context) -> RigidTransform:
+        """Return the pose of the other frame in the first one."""
+        one, other = (plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose for end in self.ends(plant))
+        return one.inverse() @ other
+
+
+class Weld(BetweenFrames):
+    """Two frames that stay together."""
+
+    kind: Literal["weld"]
+
+    def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
+        if not plant.plant.time_step():
+            add_bushing(plant.plant, *self.ends(plant))
+            return
+        one, other = (anchored(plant.plant, end) for end in self.ends(plant))
+        plant.plant.AddWeldConstraint(one.body, one.pose, other.body, other.pose)
+
+    def gap(self, plant: StationPlant, context: Context) -> float:
+        """Return how far the frames are apart, the larger of distance [m] and angle [rad]."""
+        apart = self.apart(plant, context)
+        return max(float(np.linalg.norm(apart.translation())), float(apart.rotation().ToAngleAxis().angle()))
+
     def caption(self) -> str:
         """Return it in words."""
         return f"{self.body} welded to {self.other}"
+
+
+class Hinge(BetweenFrames):
+    """Two frames that stay together but turn about their z."""
+
+    kind: Literal["hinge"]
+
+    def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized: of a discrete one, two points on its axis stay together."""
+        if not plant.plant.time_step():
+            add_bushing(plant.plant, *self.ends(plant), turns_about_z=True)
+            return
+        one, other = (anchored(plant.plant, end) for end in self.ends(plant))
+        for point in ([0.0, 0.0, -_HALF_APART], [0.0, 0.0, _HALF_APART]):
+            places = one.pose.multiply(np.array(point)), other.pose.multiply(np.array(point))
+            plant.plant.AddBallConstraint(one.body, places[0], other.body, places[1])
+
+    def gap(self, plant: StationPlant, context: Context) -> float:
+        """Return how far the frames are apart, the larger of distance [m] and angle of their axes [rad]."""
+        apart = self.apart(plant, context)
+        tilt = np.arccos(np.clip(apart.rotation().matrix()[2, 2], -1.0, 1.0))
+        return max(float(np.linalg.norm(apart.translation())), float(tilt))
+
+    def caption(self) -> str:
+        """Return it in words."""
+        return f"a hinge between {self.body} and {self.other}"

@@ -1,21 +1,33 @@
-"""What the kinds of coupling share: where they hold, and which stations can have them."""
+r"""What the kinds of coupling share: where they hold, and which stations can have them.
+
+Drake's discrete solvers have constraints. Under an implicit continuous scheme a coupling is a spring and a damper, so
+stiff that what it holds vibrates at :math:`\omega = 2000` rad/s: an acceleration a opens it by :math:`a / \omega^2`.
+"""
 
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody, SpatialInertia
-from pydrake.systems.framework import Context
+from pydrake.multibody.tree import (
+    BodyIndex,
+    FixedOffsetFrame,
+    LinearBushingRollPitchYaw,
+    RigidBody,
+    SpatialInertia,
+)
+from pydrake.systems.framework import Context, DiagramBuilder
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
+from simrob_drake.parts.site import WORLD, Site, StationPlant, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.sections import Strict, Triple
 
 _ANCHOR = "couplings_anchor"
 _CLOSED = 1e-3
 """How far apart at the start what is held together may be [m or rad]."""
+STIFFNESS, RELAXES = 2000.0**2, 2e-4
+"""Stiffness of a coupling by what it holds [1/s²], and its damper by that [s]."""
 
 
 class CouplingSection(Strict):
@@ -26,7 +38,9 @@ class CouplingSection(Strict):
     """
 
     constrains: ClassVar[bool] = True
-    """Whether it is a constraint, which discrete solvers alone hold."""
+    """Whether it is a constraint, or so stiff a spring that it counts as one."""
+    schemes: ClassVar[tuple[str, ...]] = ("radau3", "radau1", "implicit_euler", "velocity_implicit_euler")
+    """Continuous schemes that hold it."""
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the station is moved by forces, by a solver that holds it, and that there is what it holds.
@@ -36,9 +50,12 @@ class CouplingSection(Strict):
         """
         if station.mode == "kinematic":
             raise InvalidParameter(key, "a coupling in a kinematic station", "left out: its reference moves all joints")
-        if self.constrains and station.time_step == 0:
-            expected = f"kind: discrete, with scheme: sap: only discrete solvers hold {key}"
+        if self.constrains and station.time_step == 0 and station.scheme not in self.schemes:
+            expected = f"{'radau3, or ' if self.schemes else ''}kind: discrete with scheme: sap, which hold {key}"
             raise InvalidParameter("solver", station.scheme, expected)
+
+    def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
+        """Add what holds it beside the plant: nothing, unless it couples axes under a continuous scheme."""
 
     def gap(self, plant: StationPlant, context: Context) -> float:
         """Return how far what it holds together is apart in a context [m or rad]; 0 of what may be anywhere."""
@@ -89,6 +106,29 @@ class BetweenPoints(CouplingSection):
         """Return how far the points are apart in a context [m]."""
         one, other = (plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose for end in self.ends(plant))
         return float(np.linalg.norm(one.translation() - other.translation()))
+
+
+def _stiffnesses(plant: MultibodyPlant) -> tuple[float, float]:
+    """Return the stiffness of couplings in a plant, by all that it weighs, against slides [N/m] and turns [N·m/rad]."""
+    bodies = [plant.get_body(BodyIndex(index)) for index in range(1, plant.num_bodies())]
+    mass = sum(body.default_mass() for body in bodies)
+    inertia = sum(body.default_spatial_inertia().CalcRotationalInertia().get_moments().sum() / 2 for body in bodies)
+    return STIFFNESS * mass, STIFFNESS * float(inertia)
+
+
+def add_bushing(plant: MultibodyPlant, one: Attachment, other: Attachment, *, turns_about_z: bool = False) -> None:
+    """Hold two frames together by stiff springs; they may turn about their z.
+
+    About y they must not, as Drake's bushing counts turns by roll, pitch and yaw.
+    """
+    frames = [
+        plant.AddFrame(FixedOffsetFrame(f"coupled_{plant.num_frames()}", end.body.body_frame(), end.pose))
+        for end in (one, other)
+    ]
+    slide, turn = _stiffnesses(plant)
+    turns, slides = np.array([turn, turn, 0.0 if turns_about_z else turn]), np.full(3, slide)
+    bushing = LinearBushingRollPitchYaw(*frames, turns, RELAXES * turns, slides, RELAXES * slides)
+    plant.AddForceElement(bushing)
 
 
 def anchored(plant: MultibodyPlant, end: Attachment) -> Attachment:

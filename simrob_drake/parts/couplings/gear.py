@@ -8,12 +8,17 @@ a planetary gear couples three axes; a rack slides by its pinion's radius a radi
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
+from simrob_drake.blocks.wiring import fed, joined, mapped
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.parts.couplings.coupling import CouplingSection
-from simrob_drake.parts.site import StationPlant, Surroundings
+from simrob_drake.frames import Vector
+from simrob_drake.parts.couplings.coupling import RELAXES, STIFFNESS, CouplingSection
+from simrob_drake.parts.site import Site, StationPlant, StationRobot, Surroundings
 from simrob_drake.sections import Number
 
 
@@ -33,27 +38,52 @@ class Gear(CouplingSection):
         for name in self.ratios:
             if name not in known:
                 raise UnknownName(f"axis for {key}.ratios", name, known)
-        if len(self.ratios) > 2 and not hasattr(MultibodyPlant, "AddTendonConstraint"):
+        if len(self.ratios) > 2 and station.time_step and not hasattr(MultibodyPlant, "AddTendonConstraint"):
             raise InvalidParameter(
                 f"{key}.ratios", f"of {len(self.ratios)} axes", "of two: older Drake couples no more"
             )
 
+    def _counts(self, robot: StationRobot) -> Vector:
+        """Return how much each axis of a robot counts, shape (n,)."""
+        return np.array([self.ratios.get(f"{robot.prefix}{axis}", 0.0) for axis in robot.axes])
+
+    def _kept(self, plant: StationPlant) -> float:
+        initial = sum(float(self._counts(robot) @ robot.initial) for robot in plant.robots.values())
+        return initial if self.total is None else self.total
+
     def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized."""
-        joints, ratios, total = [], [], 0.0
+        """Add it to a plant that is not finalized, and discrete."""
+        if not plant.plant.time_step():
+            return
+        joints, ratios, kept = [], [], self._kept(plant)
         for robot in plant.robots.values():
-            for place, axis in enumerate(robot.model.axes.values()):
-                ratio = self.ratios.get(f"{robot.prefix}{robot.axes[place]}", 0.0)
+            for joint, axis, ratio in zip(robot.joints, robot.model.axes.values(), self._counts(robot), strict=True):
                 if ratio:
-                    joints.append(robot.joints[place].index())
+                    joints.append(joint.index())
                     ratios.append(ratio * axis.sign)
-                    total += ratio * robot.initial[place]
-        kept = total if self.total is None else self.total
         if len(joints) == 2:
             driven, driver = (plant.plant.get_joint(joint) for joint in joints)
             plant.plant.AddCouplerConstraint(driven, driver, -ratios[1] / ratios[0], kept / ratios[0])
         else:
             plant.plant.AddTendonConstraint(joints, ratios, -kept, 0.0, 0.0)
+
+    def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
+        """Add the stiff spring that couples the axes under a continuous scheme."""
+        plant, robots = site.plant.plant, site.plant.robots.values()
+        if plant.time_step():
+            return
+        each = [(robot.axis_map, self._counts(robot)) for robot in robots]
+        place = sum(counts @ axes.state_matrix[: len(counts)] for axes, counts in each)
+        speed = sum(counts @ axes.state_matrix[len(counts) :] for axes, counts in each)
+        spread = sum(counts @ axes.velocity_matrix for axes, counts in each)
+        mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
+        stiffness = STIFFNESS / (spread @ mobility @ spread)
+        law = stiffness * np.append(-place - RELAXES * speed, self._kept(site.plant))
+        one = fed(builder, f"{key}.one", ConstantVectorSource([1.0]))
+        bus = joined(builder, f"{key}.bus", site.state, one)
+        site.generalized_forces.append(mapped(builder, f"{key}.force", np.outer(spread, law), bus))
+        site.draw_nothing(f"{key}.one", f"{key}.bus")
+        site.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
 
     def caption(self) -> str:
         """Return it in words."""

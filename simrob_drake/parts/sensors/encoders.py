@@ -16,7 +16,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.frames import Vector
 from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names, normal, rounded
-from simrob_drake.parts.site import Site, Surroundings
+from simrob_drake.parts.site import ResolvedRobot, Site, Surroundings
 from simrob_drake.sections import Integer, NotNegative
 from simrob_drake.signals import Panel, Signal
 
@@ -27,8 +27,9 @@ class Encoders(SampledSensor):
     kind: Literal["encoders"]
     robot: str | None = None
     """Whose axes; the only robot's unless given."""
-    resolution_deg: NotNegative = 0.0
-    """Step from one position that they tell to the next [deg, or m where an axis slides]; 0 for none."""
+    resolution_deg: NotNegative | None = None
+    """Step from one position that they tell to the next [deg, or m where an axis slides]; 0 for none. That of the
+    motors unless given, and without these none."""
     noise_deg: NotNegative = 0.0
     """Standard deviation of a position [deg, or m]."""
     smoothing: NotNegative = 0.0
@@ -40,10 +41,16 @@ class Encoders(SampledSensor):
         """Check that the robot exists."""
         station.robot(self.robot, key)
 
+    def resolution(self, robot: ResolvedRobot) -> Vector:
+        """Return the resolution of each axis of its robot, (n,) [deg, or m]: its own, else that of the motors."""
+        if self.resolution_deg is not None:
+            return np.full(len(robot.axes), self.resolution_deg)
+        return np.array([0.0 if motor is None else motor.resolution_deg or 0.0 for motor in robot.motors])
+
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``position.<sensor>`` and ``velocity.<sensor>`` (n) [rad and rad/s, or m and m/s]."""
         robot = site.robot(self.robot)
-        block = JointEncoders(self, robot.model.user_units)
+        block = JointEncoders(self, robot.model.user_units, self.resolution(robot))
         signals = {}
         for output, suffix in (("position", ""), ("velocity", "/s")):
             names = axis_names(output, name, robot.axes)
@@ -64,8 +71,11 @@ class JointEncoders(SampledBlock):
         out ``position`` (n) [rad], ``velocity`` (n) [rad/s]; zero speed at the first sample.
     """
 
-    def __init__(self, section: Encoders, units: Vector) -> None:
-        """Make the block of a section, for n axes whose users' units are so large in SI, shape (n,)."""
+    def __init__(self, section: Encoders, units: Vector, resolution: Vector) -> None:
+        """Make the block of a section, for n axes whose users' units are so large in SI, shape (n,).
+
+        ``resolution`` (n,) is in these units.
+        """
         size, period = len(units), 1 / section.rate
         memory = {"position": np.zeros(size), "velocity": np.zeros(size), "count": np.zeros(1)}
         super().__init__(
@@ -76,7 +86,7 @@ class JointEncoders(SampledBlock):
             delay=section.late_samples,
             at_once=True,
         )
-        self._resolution, self._noise = units * section.resolution_deg, units * section.noise_deg
+        self._resolution, self._noise = units * resolution, units * section.noise_deg
         self._share, self.seed = period / (period + section.smoothing), section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:

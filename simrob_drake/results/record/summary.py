@@ -80,6 +80,7 @@ def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
             "joint_torque": {axis: float(values[np.argmax(np.abs(values))]) for axis, values in torques.items()},
             "force": _peak_forces(run),
         },
+        "motors": _motors(run),
         "locomotion": _locomotion(run),
         "cells": run.cells,
         "sensors": {name: run.notes[name] for name in run.config.sensors},
@@ -98,6 +99,23 @@ def _locomotion(run: RecordedRun) -> dict[str, Any] | None:
     walkers = [] if run.ending == DIVERGED else legged_robots(run)
     found = {name: asdict(locomotion(run, name)) for name in walkers}
     return found.get(run.config.only_robot) if run.config.only_robot else found or None
+
+
+def _motors(run: RecordedRun) -> dict[str, dict[str, float | None]]:
+    """Return what each motor has, and what it gave at most; shares of its line and its heat are in the verdict."""
+    found = dict[str, dict[str, float | None]]()
+    for name, robot in run.plant.robots.items():
+        speeds, torques = np.abs(run.axes("v", name)).max(axis=0), np.abs(run.axes("tau", name)).max(axis=0)
+        for axis, motor, speed, torque in zip(robot.axes, robot.motors, speeds, torques, strict=True):
+            if motor is not None:
+                found[f"{robot.prefix}{axis}"] = {
+                    "stall_torque": motor.line[0],
+                    "no_load_speed": motor.line[1],
+                    "rated_torque": motor.rated_torque,
+                    "peak_torque": float(torque),
+                    "peak_speed": float(speed),
+                }
+    return found
 
 
 def _peak_forces(run: RecordedRun) -> dict[str, float]:

@@ -15,6 +15,7 @@ from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.verdict.criterion import Criterion, Measured
 from simrob_drake.results.verdict.verdict import Measure, Verdict
+from simrob_drake.robots.motors import rated_torques
 
 if TYPE_CHECKING:
     from simrob_drake.results.record.run import RecordedRun
@@ -65,7 +66,13 @@ def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
     """Return how far the axes of a robot were from their reference, shape (m, n) [rad or m]."""
     if run.config.mode == "kinematic":  # there they are where they are asked to be
         return None
-    return np.asarray(np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name)))
+    return _of_arm(robot, np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name)))
+
+
+def _of_arm(robot: StationRobot, values: Vector) -> Vector:
+    """Return values (m, n), nought for fingers: those press on what they hold, as hard as they may."""
+    values[:, list(robot.model.fingers)] = 0.0
+    return values
 
 
 @_of_each_robot
@@ -88,7 +95,10 @@ def _beyond_stop(run: RecordedRun, robot: StationRobot) -> _Axes:
 
 
 def _torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
-    return np.asarray(np.abs(run.axes("tau", robot.name)) / robot.gains.torque_limit)
+    torque, limit, line = run.axes("tau", robot.name), robot.gains.torque_limit, robot.gains.line
+    if line is None or run.config.mode == "kinematic":
+        return _of_arm(robot, np.abs(torque) / limit)
+    return _of_arm(robot, line.share(torque, run.axes("v", robot.name), limit))
 
 
 @_of_each_robot
@@ -103,18 +113,38 @@ def _torque_time(run: RecordedRun, robot: StationRobot) -> _Axes:
 
 
 def _speed_shares(run: RecordedRun, robot: StationRobot) -> Vector:
-    return np.asarray(np.abs(run.axes("v", robot.name)) / robot.model.speed_limits)
+    return np.asarray(np.abs(run.axes("v", robot.name)) / robot.speed_limits)
 
 
 @_of_each_robot
 def _speed_share(run: RecordedRun, robot: StationRobot) -> _Axes:
     units = tuple(f"{unit.si}/s" for unit in robot.model.units)
-    return _Axes(*largest(_speed_shares(run, robot), run.times), robot.model.speed_limits, units)
+    return _Axes(*largest(_speed_shares(run, robot), run.times), robot.speed_limits, units)
 
 
 @_of_each_robot
 def _speed_time(run: RecordedRun, robot: StationRobot) -> _Axes:
     return _Axes((_speed_shares(run, robot) > 1.0).mean(axis=0))
+
+
+@_of_each_robot
+def _rated_time(run: RecordedRun, robot: StationRobot) -> _Axes | None:
+    rated = rated_torques(robot.motors)
+    return _Axes((np.abs(run.axes("tau", robot.name)) > rated).mean(axis=0)) if np.isfinite(rated).any() else None
+
+
+@_of_each_robot
+def _heat(run: RecordedRun, robot: StationRobot) -> _Axes | None:
+    """Measure how warm motors got: T θ' = (τ / τ_n)² - θ; 1 is as warm as the rated torque makes them."""
+    rated = rated_torques(robot.motors)
+    if not np.isfinite(rated).any():
+        return None
+    steps, load = np.diff(run.times, prepend=run.times[0]), (run.axes("tau", robot.name) / rated) ** 2
+    times = np.array([1.0 if motor is None else motor.thermal_time for motor in robot.motors])
+    heat = np.zeros_like(load)
+    for look in range(1, len(load)):
+        heat[look] = heat[look - 1] - np.expm1(-steps[look] / times) * (load[look] - heat[look - 1])
+    return _Axes(*largest(heat, run.times))
 
 
 MOTION = (
@@ -131,6 +161,11 @@ MOTION = (
         "speed_time", "1", "beyond that of speed",
         "{of} was beyond its limit of speed for {value} of the run", _speed_time, per_time=True,
     ),
+    Criterion(
+        "rated_time", "1", "beyond the rated torque",
+        "{of} was beyond the rated torque of its motor for {value} of the run", _rated_time, per_time=True,
+    ),
+    Criterion("heat", "1", "heat", "the motor of {of} got {value} as warm as its rated torque makes it{when}", _heat),
 )  # fmt: skip
 """The criteria of axes."""
 

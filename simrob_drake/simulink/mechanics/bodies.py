@@ -44,24 +44,8 @@ class RigidPart:
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
-    """A joint between two bodies.
-
-    Attributes:
-        joint: what it lets free.
-        base, follower: the bodies, and the pose of the joint's frame in each.
-    """
-
-    joint: Joint
-    base: RigidPart
-    follower: RigidPart
-    in_base: RigidTransform
-    in_follower: RigidTransform
-
-
-@dataclass(frozen=True, eq=False)
 class Coupling:
-    """A gear, rod, spring or force between two bodies.
+    """What is between two bodies: a gear, rod, spring or force, a joint, or what closes a loop.
 
     Attributes:
         node: the block.
@@ -73,6 +57,13 @@ class Coupling:
     follower: RigidPart
     in_base: RigidTransform
     in_follower: RigidTransform
+
+
+@dataclass(frozen=True, eq=False)
+class Link(Coupling):
+    """A joint between two bodies, and what it lets free."""
+
+    joint: Joint
 
 
 @dataclass
@@ -137,10 +128,11 @@ def read_bodies(network: Connections, meshes: MeshFiles) -> Bodies:
     _attach(frames, bodies)
     for what, base, follower in frames.joints:
         one, other = bodies.by_place[base], bodies.by_place[follower]
+        ends = one, other, one.frames[base], other.frames[follower]
         if isinstance(what, Joint):
-            bodies.links.append(Link(what, one, other, one.frames[base], other.frames[follower]))
+            bodies.links.append(Link(what.node, *ends, what))
         elif one is not other:
-            bodies.couplings.append(Coupling(what, one, other, one.frames[base], other.frames[follower]))
+            bodies.couplings.append(Coupling(what, *ends))
     bodies.roots = {place for place in bodies.by_place if place not in frames.entered}
     return bodies
 

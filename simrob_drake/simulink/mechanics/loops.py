@@ -1,11 +1,12 @@
 """Where the loops of a mechanism are cut, and the posture and speeds at which it starts with them closed.
 
-A tree has no loops, so a hinge or ball that nothing drives becomes points that stay together. Any other joint keeps its
+A tree has no loops, so a hinge or ball that nothing drives becomes a coupling. Any other joint keeps its
 place in the tree: it holds one half of its body, and the halves are welded together.
 """
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -18,19 +19,18 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.shapes import positive
 from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Closing, Tree, body_poses
 
-_APART = 0.05  # m: of the two points on an axis
 _CLOSED = 1e-6  # m
 _NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
 _CHANGES = 1e-3
 """By so much of its largest factor a gear's factors may change with the posture."""
-_POINTS = {"Revolute Joint": ((0.0, 0.0, -_APART / 2), (0.0, 0.0, _APART / 2)), "Spherical Joint": ((0.0, 0.0, 0.0),)}
+_CUT: dict[str, Literal["hinge", "ball"]] = {"Revolute Joint": "hinge", "Spherical Joint": "ball"}
 
 
 def cuttable(link: Link) -> bool:
-    """Tell whether points can take a joint's place: it has some to hold, and nothing drives, senses or springs it."""
+    """Tell whether a coupling can take a joint's place: there is one, and nothing drives, senses or springs it."""
     joint = link.joint
     held = any(freedom.damping or freedom.stiffness for freedom in joint.freedoms)
-    return joint.node.kind in _POINTS and not (joint.inputs or joint.outputs or held)
+    return joint.node.kind in _CUT and not (joint.inputs or joint.outputs or held)
 
 
 def close(tree: Tree) -> None:
@@ -45,7 +45,7 @@ def close(tree: Tree) -> None:
         if coupling.node.kind == ROD:
             ends = coupling.base, coupling.follower, coupling.in_base, coupling.in_follower
             (length,) = positive(coupling.node, "Distance", "1", 1)
-            tree.closings.append(Closing(coupling.node, "rod", *ends, float(length)))
+            tree.closings.append(Closing(coupling.node, *ends, "rod", float(length)))
     joints = [branch.link.joint for branch in tree.branches]
     screws = {joint.node: joint.screw for joint in joints if joint.screw}
     if tree.closings or screws:
@@ -62,22 +62,18 @@ def _cut(tree: Tree, link: Link) -> list[Closing]:
     """Return what holds a loop together where a joint closes it."""
     node = link.joint.node
     if cuttable(link):
-        message = "closes a loop: constraints on its axis, which need the solver sap"
-        node.findings.report.add("repaired", node.path, message)
-        return [
-            Closing(node, "ball", link.base, link.follower, *(frame @ RigidTransform(np.array(point)) for frame in
-                    (link.in_base, link.in_follower))) for point in _POINTS[node.kind]
-        ]  # fmt: skip
+        node.findings.report.add("read", node.path, "closes a loop: a coupling in its place")
+        joined = link.base, link.follower, link.in_base, link.in_follower
+        return [Closing(node, *joined, _CUT[node.kind])]
     whole, turned = (link.base, True) if link.follower.grounded else (link.follower, False)
     halves = [replace(solid, weight=solid.weight.scaled(0.5)) for solid in whole.solids]
     whole.solids[:] = halves
     half = RigidPart(dict(whole.frames), [replace(solid, visible=False) for solid in halves])
     ends = (half, link.follower) if turned else (link.base, half)
-    own = Link(link.joint, *ends, link.in_base, link.in_follower)
+    own = Link(node, *ends, link.in_base, link.in_follower, link.joint)
     tree.branches.append(BodyOnJoint(half, link.follower if turned else link.base, own, turned))
-    message = "closes a loop: its body is two halves that are welded together, which needs the solver sap"
-    node.findings.report.add("repaired", node.path, message)
-    return [Closing(node, "weld", half, whole, RigidTransform(), RigidTransform())]
+    node.findings.report.add("read", node.path, "closes a loop: its body is two halves that are welded together")
+    return [Closing(node, half, whole, RigidTransform(), RigidTransform(), "weld")]
 
 
 def _rows(tree: Tree, sums: Iterable[dict[Freedom, float]]) -> Vector:

@@ -22,32 +22,32 @@ Poses = Mapping[RigidPart, RigidTransform]
 
 
 @dataclass(frozen=True, eq=False)
-class Closing:
+class Closing(Coupling):
     """What holds two bodies together where a loop is cut.
 
     Attributes:
-        node: the block that it stands for.
         kind: of the station's coupling.
-        base, follower: the bodies, and the frames on them that stay together, or whose origins stay so far apart.
         length: of a rod [m].
     """
 
-    node: Node
-    kind: Literal["ball", "rod", "weld"]
-    base: RigidPart
-    follower: RigidPart
-    in_base: RigidTransform
-    in_follower: RigidTransform
+    kind: Literal["ball", "rod", "weld", "hinge"]
     length: float = 0.0
 
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Return what a station's file has of it beside its ends."""
+        return {"length": self.length} if self.kind == "rod" else {}
+
     def gap(self, poses: Poses) -> Vector:
-        """Return by what it is open [m, and rad of a weld]: (3,) of a ball, (1,) of a rod, (6,) of a weld."""
+        """Return by what it is open [m, and rad]: (3,) of a ball, (1,) of a rod, (6,) of a weld, (5,) of a hinge."""
         apart = (poses[self.base] @ self.in_base).inverse() @ (poses[self.follower] @ self.in_follower)
         place: Vector = apart.translation()
         if self.kind == "rod":
             return np.array([np.linalg.norm(place) - self.length])
         if self.kind == "ball":
             return place
+        if self.kind == "hinge":
+            return np.concatenate([place, apart.rotation().matrix()[:2, 2]])
         turn = apart.rotation().ToQuaternion()
         return np.concatenate([place, 2 * np.copysign(1.0, turn.w()) * turn.xyz()])
 
@@ -243,7 +243,7 @@ def _find_loops(bodies: Bodies, trees: list[Tree]) -> None:
             tree.couplings.append(coupling)
 
 
-def _owner(between: Link | Coupling, trees: list[Tree]) -> Tree | None:
+def _owner(between: Coupling, trees: list[Tree]) -> Tree | None:
     """Return the tree of two bodies; two that stand on the world become one. None where a body is in no tree."""
     owners = [[tree for tree in trees if body in tree.bodies] for body in (between.base, between.follower)]
     both = [tree for tree in owners[0] if tree in owners[1]]

@@ -306,8 +306,11 @@ def _push(tracer: Tracer, node: Node, body: RigidPart, pose: RigidTransform) -> 
             values = tracer.physical(node, "lconn", port)
             if values is not None and axis:
                 vector["XYZ".index(axis)] += values.ravel()[0]
+            elif values is not None and values.size in (1, _PLACES):
+                vector = vector + widened(values.ravel(), _PLACES)
             elif values is not None:
-                vector = vector + widened(values.ravel(), 3)
+                message = f"its {what.lower()} input has {values.size} elements, not {_PLACES}: nothing drives it"
+                node.findings.report.add("lost", node.path, message)
         if node.text(f"{what}ResolutionFrame", "AttachedFrame") == "World" and any(vector):
             senses, vector = True, orientation(node).T.dot(vector)
         parts.append(list(vector))

@@ -1,4 +1,4 @@
-"""What the joints of a station are asked to do, and where it begins."""
+"""What the joints of a station are asked to do, what holds them beside each other, and where it begins."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,12 +13,16 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.parts.controllers.signal_flow import flow_over_time
 from simrob_drake.results.record.state import JointState, State
+from simrob_drake.simulink.mechanics.bodies import GEARS, ROD, SPRING, Coupling
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.trees import Tree
+from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import Form, Value, blocks_in, closure
 from simrob_drake.simulink.signals.laws import of_time
+from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.flow import FlowWriter
 from simrob_drake.simulink.writing.touching import StationFiles
+from simrob_drake.simulink.writing.urdf import UniqueNames, pose_list
 
 _CORNER = 2 * SHORTEST
 """How long a step takes [s]: rows of a table must be a SHORTEST apart."""
@@ -132,3 +136,58 @@ def _free(tree: Tree, turn: RigidTransform) -> JointState:
     pose, (linear, rate) = turn @ tree.base, (turn.rotation() @ part for part in np.split(tree.speed, 2))
     position: Vector = np.concatenate([pose.rotation().ToQuaternion().wxyz(), pose.translation()])
     return JointState(position, np.concatenate([rate, linear]))
+
+
+def coupling_sections(
+    model: SimulinkModel, files: StationFiles, turn: RigidTransform, names: UniqueNames, *, kinematic: bool
+) -> dict[str, Any]:
+    """Return the section ``couplings`` of a station; what it cannot have is told as lost."""
+    sections: dict[str, Any] = {}
+
+    def add(node: Node, section: dict[str, Any]) -> None:
+        if kinematic:
+            model.report.add("lost", node.path, "holds nothing in a station whose motion is given")
+            return
+        name = names.give(node.path)
+        sections[name] = section
+        model.report.add("read", node.path, f"it is the coupling {name}, of kind {section['kind']}")
+
+    def tie(tied: Coupling, kind: str, **values: float) -> None:
+        ends = _ends(tied, files, turn, framed=kind in ("weld", "hinge"))
+        if ends is None:
+            message = "one of its ends is on nothing that moves here, or both are on one body"
+            model.report.add("lost", tied.node.path, message)
+        else:
+            add(tied.node, {"kind": kind, **ends, **values})
+
+    for name, robot in files.robots.items():
+        prefix = f"{name}." if len(files.robots) > 1 else ""
+        for closing in robot.tree.closings:
+            tie(closing, closing.kind, **closing.parameters)
+        for node, ratios in robot.tree.gears.items():
+            add(node, {"kind": "gear", "ratios": robot.by_axis(ratios, prefix)})
+    units = {"length": ("NaturalLength", "m"), "stiffness": ("SpringStiffness", "N/m"),
+             "damping": ("DampingCoefficient", "N*s/m")}  # fmt: skip
+    for coupling in model.bodies.couplings:
+        if coupling.node.kind == SPRING:
+            values = {key: coupling.node.number(name, unit=unit) for key, (name, unit) in units.items()}
+            tie(coupling, "spring", **values)
+    _tell_of_loose(model)
+    return {"couplings": sections} if sections else {}
+
+
+def _tell_of_loose(model: SimulinkModel) -> None:
+    held = {coupling for tree in model.trees for coupling in tree.couplings}
+    for coupling in model.bodies.couplings:
+        if coupling.node.kind in (*GEARS, ROD) and coupling not in held:
+            model.report.add("lost", coupling.node.path, "couples mechanisms of which one is held by nothing")
+
+
+def _ends(held: Coupling, files: StationFiles, turn: RigidTransform, *, framed: bool) -> dict[str, Any] | None:
+    """Return the bodies of a coupling, and its frames or their origins there; None of what cannot move apart."""
+    base, follower = files.named(held.base, turn), files.named(held.follower, turn)
+    if base is None or follower is None or base[0] == follower[0]:
+        return None
+    what, size = ("pose", 6) if framed else ("point", 3)
+    poses = pose_list(base[1] @ held.in_base)[:size], pose_list(follower[1] @ held.in_follower)[:size]
+    return {"body": base[0], what: poses[0], "other": follower[0], f"other_{what}": poses[1]}

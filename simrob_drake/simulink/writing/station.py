@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import isfinite
+from os.path import commonprefix
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import ElementTree, indent
@@ -21,9 +22,8 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import closure, terms_of
 from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
-from simrob_drake.simulink.writing.coupling import coupling_sections
 from simrob_drake.simulink.writing.flow import FrameSensors, flows_of, frame_sensors
-from simrob_drake.simulink.writing.references import JointMotions, start_state
+from simrob_drake.simulink.writing.references import JointMotions, coupling_sections, start_state
 from simrob_drake.simulink.writing.touching import ContactSections, StationFiles, feet_of, read_touching
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
 from simrob_drake.stations.config import JointStops
@@ -33,7 +33,8 @@ _INSIDE = 1e-8
 _SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
-    "loops": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},  # 1 ms would lose some % of energy in 10 s
+    "loops": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4, "max_step": 0.01},
+    "points": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},
     "walkers": {"kind": "discrete", "scheme": "sap", "time_step": 5e-4},  # whose joints are moved along given motions
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
 }
@@ -55,7 +56,7 @@ class StationWriter:
         """Write everything, and return what there is."""
         name = plain(self._model.path.stem)
         mechanisms = _together([tree for tree in self._model.trees if tree.branches])
-        homes = self._homes(mechanisms)
+        homes = {tree: _home(tree) for tree in mechanisms}
         base_solids = self._share_world(mechanisms, homes)
         for tree in mechanisms:
             robot_name = self._names.give(homes[tree].partition("/")[0] or name)
@@ -74,17 +75,6 @@ class StationWriter:
         header = f"# From the Simulink model {self._model.path.name}; report.json tells what became of each block.\n"
         (self._folder / f"{name}.yaml").write_text(header + text, encoding="utf-8")
         return self._files
-
-    def _homes(self, trees: list[Tree]) -> dict[Tree, str]:
-        """Return, by tree, the subsystem that all its joints are in; empty for the model itself."""
-        homes = {}
-        for tree in trees:
-            ways = [branch.link.joint.node.path.split("/")[:-1] for branch in tree.branches]
-            shared = ways[0]
-            for way in ways[1:]:
-                shared = [one for one, other in zip(shared, way, strict=False) if one == other][: len(shared)]
-            homes[tree] = "/".join(shared)
-        return homes
 
     def _share_world(self, trees: list[Tree], homes: dict[Tree, str]) -> dict[Tree, list[SolidBody]]:
         """Return which solids of the world belong to a robot's base: those drawn in its subsystem."""
@@ -313,11 +303,19 @@ class StationWriter:
     def _solver(self, robots: dict[str, Any]) -> dict[str, Any]:
         if not robots:
             return _SOLVERS["pieces"]
-        if any(robot.tree.closings or robot.tree.gears for robot in self._files.robots.values()):
-            return _SOLVERS["loops"]
+        trees = [robot.tree for robot in self._files.robots.values()]
+        if any(tree.closings or tree.gears for tree in trees):
+            points = any(closing.kind in ("rod", "ball") for tree in trees for closing in tree.closings)
+            return _SOLVERS["points" if points or self._touching.ends else "loops"]
         if any(not robot.tree.root.grounded and _is_moved(robot) for robot in self._files.robots.values()):
             return _SOLVERS["walkers"]
         return _SOLVERS["feet"] if self._touching.ends else _SOLVERS["arm"]
+
+
+def _home(tree: Tree) -> str:
+    """Return the subsystem that all joints of a tree are in; empty for the model itself."""
+    ways = [branch.link.joint.node.path.split("/")[:-1] for branch in tree.branches]
+    return "/".join(commonprefix(ways))  # noqa: RUF071  # of lists it compares the parts
 
 
 def _is_moved(robot: RobotFile) -> bool:

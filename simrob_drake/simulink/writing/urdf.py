@@ -3,6 +3,7 @@
 import re
 import unicodedata
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -86,6 +87,10 @@ class RobotFile:
     pushed: str = ""
     weightless: list[str] = field(default_factory=list)
     mass: float = 0.0
+
+    def by_axis(self, values: Mapping[Freedom, float], prefix: str) -> dict[str, float]:
+        """Return values by the names of axes, each behind a prefix."""
+        return {f"{prefix}{self.axes[freedom]}": value for freedom, value in values.items()}
 
 
 class UrdfWriter:

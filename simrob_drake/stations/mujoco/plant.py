@@ -80,7 +80,7 @@ class MujocoPlant(Block):
         self._geoms = [made.shapes.get(made.model.geom(index).name) for index in range(made.model.ngeom)]
         bodies = [own.get_body(BodyIndex(index)) for index in range(own.num_bodies())]
         self._bodies = [0, *(made.model.body(names.body(body)).id for body in bodies[1:])]
-        self._servos = Servos(own, made.model, self._data, names)
+        self._servos = Servos(plant, made.model, self._data, names)
         self._qpos, self._qvel, self._guess = self._data.qpos, self._data.qvel, self._data.qacc_warmstart
         self._nq, self._nv = own.num_positions(), own.num_velocities()
         self._motion = self.DeclareDiscreteState(own.GetPositionsAndVelocities(self._scratch))

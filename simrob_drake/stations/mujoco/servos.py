@@ -7,9 +7,10 @@ Servos in the plant's actuators are taken at the end of a step h, as Drake's dis
 MuJoCo's integrator ``discrete`` solves that together with the contacts, but for the limit, which it minds at the start
 of a step: a light joint at its limit then chatters. So its servos have no limits here. After a step those beyond theirs
 give just that, as a constant torque, and the step is made again, until servos and limits agree: an active-set method
-(Nocedal and Wright, Numerical Optimization, ch. 16.5). It takes 2 to 6 rounds, and one where no limit is reached.
-Meanwhile contacts stay as they are: MuJoCo softens each by what its bodies feel of the servos, so that without them it
-is given a stiffer one.
+(Nocedal and Wright, Numerical Optimization, ch. 16.5). It takes 2 to 6 rounds, and one where no limit is reached. A
+motor beyond its line gives its torque at rest, and brakes with the line's slope in place of its own gains. Meanwhile
+contacts stay as they are: MuJoCo softens each by what its bodies feel of the servos, so that without them it is given a
+stiffer one.
 """
 
 from __future__ import annotations
@@ -17,15 +18,18 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import numpy.typing as npt
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointActuatorIndex
 
 from simrob_drake.frames import Vector
+from simrob_drake.parts.site import StationPlant
 from simrob_drake.stations.mujoco.names import Names
 
 _TOGETHER, _ROUNDS = 5, 100
 """So often all motors that are on a wrong side change together; then the first of them alone, which cannot go on for
 ever where torques turn joints their way (Murty's least-index rule for linear complementarity)."""
+_LINE = 2.0
+"""The side, to either hand, of a motor at the line of its torque over its speed; 1 is at its limit."""
+_NO_LIMIT = np.finfo(float).max  # as good as none, and zero times it is zero
 
 
 class Servos:
@@ -36,8 +40,9 @@ class Servos:
         instances: the places of each model instance's motors, by its number.
     """
 
-    def __init__(self, plant: MultibodyPlant, model: mujoco.MjModel, data: mujoco.MjData, names: Names) -> None:
-        """Find the motors of a plant in the model that was made of it."""
+    def __init__(self, station: StationPlant, model: mujoco.MjModel, data: mujoco.MjData, names: Names) -> None:
+        """Find the motors of a station's plant in the model that was made of it."""
+        plant = station.plant
         motors = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
         gains = [motor.get_controller_gains() if motor.has_controller() else None for motor in motors]
         joints = [model.joint(names.joint(motor.joint())) for motor in motors]
@@ -45,7 +50,14 @@ class Servos:
         self.count = len(motors)
         self.instances = {owner: np.flatnonzero(owners == owner) for owner in dict.fromkeys(owners.tolist())}
         limits = [motor.effort_limit() if own else np.inf for motor, own in zip(motors, gains, strict=True)]
-        self._limits = np.minimum(limits, np.finfo(float).max)  # none is as good, and zero times it is zero
+        self._limits = np.minimum(limits, _NO_LIMIT)
+        self._stalls, self._slopes = np.full(self.count, _NO_LIMIT), np.zeros(self.count)
+        places = {motor.joint().index(): place for place, motor in enumerate(motors)}
+        for robot in station.robots.values():
+            own = [places[joint.index()] for joint in robot.joints]
+            if (line := robot.gains.line) is not None and all(gains[place] for place in own):  # else blocks have it
+                self._stalls[own], self._slopes[own] = np.minimum(line.stall, _NO_LIMIT), line.slope
+                self._limits[own] = np.minimum(robot.gains.cap, _NO_LIMIT)
         self._kp, self._kd = (np.array([getattr(own, key) if own else 0.0 for own in gains]) for key in "pd")
         self._servos = np.flatnonzero([own is not None for own in gains])
         self._angles = np.array([joint.qposadr[0] for joint in joints], np.intp)
@@ -64,8 +76,13 @@ class Servos:
         return np.asarray(asked if extra is None else asked + extra)
 
     def limited(self, torques: Vector) -> Vector:
-        """Return torques (m,) within the limits of the motors."""
-        return np.minimum(np.maximum(torques, -self._limits), self._limits)
+        """Return torques (m,) within what the motors have at the speeds of the data."""
+        return np.minimum(np.maximum(torques, self._bound(-1.0)), self._bound(1.0))
+
+    def _bound(self, side: float | Vector) -> Vector:
+        """Return what the motors have at most to a side, shape (m,), at the speeds of the data."""
+        line = side * self._stalls - self._slopes * self._qvel[self._speeds]
+        return np.asarray(np.minimum(np.maximum(line, -self._limits), self._limits))
 
     def step(self, desired: Vector, extra: Vector | None, forces: Vector | float, *, begun: bool) -> Vector:
         """Step the data, and return what each motor gave (m,) [N·m or N].
@@ -86,8 +103,8 @@ class Servos:
             np.add.at(self._applied, self._speeds, extra)
         (mujoco.mj_step2 if begun else mujoco.mj_step)(self._model, self._data)
         torque = self.torques(desired, extra)
-        beyond = np.abs(torque) > self._limits
-        return self._settled(desired, extra, forces, start, torque) if beyond.any() else torque
+        beyond = self._sides(torque).any()
+        return self._settled(desired, extra, forces, start, torque) if beyond else torque
 
     def _settled(
         self,
@@ -103,7 +120,7 @@ class Servos:
         try:
             for again in range(_ROUNDS):
                 if (found == sides).all():
-                    return np.where(sides, sides * self._limits, torque)
+                    return np.where(sides, self._bound(np.sign(sides)), torque)
                 sides = found if again < _TOGETHER else _first_changed(sides, found)
                 self._drive(sides, extra, forces)
                 for _ in range(2):
@@ -112,24 +129,29 @@ class Servos:
                     contact.solref[:] = softness * (self._inverse_masses() / felt)[:, np.newaxis]
                 torque = self.torques(desired, extra)
                 found = self._sides(torque)
-                found[found == -sides] = 0.0  # from one limit the way to the other leads between them
+                found[found * sides < 0] = 0.0  # from one limit the way to the other leads between them
         finally:
-            self._give_gains(np.ones(self.count))
+            self._give_gains(np.zeros(self.count))
         raise RuntimeError("servos at their torque limits and MuJoCo's contacts do not settle within a step")
 
     def _sides(self, torque: Vector) -> Vector:
-        return np.where(np.abs(torque) > self._limits, np.sign(torque), 0.0)
+        braked = torque + self._slopes * self._qvel[self._speeds]
+        line, limit = np.abs(braked) - self._stalls, np.abs(torque) - self._limits
+        side = np.where(line > limit, _LINE * np.sign(braked), np.sign(torque))
+        return np.where(np.maximum(line, limit) > 0, side, 0.0)
 
     def _drive(self, sides: Vector, extra: Vector | None, forces: Vector | float) -> None:
         """Let servos within their limits follow their gains, and the others give what they can."""
-        given = np.zeros(self.count) if extra is None else extra
-        self._give_gains(np.where(sides, 0.0, 1.0))
+        added = np.zeros(self.count) if extra is None else extra
+        self._give_gains(sides)
         self._applied[:] = forces
-        np.add.at(self._applied, self._speeds, np.where(sides, sides * self._limits, given))
+        ends = np.sign(sides) * np.where(np.abs(sides) == _LINE, self._stalls, self._limits)
+        np.add.at(self._applied, self._speeds, np.where(sides, ends, added))
 
-    def _give_gains(self, part: Vector) -> None:
-        """Give servos a part (m,) of their gains."""
-        model, kp, kd = self._model, (self._kp * part)[self._servos], (self._kd * part)[self._servos]
+    def _give_gains(self, sides: Vector) -> None:
+        """Give servos (m,) between their limits their gains, and those at their lines the slopes of these."""
+        model, slopes = self._model, np.where(np.abs(sides) == _LINE, self._slopes, 0.0)
+        kp, kd = np.where(sides, 0.0, self._kp)[self._servos], np.where(sides, slopes, self._kd)[self._servos]
         model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1], model.actuator_biasprm[:, 2] = kp, -kp, -kd
 
     def _inverse_masses(self) -> npt.NDArray[np.float64]:

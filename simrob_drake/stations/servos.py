@@ -1,0 +1,143 @@
+"""The servos of a station's robots: gains, limits and motors, of the station, the robot's own file and its URDF."""
+
+import numpy as np
+
+from simrob_drake.blocks.servo import MotorLine, ServoGains
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.drives import Drives
+from simrob_drake.robots.motors import NO_MOTOR, OF_URDF, Motor, known_motors
+from simrob_drake.stations.config import ServoConfig, StationConfig
+
+_KEY = "servo.motor"
+_OF_MOTORS = "rotor_inertia", "gear_ratio", "damping", "friction", "backlash_deg"
+"""Figures of drives that motors tell, too."""
+
+
+def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
+    """Return the motor of each axis of a robot, whole: the station's, else its own; None where the axis has none.
+
+    Raises:
+        UnknownName: no motor of such a name, or no such axis.
+        InvalidParameter: figures without a torque at rest or a speed without load, or a supply without a voltage.
+    """
+    choice = robot.servo.motor if servo.motor is None else servo.motor
+    found: list[Motor | None] = [None] * len(robot.axes)
+    if choice is None:
+        return found
+    by_axis = choice if isinstance(choice, dict) else dict.fromkeys(robot.axes, choice)
+    for axis, own in by_axis.items():
+        place = robot.axis_index(axis, _KEY)
+        found[place] = _whole(own, robot, place)
+    return found
+
+
+def _whole(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
+    """Return a motor with all its figures, those that are given over those of its name."""
+    motor = Motor(model=choice) if isinstance(choice, str) else choice
+    if motor.model == NO_MOTOR:
+        return None
+    if motor.model == OF_URDF:
+        torque, speed = float(robot.efforts[axis]), float(robot.speed_limits[axis])
+        if not np.isfinite([torque, speed]).all():
+            name = [*robot.axes][axis]
+            raise InvalidParameter(
+                f"{_KEY} of {name}", OF_URDF, "figures: its URDF limits not both effort and velocity"
+            )
+        base = Motor(stall_torque=torque, no_load_speed=speed, source="limits of the URDF, an estimate")
+    elif motor.model is not None and motor.model not in known_motors():
+        raise UnknownName(f"motor for {_KEY}", motor.model, [*known_motors(), OF_URDF, NO_MOTOR])
+    else:
+        base = known_motors()[motor.model] if motor.model else Motor()
+    motor = base.model_copy(update=motor.model_dump(exclude_unset=True, exclude={"model"}))
+    for needed in ("stall_torque", "no_load_speed"):
+        if getattr(motor, needed) is None:
+            raise InvalidParameter(f"{_KEY}.{needed}", "left out", "given, or model names a motor that has it")
+    if motor.supply is not None and motor.voltage is None:
+        raise InvalidParameter(
+            f"{_KEY}.supply", f"{motor.supply:g} V", "given with the voltage at which its figures hold"
+        )
+    return motor
+
+
+def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
+    """Return what motors say of their axes' drives, of those that say it."""
+    values = {
+        key: {
+            axis: value
+            for axis, motor in zip(robot.axes, motors, strict=True)
+            if (value := getattr(motor, key, None)) is not None
+        }
+        for key in _OF_MOTORS
+    }
+    return Drives(**{key: own for key, own in values.items() if own})
+
+
+def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False) -> ServoGains:
+    """Return the gains and limits of a robot's servos: the station's, else the robot's own, its motors', the URDF's.
+
+    ``dampers``: the lines of motors are to be dampers of joints where they can, as actuators need it.
+
+    Raises:
+        InvalidParameter: a motor that cannot be realized so.
+    """
+    motors = station_motors(robot, servo)
+    efforts = np.array(
+        [
+            effort if motor is None else motor.peak_torque or motor.line[0]
+            for motor, effort in zip(motors, robot.efforts, strict=True)
+        ]
+    )
+
+    def gains_of(key: str) -> Vector:
+        own = getattr(robot.servo, key, None)
+        base = robot.axis_vector(own, key) if own is not None else np.zeros(len(robot.axes))
+        stated = getattr(servo, key)
+        return base if stated is None else robot.axis_vector(stated, f"servo.{key}", base)
+
+    def limits(key: str, otherwise: Vector) -> Vector:
+        stated = getattr(servo, key)
+        return otherwise if stated is None else robot.axis_vector(stated, f"servo.{key}", otherwise)
+
+    limit = limits("torque_limit", efforts)
+    speed = limits("speed_limit", robot.speed_limits) if servo.law == "cascade" else None
+    if servo.law == "computed_torque" and (gains_of("ki") > 0).any():
+        raise InvalidParameter("servo.ki", servo.ki, "0 with law computed_torque, whose model takes its place")
+    gains = gains_of("kp"), gains_of("ki"), gains_of("kd")
+    line = _line(motors, limit, dampers=dampers) if any(motors) else None
+    return ServoGains(*gains, limit, limits("integral_limit", limit), speed, line)
+
+
+def _line(motors: list[Motor | None], limit: Vector, *, dampers: bool) -> MotorLine:
+    """Return the line of motors whose axes have limits of torque, shape (n,)."""
+    stall, speed = np.array([(np.inf, np.inf) if motor is None else motor.line for motor in motors]).T
+    slope = np.where(np.isfinite(stall), stall, 0.0) / np.where(np.isfinite(speed), speed, 1.0)
+    return MotorLine(stall, slope, np.where(stall <= limit, slope, 0.0) if dampers else np.zeros_like(slope))
+
+
+def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
+    """Check that the motors of a robot can be realized as its servos and the solver are.
+
+    Raises:
+        InvalidParameter: names the key, and what would be right.
+    """
+    gains, servo, solver = robot.gains, config.servo_of(robot.name), config.solver
+    in_actuators = servo.realization == "implicit" or (config.mode == "dynamic" and solver.scheme == "cenic")
+    if gains.line is None or config.mode == "kinematic" or not in_actuators:
+        return
+    blocks = "realization per_joint and a solver other than cenic"
+    if servo.law == "computed_torque":
+        raise InvalidParameter("servo.motor", "given with law computed_torque", f"left out, or {blocks}")
+    capped = config.motors_are_dampers(robot.name) & (gains.line.slope > gains.damping)
+    if capped.any():
+        axis = int(np.argmax(capped))
+        stall = f"{gains.line.stall[axis]:.4g} or more, the stall torque of its motor"
+        name = f"the torque limit (motor.peak_torque or servo.torque_limit) of {robot.axes[axis]}"
+        raise InvalidParameter(name, f"{gains.torque_limit[axis]:g}", f"{stall}, or solver.kind mujoco, or {blocks}")
+    flat = gains.line.slope > gains.kd
+    if flat.any():
+        axis = int(np.argmax(flat))
+        expected = f"at least {gains.line.slope[axis]:.3g}, as its motor's torque falls with speed, or {blocks}"
+        raise InvalidParameter(f"servo.kd of {robot.axes[axis]}", f"{gains.kd[axis]:g}", expected)

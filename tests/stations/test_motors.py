@@ -1,0 +1,193 @@
+"""Motors of servos: a joint against the closed form of a motor on a voltage, in every realization and both engines."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from simrob_drake.errors import SimrobError
+from simrob_drake.results.block_diagram.picture import station_dot
+from simrob_drake.results.record.summary import summary_of
+from simrob_drake.robots.motors import known_motors
+from simrob_drake.simulation import simulate
+from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.load import load_station
+from simrob_drake.stations.resolve import resolve
+
+INERTIA, STALL, FASTEST, KP, KD = 0.14, 10.0, 5.76, 150.0, 4.0  # kg m², N·m, rad/s
+JOINT = """
+dh:
+  convention: classical
+  rows:
+    - {a: 0.3, limit_deg: [-720, 720], effort: 1000, mass: 1, inertia: [0.05, 0.05, 0.05], com: [0, 0, 0], damping: 0}
+"""
+STATION = f"""
+robot: {{model: robot.yaml, base: [0, 0, 1, 0, 0, 0]}}
+gravity: 0
+servo: {{kp: {KP}, kd: {KD}}}
+reference: {{kind: ramp, target_deg: 230, duration: 1.0e-3}}
+duration: 1.2
+sample_rate: 500
+"""
+RADAU = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-5}
+FIGURES = {"stall_torque": STALL, "no_load_speed": FASTEST, "rated_torque": 2.0}
+MOTOR = {"servo.motor": FIGURES}
+PEAK = {"servo.motor": {**FIGURES, "peak_torque": 6.0}}
+
+
+@pytest.fixture
+def joint(tmp_path: Path) -> Path:
+    (tmp_path / "robot.yaml").write_text(JOINT)
+    (tmp_path / "joint.yaml").write_text(STATION)
+    return tmp_path / "joint.yaml"
+
+
+def cenic(step: float) -> dict[str, Any]:
+    return {"kind": "continuous", "scheme": "cenic", "max_step": step}
+
+
+def discrete(step: float, kind: str = "discrete") -> dict[str, Any]:
+    return {"kind": kind, "time_step": step}
+
+
+def by_hand(limit: float, step: float = 2e-5) -> np.ndarray:
+    """Return angles and speeds of the joint at each sample, shape (m, 2), by small steps of the law itself."""
+    angle = speed = 0.0
+    slope, found = STALL / FASTEST, [(0.0, 0.0)]
+    for count in range(1, round(1.2 / step) + 1):
+        asked = KP * (np.deg2rad(230) * min(1.0, (count - 1) * step / 1e-3) - angle) - KD * speed
+        lower, upper = max(-STALL - slope * speed, -limit), min(STALL - slope * speed, limit)
+        speed += step * min(max(asked, lower), upper) / INERTIA
+        angle += step * speed
+        if count % round(2e-3 / step) == 0:
+            found.append((angle, speed))
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("solver", "realization", "tolerance"),
+    [
+        (RADAU, "per_joint", 2e-3),
+        (RADAU, "vector", 2e-3),
+        (discrete(1e-3), "per_joint", 3e-3),
+        (discrete(1e-3), "implicit", 8e-3),
+        (discrete(1e-2), "implicit", 7e-2),
+        (cenic(1e-3), "implicit", 5e-3),
+        (cenic(1e-2), "implicit", 3e-2),
+        (cenic(1e-3), "per_joint", 5e-3),
+        (discrete(1e-3, "mujoco"), "implicit", 8e-3),
+        (discrete(1e-2, "mujoco"), "implicit", 7e-2),
+        (discrete(1e-3, "mujoco"), "per_joint", 3e-3),
+    ],
+)
+def test_a_joint_goes_as_its_motor_can(joint: Path, solver: dict[str, Any], realization: str, tolerance: float) -> None:
+    """It reaches the no-load speed and no more; tolerances are the errors of first order of the steps [rad]."""
+    pytest.importorskip("mujoco") if solver["kind"] == "mujoco" else None
+    result = simulate(load_station(joint, {**MOTOR, "solver": solver, "servo.realization": realization}))
+    robot, truth = next(iter(result.plant.robots.values())), by_hand(np.inf)
+    angle, speed, torque = (result.axes(name, robot.name) for name in ("q", "v", "tau"))
+    assert np.abs(angle[:, 0] - truth[: len(angle), 0]).max() < tolerance
+    assert 0.98 * FASTEST < speed.max() <= FASTEST + 1e-3
+    shares = robot.gains.line.share(torque, speed, robot.gains.torque_limit)
+    assert shares.max() < 1 + 1e-6
+    assert (shares > 1 - 1e-6).sum() > 20
+
+
+@pytest.mark.parametrize(
+    ("solver", "realization", "tolerance"),
+    [(RADAU, "per_joint", 2e-3), (discrete(1e-3), "vector", 3e-3), (discrete(1e-3, "mujoco"), "implicit", 1.5e-2)],
+)
+def test_a_current_bounds_it_at_low_speed(
+    joint: Path, solver: dict[str, Any], realization: str, tolerance: float
+) -> None:
+    pytest.importorskip("mujoco") if solver["kind"] == "mujoco" else None
+    result = simulate(load_station(joint, {"solver": solver, "servo.realization": realization, **PEAK}))
+    angle, torque = (result.axes(name, next(iter(result.plant.robots))) for name in ("q", "tau"))
+    assert np.abs(angle[:, 0] - by_hand(6.0)[: len(angle), 0]).max() < tolerance
+    assert np.abs(torque).max() == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"servo.motor": "mx_107"}, "mx_106"),
+        ({"servo.motor": {"joint_7": "mx_28"}}, "joint_1"),
+        ({"servo.motor": {"stall_torque": 3}}, "servo.motor.no_load_speed"),
+        ({"servo.motor": {"stall_torque": 3, "no_load_speed": 5, "supply": 11}}, "voltage"),
+        ({"servo.motor": {"stall": 3, "no_load_speed": 5}}, "stall_torque"),
+        ({"servo.motor": "urdf"}, "effort and velocity"),
+        ({"servo.realization": "implicit", "solver": cenic(1e-3), **PEAK}, "peak_torque.*joint_1 is 6.*10 or more"),
+        (
+            {**MOTOR, "servo.realization": "implicit", "solver": cenic(1e-3), "servo.kd": 1},
+            "servo.kd of joint_1 is 1.*1.74",
+        ),
+        ({**MOTOR, "servo.admittance_gain": 1}, "without a motor"),
+    ],
+)
+def test_what_no_motor_can_be_is_told(joint: Path, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(SimrobError, match=message):
+        resolve(load_station(joint, changes))
+
+
+def test_keys_of_the_station_win_over_the_motor(joint: Path) -> None:
+    motor = {"servo.motor": {"model": "mx_106", "supply": 7.4}}
+    robot = resolve(load_station(joint, motor)).robots["robot"]
+    assert robot.gains.torque_limit.tolist() == robot.gains.line.stall.tolist() == [5.0]
+    assert robot.speed_limits == pytest.approx([2.88])
+    assert robot.model.friction.tolist() == [0.104]
+    assert robot.model.drives.gear_ratio == {"joint_1": 225.0}
+    own = {**motor, "robot.drives": {"friction": 0.0, "gear_ratio": 100}, "servo.torque_limit": 4.0}
+    robot = resolve(load_station(joint, own)).robots["robot"]
+    assert robot.model.friction.tolist() == [0.0]
+    assert robot.model.drives.gear_ratio == 100
+    assert robot.gains.torque_limit.tolist() == [4.0]
+    assert resolve(load_station(joint, {"servo.motor": "none"})).robots["robot"].gains.line is None
+
+
+def test_encoders_are_as_fine_as_those_of_motors(joint: Path) -> None:
+    changes = {"servo.motor": "mx_28", "sensors.encoders": {"rate": 100}, "duration": 0.2}
+    told = simulate(load_station(joint, changes))["position.encoders.joint_1"]
+    assert told.any()
+    np.testing.assert_allclose(told / np.deg2rad(0.088), np.round(told / np.deg2rad(0.088)), atol=1e-9)
+
+
+def test_peaks_and_heat_are_told(joint: Path) -> None:
+    """While the torque is τ_s - D v, with the time constant J v_0 / τ_s, τ² has the integral τ_s² J v_0 / (2 τ_s)."""
+    result = simulate(load_station(joint, {**MOTOR, "solver": RADAU, "duration": 0.4}))
+    told = summary_of(result, result.verdict)
+    assert told["motors"]["joint_1"]["peak_speed"] == pytest.approx(FASTEST, rel=0.02)
+    assert told["motors"]["joint_1"]["stall_torque"] == STALL
+    figures = told["verdict"]["figures"]
+    assert figures["torque_share"]["value"] == pytest.approx(1.0, abs=1e-6)
+    constant = INERTIA * FASTEST / STALL
+    warm = STALL**2 * constant / 2 / 2.0**2 / 30.0
+    assert figures["heat"]["value"] == pytest.approx(warm, rel=0.05)
+    assert figures["rated_time"]["value"] == pytest.approx(constant * np.log(STALL / 2.0) / 0.4, rel=0.05)
+
+
+def test_check_tells_motors_and_what_warms_them(joint: Path) -> None:
+    config = load_station(joint, {"gravity": 9.8, "robot.base": [0, 0, 1, 0, 0, 1.5707963], "servo.motor": "mx_28"})
+    found = "\n".join(f"{finding.subject}: {finding.text}" for finding in check_station(config))
+    assert "motors of robot: joint_1: 3.1 N·m at rest, 7.02 rad/s without load, 0.62 N·m for ever (e-manual" in found
+    assert "its motor gets too warm: it may give 0.62 N·m for ever" in found
+
+
+@pytest.mark.parametrize(
+    ("realization", "solver"), [("per_joint", RADAU), ("per_joint", cenic(1e-3)), ("implicit", cenic(1e-3))]
+)
+def test_motors_are_drawn(joint: Path, realization: str, solver: dict[str, Any]) -> None:
+    drawn = station_dot(load_station(joint, {**MOTOR, "servo.realization": realization, "solver": solver}))
+    assert "applied_and_state" not in drawn
+    assert "drives" not in drawn
+    assert ("at rest" in drawn) == (realization == "per_joint")
+
+
+def test_each_motor_is_whole_and_has_a_source() -> None:
+    for name, motor in known_motors().items():
+        stall, speed = motor.line
+        assert motor.source, name
+        assert stall > 0
+        assert speed > 0
+        assert yaml.safe_load(yaml.safe_dump(motor.model_dump(mode="json", exclude_unset=True)))
