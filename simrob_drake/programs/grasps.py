@@ -33,7 +33,10 @@ def taken(model: StationModel, piece: str, parent: str, *, frame: str | None = N
     carrier = model.resolved.pieces[parent].carrier if parent in model.resolved.pieces else parent
     if carrier in model.robots:
         mount = model.mount(parent, frame)
-        holders = [_point(model.pose(mount)), *(_boxes_on(model, mount) if frame in links else ())]
+        own, uses = model.robots[carrier], model.tool_in_use(carrier)
+        at_tool = frame is None and (parent in (carrier, uses)) and bool(own.tcp)
+        tip = [_point(model.pose(own.tools[own.tcp]))] if at_tool else []
+        holders = [_point(model.pose(mount)), *tip, *(_boxes_on(model, mount) if frame in links else ())]
         distance = min(_gap(a, b) for a, b in product(holders, _boxes_of(model, piece)))
         if distance > REACH:
             where = f"{1e3 * distance:.0f} mm away from {frame or parent}"
@@ -51,6 +54,8 @@ def let_go(
         InvalidParameter: it would fall for ever, or cannot be moved by gravity; tells why.
         SimrobError: as :func:`reparented`.
     """
+    if piece in model.config.pieces and model.resolved.pieces[piece].parent == WORLD:
+        raise InvalidParameter(f"{piece}, to be let go,", "held by nothing", "a piece that hangs on a robot or a piece")
     changed = reparented(model, piece, parent, frame=frame)
     if fixed or parent != WORLD or changed.mode == "kinematic":
         return changed

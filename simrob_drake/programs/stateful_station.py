@@ -16,7 +16,7 @@ from simrob_drake.programs.free_space import FreeSpace
 from simrob_drake.programs.grasps import let_go, taken, with_efforts
 from simrob_drake.programs.model import StationModel, one_posture, reparented
 from simrob_drake.programs.plan import Plan
-from simrob_drake.programs.planning import HasTool, WorkObject, pose_numbers
+from simrob_drake.programs.planning import HasTool, WorkObject, check_units, pose_numbers
 from simrob_drake.programs.segments import Stretch, rest, trajectory, until
 from simrob_drake.programs.tape import Entry, Take, Tape, in_words, run_entry
 from simrob_drake.programs.time_optimal import Motors
@@ -141,6 +141,7 @@ class StatefulStation:
         if isinstance(wobj, HasTool):
             return wobj.tool_pose()
         if not isinstance(wobj, str):
+            check_units(wobj, "wobj")
             return as_transform(wobj)
         model, (name, *frame) = self.model, wobj.split(".", 1)
         if name in model.robots and not frame:
