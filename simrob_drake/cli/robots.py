@@ -15,6 +15,7 @@ from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.simulink import (
     AllowLosses,
     Assume,
+    ContactLaw,
     Library,
     ModelSettings,
     RunOctave,
@@ -51,6 +52,7 @@ def import_file(
     assume: Assume = False,
     octave: RunOctave = False,
     servos: Servos = False,
+    contact_law: ContactLaw = False,
     allow_losses: AllowLosses = False,
 ) -> ExitCode:
     """Make a published robot, a Simulink model or a CAD assembly run: convert, repair, and tell all that was done.
@@ -63,12 +65,13 @@ def import_file(
     """
     if is_model_file(file):
         model = model_options(
-            options, library=library, set_=set_, variables=variables, assume=assume, octave=octave, servos=servos
-        )
+            options, library=library, set_=set_, variables=variables, assume=assume, octave=octave, servos=servos,
+            contact_law=contact_law,
+        )  # fmt: skip
         return import_model(file, out, model, force=force, allow_losses=allow_losses)
     refuse_model(
         library=library, set=set_, variables=variables, assume=assume, octave=octave, servos=servos,
-        allow_losses=allow_losses,
+        contact_law=contact_law, allow_losses=allow_losses,
     )  # fmt: skip
     folder = out or default_folder(file)
     with errors.status(Text(f"importing {file}")):

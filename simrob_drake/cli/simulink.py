@@ -51,6 +51,9 @@ Servos = Annotated[
     bool,
     typer.Option("--servos", help="Let laws of a Simulink model that come to a PID be servos, not a signal flow."),
 ]
+ContactLaw = Annotated[
+    bool, typer.Option("--contact-law", help="Let spheres of a Simulink model touch planes by Simscape's own law.")
+]
 AllowLosses = Annotated[
     bool, typer.Option("--allow-losses", help="Exit with 0, not 4, though mechanics of a Simulink model are lost.")
 ]
@@ -88,6 +91,7 @@ def model_options(
     assume: bool,
     octave: bool,
     servos: bool = False,
+    contact_law: bool = False,
 ) -> dict[str, Any]:
     """Return the options of reading a model.
 
@@ -112,6 +116,7 @@ def model_options(
         "assume": assume,
         "octave": octave,
         "servos": servos,
+        "contact_law": contact_law,
     }
 
 

@@ -216,6 +216,7 @@ class ExternalForce:
         body, pose: on which it acts, and its frame in the first one of that.
         force, torque: along the axes of its frame, each of 3 [N, N·m].
         senses: whether it acts along the axes of the world, so that the orientation of its frame is measured.
+        ends: the blocks on whose frames what it senses is, and from where that is seen; its own unless given.
     """
 
     node: Node
@@ -224,6 +225,7 @@ class ExternalForce:
     force: list[Value]
     torque: list[Value]
     senses: bool
+    ends: tuple[Node, Node] | None = None
 
 
 def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
