@@ -54,9 +54,6 @@ Servos = Annotated[
 ContactLaw = Annotated[
     bool, typer.Option("--contact-law", help="Let spheres of a Simulink model touch planes by Simscape's own law.")
 ]
-AllowLosses = Annotated[
-    bool, typer.Option("--allow-losses", help="Exit with 0, not 4, though mechanics of a Simulink model are lost.")
-]
 Step = Annotated[
     float | None,
     typer.Option(help="Take steps of this length [s], the fastest way at a given communication step."),

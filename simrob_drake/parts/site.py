@@ -103,11 +103,6 @@ class ResolvedRobot:
         return np.array([limit if motor is None else motor.line[1] for motor, limit in speeds])
 
     @property
-    def rated_torques(self) -> Vector:
-        """What its motors may give forever, shape (n,) [N·m or N]; infinite where nothing is told."""
-        return np.array([np.inf if motor is None else motor.rated_torque or np.inf for motor in self.motors])
-
-    @property
     def tool_names(self) -> list[str]:
         """The names of the tools, of carried pieces and, with an offset, of the tool centre point itself."""
         return [*self.tool_frames, *([TCP] if self.tcp and self.tcp_offset is not None else [])]

@@ -11,13 +11,15 @@ that it brakes. Where its current is limited below that of the stall, :math:`|\t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from simrob_drake.files import models_root
+from simrob_drake.frames import Vector
 from simrob_drake.sections import NotNegative, Positive, Strict, validated
 from simrob_drake.yaml_files import read_yaml
 
@@ -93,3 +95,8 @@ def known_motors() -> Mapping[str, Motor]:
     """Return the motors that have names."""
     file = models_root() / MOTORS_FILE
     return {name: validated(Motor, content, file) for name, content in read_yaml(file).items()}
+
+
+def rated_torques(motors: Iterable[Motor | None]) -> Vector:
+    """Return what n motors may give forever, shape (n,) [N·m or N]; infinite where nothing is told."""
+    return np.array([np.inf if motor is None else motor.rated_torque or np.inf for motor in motors])

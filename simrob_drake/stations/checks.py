@@ -9,6 +9,7 @@ from simrob_drake.dynamics import Dynamics
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.site import WORLD, StationPlant, StationRobot
+from simrob_drake.robots.motors import rated_torques
 from simrob_drake.robots.urdf import doubtful_efforts
 from simrob_drake.signals import Signal
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
@@ -56,10 +57,24 @@ def check_station(config: StationConfig) -> list[Finding]:
         key = f"controllers.{name}"
         findings += [Finding("warning", key, text) for text in loop.warnings(key, ports.robot(loop.robot))]
     if config.mode == "dynamic":
+        findings += _grip_findings(config, ports)
         findings += step_findings(config, ports.plant, closed.references)
         findings += contact_findings(diagram, ports)
     findings += clearance_findings(config, closed.references)
     return findings + [_declared(signal) for signal in ports.signals if signal.part]
+
+
+def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
+    """Say what fingers need in order to hold by friction what friction holds."""
+    wrong = None
+    if config.contact is None:
+        wrong = "the station has no contact: fingers hold nothing; add contact: {model: hydroelastic}"
+    elif config.contact.model == "point":
+        wrong = "points let a held piece turn and creep; take contact.model hydroelastic"
+    elif config.solver.scheme == "sap":
+        wrong = "sap lets fingers hold several times what friction holds; take solver.scheme lagged"
+    fingers = [robot for robot in ports.plant.robots.values() if robot.model.fingers]
+    return [Finding("warning", f"gripper of {robot.name}", wrong) for robot in fingers if wrong]
 
 
 def _declared(signal: Signal) -> Finding:
@@ -152,7 +167,7 @@ def _motor_findings(robot: StationRobot) -> list[Finding]:
 
 def _for_ever(robot: StationRobot, axis: int, torque: float) -> str:
     """Return a warning where a torque is more than a motor may give for ever; empty otherwise."""
-    rated, unit = robot.rated_torques[axis], robot.model.units[axis].effort
+    rated, unit = rated_torques(robot.motors)[axis], robot.model.units[axis].effort
     return f"; its motor gets too warm: it may give {rated:g} {unit} for ever" if abs(torque) > rated else ""
 
 

@@ -15,6 +15,7 @@ from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.verdict.criterion import Criterion, Measured
 from simrob_drake.results.verdict.verdict import Measure, Verdict
+from simrob_drake.robots.motors import rated_torques
 
 if TYPE_CHECKING:
     from simrob_drake.results.record.run import RecordedRun
@@ -65,7 +66,13 @@ def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
     """Return how far the axes of a robot were from their reference, shape (m, n) [rad or m]."""
     if run.config.mode == "kinematic":  # there they are where they are asked to be
         return None
-    return np.asarray(np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name)))
+    return _of_arm(robot, np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name)))
+
+
+def _of_arm(robot: StationRobot, values: Vector) -> Vector:
+    """Return values (m, n), nought for fingers: those press on what they hold, as hard as they may."""
+    values[:, list(robot.model.fingers)] = 0.0
+    return values
 
 
 @_of_each_robot
@@ -90,8 +97,8 @@ def _beyond_stop(run: RecordedRun, robot: StationRobot) -> _Axes:
 def _torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
     torque, limit, line = run.axes("tau", robot.name), robot.gains.torque_limit, robot.gains.line
     if line is None or run.config.mode == "kinematic":
-        return np.asarray(np.abs(torque) / limit)
-    return line.share(torque, run.axes("v", robot.name), limit)
+        return _of_arm(robot, np.abs(torque) / limit)
+    return _of_arm(robot, line.share(torque, run.axes("v", robot.name), limit))
 
 
 @_of_each_robot
@@ -122,14 +129,14 @@ def _speed_time(run: RecordedRun, robot: StationRobot) -> _Axes:
 
 @_of_each_robot
 def _rated_time(run: RecordedRun, robot: StationRobot) -> _Axes | None:
-    rated = robot.rated_torques
+    rated = rated_torques(robot.motors)
     return _Axes((np.abs(run.axes("tau", robot.name)) > rated).mean(axis=0)) if np.isfinite(rated).any() else None
 
 
 @_of_each_robot
 def _heat(run: RecordedRun, robot: StationRobot) -> _Axes | None:
     """Measure how warm motors got: T θ' = (τ / τ_n)² - θ; 1 is as warm as the rated torque makes them."""
-    rated = robot.rated_torques
+    rated = rated_torques(robot.motors)
     if not np.isfinite(rated).any():
         return None
     steps, load = np.diff(run.times, prepend=run.times[0]), (run.axes("tau", robot.name) / rated) ** 2
