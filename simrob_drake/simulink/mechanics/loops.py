@@ -151,4 +151,4 @@ def _start(tree: Tree) -> None:
 def _tell(freedom: Freedom, what: str, target: float | None, taken: float, tree: Tree) -> None:
     if target is not None and abs(target - taken) > _NOTED:
         message = f"starts at the{what} {taken:.4g}, not {target:.4g}: so its loop closes"
-        tree.branches[0].link.joint.node.findings.report.add("repaired", freedom.name, message)
+        tree.branches[0].link.joint.node.findings.report.add("approximated", freedom.name, message)
