@@ -51,9 +51,6 @@ Servos = Annotated[
     bool,
     typer.Option("--servos", help="Let laws of a Simulink model that come to a PID be servos, not a signal flow."),
 ]
-AllowLosses = Annotated[
-    bool, typer.Option("--allow-losses", help="Exit with 0, not 4, though mechanics of a Simulink model are lost.")
-]
 Step = Annotated[
     float | None,
     typer.Option(help="Take steps of this length [s], the fastest way at a given communication step."),

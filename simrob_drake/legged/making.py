@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -20,7 +19,7 @@ from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import robot_file
 from simrob_drake.legged.anatomy import Anatomy, anatomy_of
 from simrob_drake.legged.report import REPORT, Made, save_report
-from simrob_drake.legged.scaling import EXAMPLES, Build, Example, asked_speed, build_of, gains, walk_of
+from simrob_drake.legged.scaling import EXAMPLES, LAG, Build, Example, asked_speed, build_of, gains, walk_of
 from simrob_drake.legged.soles import FootSole, feet_section, soles_of, write_soles
 from simrob_drake.legged.trials import TRIALS, Attempt, attempt
 from simrob_drake.robots.catalog import RobotModel
@@ -34,12 +33,12 @@ STAND, WALK = "standing.yaml", "walking.yaml"
 _BENT = {2: (0.9, 0.85, 0.8), 4: (0.78, 0.7, 0.85, 0.9), 6: (0.78, 0.7, 0.85, 0.6)}
 """Parts of their length to which legs are bent, by their number, in the order of trial."""
 _PARTS = 1.0, 0.5, 0.25  # of the speed that a first walk is asked for
+_WAYS = 2  # of standing, that are tried for walking
 _STIFFER = 1.0, 2.0  # factors of the gains
 _FALLEN, _TILT = 0.55, 60.0  # part of the height of the root, deg
 _STEP: dict[str, Any] = {
     "kind": "continuous", "scheme": "cenic", "accuracy": 1.0e-3, "max_step": 0.01, "error_control": False,
 }  # fmt: skip
-_NO_MODEL = "{count} legs: what walks here has two, four or six"
 
 
 def make_legged(
@@ -67,6 +66,11 @@ def make_legged(
     made = Made(folder)
     with filled_at_once(folder, marker=REPORT, force=force) as work:
         robot = write_robot(source, work, options, ImportReport(source))
+        if robot.links_without_inertia:
+            made.assumed.append(f"inertias of {', '.join(robot.links_without_inertia)}: from their shapes")
+            robot = write_robot(
+                source, work, options.model_copy(update={"estimate_inertia": True}), ImportReport(source)
+            )
         made.name = robot.name
         try:
             _Making(work, robot, made).run()
@@ -78,8 +82,7 @@ def make_legged(
     return made
 
 
-@dataclass(frozen=True)
-class _Standing:
+class _Standing(NamedTuple):
     """A stance, its soles and its build."""
 
     stance: Stance
@@ -87,15 +90,30 @@ class _Standing:
     build: Build
 
 
+class _Choice(NamedTuple):
+    """What is tried: how it stands, whose walk it has, factors of gains and speed, whether steps are quick."""
+
+    way: _Standing
+    example: Example
+    stiffer: float = 1.0
+    part: float = 1.0
+    quick: bool = False
+
+
 class _Making:
     """One robot's way from its tree to its walk."""
 
     def __init__(self, work: Path, robot: RobotModel, made: Made) -> None:
-        """Look at a robot that was written into a folder."""
+        """Look at a robot that was written into a folder.
+
+        Raises:
+            SimrobError: it has no legs.
+        """
         self._work, self._robot, self._made = work, robot, made
-        self._clearance = at_home(robot)
-        self._own = self._clearance.station.robots[ONLY_ROBOT]
-        self._stances = Stances(self._clearance, self._own)
+        clearance = at_home(robot)
+        self._anatomy = anatomy_of(clearance, clearance.station.robots[ONLY_ROBOT])
+        self._stances = Stances(clearance, self._anatomy.robot)
+        self._soles = list[str]()
 
     def run(self) -> None:
         """Write all that can be, and try it.
@@ -103,106 +121,104 @@ class _Making:
         Raises:
             SimrobError: why not all could be.
         """
-        anatomy, made = anatomy_of(self._clearance, self._own), self._made
+        anatomy, made, name = self._anatomy, self._made, self._robot.name
         made.found += list(_described(anatomy))
-        models = EXAMPLES.get(min(len(anatomy.legs), 4), ())
-        count = len(anatomy.legs)
-        ways = [self._standing(anatomy, part) for part in _BENT[count]]
-        good = [way for way in ways if way is not None]
-        if not good:
-            raise SimrobError(f"{self._robot.name} has no posture in which it stands. {self._stances.lacking}")
-        first = good[0]
-        names = write_soles(self._robot.urdf_path, anatomy, first.soles)
-        made.found += [_soles_text(first)]
-        self._write(anatomy, first, names, models[0], 1.0)
-        made.attempts.append(attempt(self._work / STAND, TRIALS[0]))
-        best: tuple[float, Attempt, tuple[Any, ...]] | None = None
-        for part, stiffer, way, model in product(_PARTS, _STIFFER, good, models):
-            speed = self._write(anatomy, way, names, model, stiffer, part)
-            tried = attempt(self._work / WALK, TRIALS[3], speed)
-            worth = tried.ahead if tried.done else -1.0 / (1.0 + (tried.result.stop_time if tried.result else 0.0))
-            if best is None or worth > best[0]:
-                best = worth, tried, (way, model, stiffer, part)
-            if tried.done or tried.result is None:
-                break
-        assert best is not None
-        way, model, stiffer, part = best[2]
-        self._write(anatomy, way, names, model, stiffer, part)
-        made.assumed += list(_assumed(way, model, stiffer, part))
-        if best[1].result is not None:
+        examples, count = EXAMPLES[min(len(anatomy.legs), 4)], len(anatomy.legs)
+        ways = [way for part in _BENT[count] if (way := self._standing(part)) is not None]
+        if not ways:
+            raise SimrobError(f"{name} has no posture in which it stands. {self._stances.lacking}".strip())
+        self._soles = write_soles(self._robot.urdf_path, anatomy, ways[0].soles)
+        made.found += [_soles_text(ways[0])]
+        stands = self._first(
+            [_Choice(way, examples[0], stiffer) for stiffer, way in product(_STIFFER, ways)], TRIALS[0]
+        )
+        made.attempts.append(stands[0])
+        choices = product(_PARTS, (False, True), _STIFFER, ways[:_WAYS], examples)
+        tried = [_Choice(way, of, by, part, quick) for part, quick, by, way, of in choices]
+        walks, choice = self._first(tried, TRIALS[3])
+        made.assumed += list(_assumed(choice))
+        if walks.result is not None:
             made.attempts += [attempt(self._work / WALK, trial) for trial in TRIALS[1:3]]
-        made.attempts.append(best[1])
-        if not best[1].done:
-            raise SimrobError(f"{self._robot.name} does not walk: it {best[1].outcome}")
+        made.attempts.append(walks)
+        if not walks.done:
+            raise SimrobError(f"{name} does not walk: {walks.outcome}")
 
-    def _standing(self, anatomy: Anatomy, part: float) -> _Standing | None:
-        """Return how a robot stands with its legs bent to a part of their length; None if it cannot."""
+    def _standing(self, part: float) -> _Standing | None:
+        """Return how the robot stands with its legs bent to a part of their length; None if it cannot."""
+        anatomy = self._anatomy
         for stance in self._stances.bent([limb.leg for limb in anatomy.legs], (part,)):
             if len(anatomy.legs) > 2 or not anatomy.has_soles or anatomy.knees_ahead(stance.posture):
                 soles = soles_of(anatomy, stance)
                 return _Standing(stance, soles, build_of(anatomy, stance, soles))
         return None
 
-    def _write(
-        self, anatomy: Anatomy, way: _Standing, names: list[str], model: Example, stiffer: float, part: float = 1.0
-    ) -> float:
-        """Write robot, gait and stations; return the speed that is asked for [m/s]."""
-        robot, stance, build = self._robot, way.stance, way.build
-        signs = anatomy.signs(stance.posture)
-        units = np.where(robot.prismatic, 1.0, np.rad2deg(1.0)) * signs
-        posture = {
-            name: round(float(q), 3) + 0.0 for name, q in zip(anatomy.names, units * stance.posture, strict=True)
-        }
-        axes = {
-            name: {
-                "joint": axis.joint,
-                "sign": axis.sign * sign,
-                **({"aliases": [axis.joint]} if name != axis.joint else {}),
-            }
-            for name, axis, sign in zip(anatomy.names, robot.axes.values(), signs, strict=True)
-        }
-        servo = {key: float(f"{value * stiffer:.3g}") for key, value in gains(build, model).items()}
-        feet = {limb.foot: name for limb, name in zip(anatomy.legs, names, strict=True)}
-        description = {
+    def _first(self, choices: Sequence[_Choice], trial: str) -> tuple[Attempt, _Choice]:
+        """Return the first choice with which a trial is passed, else that which came farthest; it is written."""
+        tried = list[tuple[Attempt, _Choice]]()
+        for choice in choices:
+            tried.append((attempt(*self._write(choice, trial)), choice))
+            if tried[-1][0].done or tried[-1][0].result is None:
+                break
+        best = max(tried, key=lambda one: (one[0].done, one[0].lasted, one[0].ahead))
+        self._write(best[1], trial)
+        return best
+
+    def _write(self, choice: _Choice, trial: str) -> tuple[Path, str, float]:
+        """Write robot and gait, and the station of a trial; return that, the trial, and the speed asked for [m/s]."""
+        anatomy, (way, example, stiffer, part, quick) = self._anatomy, choice
+        signs = anatomy.signs(way.stance.posture)
+        units = np.where(self._robot.prismatic, 1.0, np.rad2deg(1.0)) * signs
+        values = [round(float(value), 3) + 0.0 for value in units * way.stance.posture]
+        posture = dict(zip(anatomy.names, values, strict=True))
+        servo = {key: float(f"{value * stiffer:.3g}") for key, value in gains(way.build, example).items()}
+        stands: Any = {"height": way.stance.height, "groups": anatomy.groups, "posture": posture}
+        walk = walk_of(way.build, example, **stands, quick=quick)
+        speed = asked_speed(walk, part)
+        own = {"servo": servo, "feet": feet_section(way.soles, self._soles, way.build.load / way.build.height**2)}
+        self._yaml(ROBOT_FILE, {**self._description(signs), "home_deg": posture, **own})
+        self._yaml(GAITS_FILE, {"facing_deg": round(float(np.rad2deg(anatomy.facing)), 3), REACTING: walk})
+        station = self._station(way.stance.height, posture, servo)
+        if trial == TRIALS[0]:
+            return self._yaml(STAND, {**station, "reference": {"kind": "hold"}}), trial, speed
+        loop = {"walk": {"kind": "walk", "commands": [{"time": 0.5, "ahead": speed}]}}
+        station |= {"description": f"{self._robot.name} walks by commands", "inputs": ["reference_velocity"]}
+        return self._yaml(WALK, {**station, "controllers": loop}), trial, speed
+
+    def _description(self, signs: Sequence[int]) -> dict[str, Any]:
+        """Return what of ``robot.yaml`` does not depend on how the robot stands."""
+        robot, anatomy = self._robot, self._anatomy
+        axes = dict[str, Any]()
+        for name, axis, sign in zip(anatomy.names, robot.axes.values(), signs, strict=True):
+            aliases = {"aliases": [axis.joint]} if name != axis.joint else {}
+            axes[name] = {"joint": axis.joint, "sign": axis.sign * sign, **aliases}
+        feet = {limb.foot: name for limb, name in zip(anatomy.legs, self._soles, strict=True)}
+        return {
             "description": f"{robot.name}, {len(anatomy.legs)} legs of {len(anatomy.legs[0].leg.axes)} joints",
-            "source": robot.urdf,
             "urdf": robot.urdf,
             "base": "floating",
             "root": robot.root,
             "axes": axes,
             "tools": {**feet, **{tool: link for tool, link in robot.tools.items() if tool not in feet}},
-            "home_deg": posture,
-            "servo": servo,
-            "feet": feet_section(way.soles, names, build.load / build.height**2),
         }
-        walk = walk_of(build, model, height=stance.height, groups=anatomy.groups, posture=posture)
-        speed = asked_speed(walk, part)
-        station: dict[str, Any] = {
-            "description": f"{robot.name} stands",
-            "robot": {
-                "model": ROBOT_FILE,
-                "base": [0.0, 0.0, round(stance.height, 5), 0.0, 0.0, 0.0],
-                "initial_deg": posture,
-            },
+
+    def _station(self, height: float, posture: Mapping[str, float], servo: Mapping[str, float]) -> dict[str, Any]:
+        """Return a station in which the robot stands in a posture [deg], watched by a monitor."""
+        base = [0.0, 0.0, round(height, 5), 0.0, 0.0, 0.0]
+        return {
+            "description": f"{self._robot.name} stands",
+            "robot": {"model": ROBOT_FILE, "base": base, "initial_deg": dict(posture)},
             "servo": {"realization": "implicit", **servo},
-            "inputs": ["reference_velocity"],
             "floor": {"size": 8},
             "contact": {"model": "point"},
-            "monitors": {"fall": {"height": round(_FALLEN * stance.height, 3), "tilt_deg": _TILT}},
+            "monitors": {"fall": {"height": round(_FALLEN * height, 3), "tilt_deg": _TILT}},
             "solver": _STEP,
             "duration": 10.0,
         }
-        loop = {"walk": {"kind": "walk", "commands": [{"time": 0.5, "ahead": speed}]}}
-        facing = round(float(np.rad2deg(anatomy.facing)), 3)
-        self._yaml(ROBOT_FILE, description)
-        self._yaml(GAITS_FILE, {"facing_deg": facing, REACTING: walk})
-        self._yaml(STAND, {**station, "inputs": [], "reference": {"kind": "hold"}})
-        self._yaml(WALK, {**station, "description": f"{robot.name} walks by commands", "controllers": loop})
-        return speed
 
-    def _yaml(self, name: str, content: Mapping[str, Any]) -> None:
+    def _yaml(self, name: str, content: Mapping[str, Any]) -> Path:
         text = yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
         (self._work / name).write_text(text, encoding="utf-8")
+        return self._work / name
 
 
 def _described(anatomy: Anatomy) -> Iterator[str]:
@@ -223,10 +239,13 @@ def _soles_text(way: _Standing) -> str:
     return f"feet: {kind} of radius {sole.radius * 1e3:.1f} mm, {build.spread:.3f} m apart"
 
 
-def _assumed(way: _Standing, model: Example, stiffer: float, part: float) -> Iterator[str]:
+def _assumed(choice: _Choice) -> Iterator[str]:
     """Yield what was made up, in words."""
-    yield f"posture: {way.stance.how}"
-    yield f"walk: figures of {model.name}, scaled by {way.build.height / model.build.height:.2f} in length"
-    yield f"servos: {stiffer * model.stiffness:.3g} times m g h a radian on all axes, damped over {0.14:g} sqrt(h / g)"
+    (stance, _, build), example, stiffer, part, quick = choice
+    yield f"posture: {stance.how}"
+    yield f"walk: that of {example.name}, scaled by {build.height / example.build.height:.2f} in length"
+    yield f"servos: {stiffer * example.stiffness:.3g} times m g h a radian on all axes, damped over {LAG:g} sqrt(h / g)"
+    if quick:
+        yield "steps: as quick and as low as those of the smaller robot, since it fell with longer ones"
     if part < 1:
         yield f"speed: {part:g} of what such a robot would be asked for; it fell faster"

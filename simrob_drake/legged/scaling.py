@@ -21,7 +21,7 @@ from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.stations.stances import Stance
 from simrob_drake.walking.parameters import REACTING, WalkingParameters
 
-_LAG = 0.14  # kd / kp [sqrt(h / g)], as that of all shipped ones
+LAG = 0.14  # kd / kp [sqrt(h / g)], as that of all shipped ones
 _CLEAR = 1.15  # widths of a sole that feet stay apart at least
 _SLOW = 0.6  # part of the largest speed that a first walk is asked for
 _SPHERES = 0.01  # m: what a sole of balls measures less than
@@ -87,11 +87,17 @@ def build_of(anatomy: Anatomy, stance: Stance, soles: Sequence[FootSole]) -> Bui
 def gains(build: Build, model: Example) -> dict[str, float]:
     """Return ``kp`` [N·m/rad] and ``kd`` [N·m·s/rad] of all axes, alike."""
     kp = model.stiffness * build.load
-    return {"kp": _short(kp), "kd": _short(_LAG * kp * build.time)}
+    return {"kp": _short(kp), "kd": _short(LAG * kp * build.time)}
 
 
 def walk_of(
-    build: Build, model: Example, *, height: float, groups: Sequence[Sequence[str]], posture: Mapping[str, float]
+    build: Build,
+    model: Example,
+    *,
+    height: float,
+    groups: Sequence[Sequence[str]],
+    posture: Mapping[str, float],
+    quick: bool = False,
 ) -> dict[str, Any]:
     """Return the section ``reacting`` of a robot's ``gaits.yaml``, scaled from a model's.
 
@@ -101,11 +107,15 @@ def walk_of(
         height: of its root as it stands [m].
         groups: the names of its feet that stand together.
         posture: in which it stands, by axis [deg].
+        quick: let a larger robot take lower steps more often, and answer as quickly as the smaller one.
     """
     known = WalkingParameters(**gaits_file(load_robot(model.name)).section(REACTING)).model_dump(mode="json")
     length, time = build.height / model.build.height, build.time / model.build.time
     feet = [_ratio(own, other, length) for own, other in zip(build.sole, model.build.sole, strict=True)]
     walk = _scaled(known, length, time)
+    if quick and length > 1.0:
+        walk |= {"lift": known["lift"], "step_time": _short(known["step_time"] * sqrt(time))}
+        walk["feedback"] |= {key: known["feedback"][key] for key in _QUICK}
     walk |= {
         "bearing": {"height": round(height, 4), "pitch_deg": 0.0, "posture_deg": dict(posture)},
         "stance_deg": dict(posture),
@@ -120,10 +130,11 @@ def walk_of(
         feedback["touch_force"] = _short(known["feedback"]["touch_force"] * build.mass / model.build.mass)
     if build.sole[1] > 0 and len(groups[0]) == 1:
         spread = model.build.spread + 2.0 * known["widen"]
-        least = max(_CLEAR * build.sole[1], build.spread - length * (spread - known["foothold"]["inner"]))
+        own = max(length * spread, _CLEAR * build.sole[1])
+        least = max(_CLEAR * build.sole[1], own - length * (spread - known["foothold"]["inner"]))
         walk["foothold"]["inner"] = _short(least)
-        walk["foothold"]["outer"] = _short(build.spread + length * (known["foothold"]["outer"] - spread))
-        walk["widen"] = _short(max(0.0, length * (spread / 2) - build.spread / 2))
+        walk["foothold"]["outer"] = _short(own + length * (known["foothold"]["outer"] - spread))
+        walk["widen"] = _short((own - build.spread) / 2)
     return walk
 
 
@@ -132,6 +143,8 @@ def asked_speed(walk: Mapping[str, Any], part: float = 1.0) -> float:
     return _short(_SLOW * part * float(walk["max_speed"]["ahead"]))
 
 
+_QUICK = "com_rate", "lean_rate", "upright_rate", "deadband", "hurry_threshold"
+"""Keys of the feedback that stay in a walk of quick, low steps."""
 _POWERS: Mapping[str, tuple[float, float]] = {
     **dict.fromkeys(("step_time", "settle", "min_swing_time", "max_swing_time", "late_touchdown"), (0, 1)),
     **dict.fromkeys(("lift", "zmp_ahead", "deadband", "hurry_threshold", "brace_threshold"), (1, 0)),

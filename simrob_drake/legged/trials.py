@@ -41,6 +41,11 @@ class Attempt:
     ahead: float = 0.0
     result: SimulationResult | None = None
 
+    @property
+    def lasted(self) -> float:
+        """How long the run was [s]."""
+        return 0.0 if self.result is None else self.result.stop_time
+
 
 def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
     """Return what becomes of a trial of a station whose only loop, of all but the first trial, is ``walk``.

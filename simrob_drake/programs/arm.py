@@ -179,6 +179,21 @@ class Arm(ArmGeometry):
     move_free = _running(plan_move_free)
     """Move the tool to a pose or a piece, or the axes to a posture, around obstacles; see :func:`plan_move_free`."""
 
+    def grip(self, **how: Any) -> SimulationResult:
+        """Close the fingers, until something is between them, with a ``force`` each [N], or to a ``width`` [m].
+
+        They hold by friction alone, and keep that force. Keywords are the keys of
+        :class:`~simrob_drake.programs.moves.grip.GripMove`.
+
+        Raises:
+            InvalidParameter: a robot without fingers, or what they cannot do.
+        """
+        return cast(SimulationResult, self.do({"grip": how}))
+
+    def open(self, **how: Any) -> SimulationResult:
+        """Open the fingers, all the way or to a ``width`` [m]; see :meth:`grip`."""
+        return cast(SimulationResult, self.do({"open": how}))
+
     def wait(self, duration: float) -> SimulationResult:
         """Hold the place for a time [s]; on a dynamic station the arm settles."""
         return self.cell.wait(duration)
@@ -349,7 +364,7 @@ class Workcell(RecordedStation):
             if isinstance(move, PlayMove) or not fallen.isdisjoint(move.pieces()):
                 return number, whole
             with naming(move_name(number, len(program.moves), file)):
-                whole += move.perform(self, program.robot, self._stand) or 0.0
+                whole += move.perform(self, program.robot, self.stand) or 0.0
             fallen |= {name for name in self.config.free_pieces if name in move.pieces()}
         return len(program.moves), whole
 
@@ -369,7 +384,7 @@ class Workcell(RecordedStation):
         """Run planned moves of a list, as :meth:`run` does, for a duration [s] if there is one."""
         return self.run(*plans, duration=duration)
 
-    def _stand(self, plans: list[Plan], duration: float | None) -> float:
+    def stand(self, plans: list[Plan], duration: float | None) -> float:
         """Put robots where their moves lead them, and return how long the moves take [s]."""
         self.check_together(*plans)
         time = max(plan.duration for plan in plans) if duration is None else duration

@@ -63,8 +63,8 @@ def _cut(tree: Tree, link: Link) -> list[Closing]:
     node = link.joint.node
     if cuttable(link):
         node.findings.report.add("read", node.path, "closes a loop: a coupling in its place")
-        ends = link.base, link.follower, link.in_base, link.in_follower
-        return [Closing(node, *ends, _CUT[node.kind])]
+        joined = link.base, link.follower, link.in_base, link.in_follower
+        return [Closing(node, *joined, _CUT[node.kind])]
     whole, turned = (link.base, True) if link.follower.grounded else (link.follower, False)
     halves = [replace(solid, weight=solid.weight.scaled(0.5)) for solid in whole.solids]
     whole.solids[:] = halves

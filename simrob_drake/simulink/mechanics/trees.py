@@ -34,7 +34,7 @@ class Closing(Coupling):
     length: float = 0.0
 
     @property
-    def figures(self) -> dict[str, float]:
+    def parameters(self) -> dict[str, float]:
         """Return what a station's file has of it beside its ends."""
         return {"length": self.length} if self.kind == "rod" else {}
 
