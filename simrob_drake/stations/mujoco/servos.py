@@ -82,7 +82,7 @@ class Servos:
     def _bound(self, side: float | Vector) -> Vector:
         """Return what the motors have at most to a side, shape (m,), at the speeds of the data."""
         line = side * self._stalls - self._slopes * self._qvel[self._speeds]
-        return np.minimum(np.maximum(line, -self._limits), self._limits)
+        return np.asarray(np.minimum(np.maximum(line, -self._limits), self._limits))
 
     def step(self, desired: Vector, extra: Vector | None, forces: Vector | float, *, begun: bool) -> Vector:
         """Step the data, and return what each motor gave (m,) [N·m or N].
@@ -142,11 +142,11 @@ class Servos:
 
     def _drive(self, sides: Vector, extra: Vector | None, forces: Vector | float) -> None:
         """Let servos within their limits follow their gains, and the others give what they can."""
-        given = np.zeros(self.count) if extra is None else extra
+        added = np.zeros(self.count) if extra is None else extra
         self._give_gains(sides)
         self._applied[:] = forces
         ends = np.sign(sides) * np.where(np.abs(sides) == _LINE, self._stalls, self._limits)
-        np.add.at(self._applied, self._speeds, np.where(sides, ends, given))
+        np.add.at(self._applied, self._speeds, np.where(sides, ends, added))
 
     def _give_gains(self, sides: Vector) -> None:
         """Give servos (m,) between their limits their gains, and those at their lines the slopes of these."""
