@@ -15,6 +15,7 @@ from simrob_drake.cli.rapid import import_module, is_rapid_file, refuse_rapid
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.simulink import (
     Assume,
+    ContactLaw,
     Library,
     ModelSettings,
     RunOctave,
@@ -52,6 +53,7 @@ def import_file(
     assume: Assume = False,
     octave: RunOctave = False,
     servos: Servos = False,
+    contact_law: ContactLaw = False,
     rapid: RapidOptions,
 ) -> ExitCode:
     """Make a published robot, a Simulink model, a CAD assembly or a RAPID program run, and tell all that was done.
@@ -66,17 +68,19 @@ def import_file(
     """
     if is_rapid_file(file):
         refuse_import("left out with a RAPID program", options)
-        refuse_model(library=library, set=set_, variables=variables, assume=assume, octave=octave, servos=servos)
+        refuse_model(library=library, set=set_, variables=variables, assume=assume, octave=octave, servos=servos,
+                     contact_law=contact_law)  # fmt: skip
         return import_module(file, out, rapid, force=force)
     allow_losses = refuse_rapid(rapid)
     if is_model_file(file):
         model = model_options(
-            options, library=library, set_=set_, variables=variables, assume=assume, octave=octave, servos=servos
-        )
+            options, library=library, set_=set_, variables=variables, assume=assume, octave=octave, servos=servos,
+            contact_law=contact_law,
+        )  # fmt: skip
         return import_model(file, out, model, force=force, allow_losses=allow_losses)
     refuse_model(
         library=library, set=set_, variables=variables, assume=assume, octave=octave, servos=servos,
-        allow_losses=allow_losses,
+        contact_law=contact_law, allow_losses=allow_losses,
     )  # fmt: skip
     folder = out or default_folder(file)
     with errors.status(Text(f"importing {file}")):

@@ -51,6 +51,9 @@ Servos = Annotated[
     bool,
     typer.Option("--servos", help="Let laws of a Simulink model that come to a PID be servos, not a signal flow."),
 ]
+ContactLaw = Annotated[
+    bool, typer.Option("--contact-law", help="Let spheres of a Simulink model touch planes by Simscape's own law.")
+]
 Step = Annotated[
     float | None,
     typer.Option(help="Take steps of this length [s], the fastest way at a given communication step."),
@@ -85,6 +88,7 @@ def model_options(
     assume: bool,
     octave: bool,
     servos: bool = False,
+    contact_law: bool = False,
 ) -> dict[str, Any]:
     """Return the options of reading a model.
 
@@ -109,6 +113,7 @@ def model_options(
         "assume": assume,
         "octave": octave,
         "servos": servos,
+        "contact_law": contact_law,
     }
 
 

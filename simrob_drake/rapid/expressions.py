@@ -14,6 +14,7 @@ from simrob_drake.rapid.functions import FUNCTIONS
 from simrob_drake.rapid.syntax import Module, Node, RapidError, Remark
 from simrob_drake.rapid.values import RecordValue, SignalName, Value, WrongType, shape
 
+_LONGEST = 1000  # letters of a string
 _OPERATORS: Mapping[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt,
     ">": operator.gt,
@@ -203,6 +204,8 @@ class Expressions:
                 raise WrongType(f"{shape(one)} compared with {shape(other)}")
             return (one == other) == (key == "=")
         if key == "+" and isinstance(one, str) and isinstance(other, str):
+            if len(one + other) > _LONGEST:
+                raise WrongType(f"a string of more than {_LONGEST} letters")
             return one + other
         if isinstance(one, float) and isinstance(other, float):
             function = operator.add if key == "+" else _OPERATORS[key]
@@ -272,6 +275,8 @@ class Expressions:
             raise
         except (WrongType, SimrobError) as problem:
             raise RapidError(self.where(node), str(problem)) from problem
+        except RecursionError as problem:
+            raise RapidError(self.where(node), "is nested too deeply") from problem
         except ZeroDivisionError as problem:
             raise RapidError(self.where(node), "division by zero") from problem
         except (ArithmeticError, ValueError, TypeError, LookupError) as problem:

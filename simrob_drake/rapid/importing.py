@@ -75,7 +75,7 @@ def import_rapid(
     interpreter.run()
     controller.finish()
     if not any(move.takes_time for move in controller.moves):
-        raise RapidError(modules[0].file, "its main makes no move")
+        raise RapidError(f"{modules[0].file}: line 1", "its main makes no move")
     name = None if cell.config.only_robot else controller.robot
     program = Program(description=f"Of the RAPID module {modules[0].name}", robot=name, moves=tuple(controller.moves))
     remarks = sorted(interpreter.remarks, key=lambda remark: (remark.file, remark.line))

@@ -70,6 +70,8 @@ class Interpreter(Expressions):
             self._run(routine, [])
         except Ended:
             return
+        except RecursionError:
+            raise RapidError(f"{self._scope.file}: line 1", "is nested too deeply") from None
 
     def _block(self, lines: list[Node]) -> None:
         row = 0

@@ -106,11 +106,7 @@ def modules_of(text: str, file: str) -> list[Module]:
 
 def nodes(tree: Node, *kinds: str) -> Iterator[Node]:
     """Yield the nodes of some kinds in a tree, in order of the text."""
-    if hasattr(tree, "data"):
-        if tree.data in kinds:
-            yield tree
-        for child in tree.children:
-            yield from nodes(child, *kinds)
+    yield from (node for node in tree.iter_subtrees_topdown() if node.data in kinds)
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -49,6 +50,7 @@ class SignalName:
 
 Value: TypeAlias = "float | bool | str | RecordValue | SignalName | list[Any]"
 
+_MOST_ELEMENTS = 1_000_000  # of an array
 _LARGE = 1e9  # numbers beyond are written with an exponent
 _SIMPLE: Mapping[str, Value] = {"num": 0.0, "bool": False, "string": ""}
 _SIGNALS = frozenset(f"signal{kind}" for kind in ("di", "do", "gi", "go", "ai", "ao"))
@@ -68,12 +70,17 @@ class Types:
 
     def plain(self, kind: str) -> str:
         """Return the type that a name stands for, in lower case."""
-        name = kind.lower()
-        return self.plain(self.aliases[name]) if name in self.aliases else name
+        name, seen = kind.lower(), set[str]()
+        while name in self.aliases and name not in seen:
+            seen.add(name)
+            name = self.aliases[name]
+        return name
 
     def default(self, kind: str, sizes: Sequence[int] = ()) -> Value:
         """Return what data of a type holds that is given no value, an array of it with sizes."""
         if sizes:
+            if not 0 < math.prod(sizes) <= _MOST_ELEMENTS:
+                raise WrongType(f"an array of {'×'.join(map(str, sizes))} elements")
             return [self.default(kind, sizes[1:]) for _ in range(sizes[0])]
         name = self.plain(kind)
         if name in self.records:

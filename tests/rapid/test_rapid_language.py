@@ -134,6 +134,10 @@ def test_inputs_that_no_data_hides_are_read_by_name():
         ("GOTO there;", "", "there is no label 'there' in main"),
         ("VAR strange x;", "", "line 4: the type strange is not known"),
         ("Tell a;", "CONST num a:=b; CONST num b:=a;", "line 2: data whose value depends on itself"),
+        ("a{1}:=1;", "VAR num a{100000,100000};", "line 2: an array of 100000×100000 elements"),
+        ("reg1:=" + "-" * 5000 + "1;", "", "is nested too deeply"),
+        ("VAR r x;", "RECORD r r x; ENDRECORD", "is nested too deeply"),
+        ('VAR string s:="a"; FOR i FROM 1 TO 40 DO s:=s+s; ENDFOR', "", "line 4: a string of more than 1000 letters"),
         ("WHILE 1=1 DO ENDWHILE", "", "line 4: a loop that does not end within 1000 rounds"),
     ],
 )
