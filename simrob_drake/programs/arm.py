@@ -365,7 +365,7 @@ class Workcell(RecordedStation):
             if isinstance(move, PlayMove) or not fallen.isdisjoint(move.pieces()):
                 return number, whole
             with naming(move_name(number, len(program.moves), file)):
-                whole += move.perform(self, program.robot, self._stand) or 0.0
+                whole += move.perform(self, program.robot, self.stand) or 0.0
             fallen |= {name for name in self.config.free_pieces if name in move.pieces()}
         return len(program.moves), whole
 
@@ -385,7 +385,7 @@ class Workcell(RecordedStation):
         """Run planned moves of a list, as :meth:`run` does, for a duration [s] if there is one."""
         return self.run(*plans, duration=duration)
 
-    def _stand(self, plans: list[Plan], duration: float | None) -> float:
+    def stand(self, plans: list[Plan], duration: float | None) -> float:
         """Put robots where their moves lead them, and return how long the moves take [s]."""
         self.check_together(*plans)
         time = max(plan.duration for plan in plans) if duration is None else duration
