@@ -31,6 +31,7 @@ from simrob_drake.programs.planning import Planning
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.recorded import STATION, RecordedStation
 from simrob_drake.programs.stages import check_takes_time
+from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
 from simrob_drake.results.files import Saved
 from simrob_drake.results.record.state import State
@@ -153,7 +154,7 @@ class Arm(ArmGeometry):
             solver=self.solver,
             frame=self.frame,
             collide=self.cell.check_collisions,
-            motors=self.cell.motors,
+            motors=lambda robots: Motors(self.cell.model.rigid, robots),
             space=self.cell.free_space,
         )
 

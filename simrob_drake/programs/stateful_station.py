@@ -19,7 +19,6 @@ from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import HasTool, WorkObject, check_units, pose_numbers
 from simrob_drake.programs.segments import Stretch, rest, trajectory, until
 from simrob_drake.programs.tape import Entry, Take, Tape, in_words, run_entry
-from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import Timeline, run_timed
 from simrob_drake.programs.together import check_moves
 from simrob_drake.results.animation.live import LiveView
@@ -348,10 +347,6 @@ class StatefulStation:
             StartInCollision: one of them is in something now.
         """
         return FreeSpace(self._placed(self._model.whole), {robot: self.reference(robot) for robot in robots})
-
-    def motors(self, robots: Sequence[str]) -> Motors:
-        """Return what the motors of robots that move together can do."""
-        return Motors(self._placed(self._model.rigid), robots)
 
     def _placed(self, model: StationModel) -> StationModel:
         model.place_pieces(self.state)
