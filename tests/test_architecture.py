@@ -27,6 +27,7 @@ ROAD = [
     "linear",
     "kinematics",
     "programs",
+    "rapid",
     "comparison",
     "tuning",
     "legged",

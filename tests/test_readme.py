@@ -16,6 +16,7 @@ import pytest
 from simrob_drake import Program, load_station, station_names
 from simrob_drake.cli.app import run_command, whole_command
 from simrob_drake.folders import CACHE_VARIABLE
+from simrob_drake.rapid.signals import Signals
 from simrob_drake.results.animation.robot_view import RobotView
 from simrob_drake.robots.catalog import load_robot_file, robot_names
 from simrob_drake.robots.pieces import described_piece, weighed
@@ -109,6 +110,7 @@ LOADERS: dict[str, Callable] = {
     "program.yaml": Program.load,
     "study.yaml": Study.read,
     "task.yaml": task_of,
+    "signals.yaml": Signals.load,
 }
 
 

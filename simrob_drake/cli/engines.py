@@ -11,9 +11,11 @@ from rich.table import Table
 
 from simrob_drake.cli.arguments import refuse, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
+from simrob_drake.cli.rapid import export_program
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.simulink import compare_with_log
 from simrob_drake.cli.tables import in_units
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.extras import require
 from simrob_drake.folders import check_folder
 from simrob_drake.stations.config import StationConfig
@@ -21,18 +23,37 @@ from simrob_drake.stations.config import StationConfig
 
 @with_mesh_path
 def export(
-    station: StationArgument,
-    mjcf: Annotated[Path, typer.Option("--mjcf", metavar="FILE", help="The MJCF file of MuJoCo to write, FILE.xml.")],
+    station: Annotated[
+        str, typer.Argument(metavar="STATION|PROGRAM", help="A name from `simrob list`, or the YAML file of either.")
+    ],
+    mjcf: Annotated[
+        Path | None, typer.Option("--mjcf", metavar="FILE", help="The MJCF file of MuJoCo to write, FILE.xml.")
+    ] = None,
+    rapid: Annotated[
+        Path | None, typer.Option("--rapid", metavar="FILE", help="The RAPID module of a program to write, FILE.mod.")
+    ] = None,
+    urscript: Annotated[
+        Path | None, typer.Option("--urscript", metavar="FILE", help="The URScript of a program, FILE.script.")
+    ] = None,
     set_: Settings = None,
     step: Annotated[float, typer.Option(help="Length of MuJoCo's steps [s].")] = 2e-3,
     force: Force = False,
 ) -> None:
-    """Write a station as a model of MuJoCo, with its meshes and the controls over its duration beside it.
+    """Write a station as a model of MuJoCo, or a program as a RAPID module or URScript.
 
     For example:
 
         simrob export irb120_dynamic --mjcf irb120.xml
+
+        simrob export program.yaml --rapid Module.mod
     """
+    if (mjcf is None) == (rapid is None and urscript is None):
+        raise InvalidParameter(
+            "simrob export", "asked for two things or none", "given --mjcf, or --rapid or --urscript"
+        )
+    if mjcf is None:
+        export_program(station, set_, rapid, urscript, force=force)
+        return
     require("simrob export", "mujoco", "mujoco")
     from simrob_drake.mujoco.export import save_mjcf
 

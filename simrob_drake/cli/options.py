@@ -64,7 +64,10 @@ Strictly = Annotated[bool, typer.Option("--strict", help="Exit with 4 if the res
 Plots = Annotated[PlotFormat, typer.Option("--plots", help="What the plots are written as.")]
 
 FileArgument = Annotated[
-    Path, typer.Argument(metavar="FILE", help="A URDF, xacro, MJCF or SDF file, or a Simulink model (import).")
+    Path,
+    typer.Argument(
+        metavar="FILE", help="A URDF, xacro, MJCF or SDF file; for import a Simulink model or a RAPID module, too."
+    ),
 ]
 
 
@@ -86,21 +89,47 @@ class Saving:
         return {"force": self.force, "recording": not self.no_recording, "video": self.video, "plots": self.plots}
 
 
-def with_saving(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options of :class:`Saving`, which it takes together as ``saving``."""
-    hints = get_type_hints(Saving, include_extras=True)
+@dataclass(frozen=True)
+class RapidOptions:
+    """Where a RAPID program is done, and what its signals mean."""
+
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="Who does a RAPID program: a robot, alone, or one of --on.")
+    ] = None
+    on: Annotated[str | None, typer.Option("--on", metavar="STATION", help="Where a RAPID program is done.")] = None
+    io: Annotated[
+        Path | None, typer.Option("--io", metavar="FILE", help="A table of what the signals of a RAPID program mean.")
+    ] = None
+    cycles: Annotated[int, typer.Option(min=1, help="How often WHILE TRUE of a RAPID program is done.")] = 1
+    allow_losses: Annotated[
+        bool, typer.Option("--allow-losses", help="Take a RAPID or Simulink import though parts of it are lost.")
+    ] = False
+
+
+def _with_group(group: type[Any], name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return what gives a command the options that are the fields of a class; it takes them together, by a name."""
+    hints = get_type_hints(group, include_extras=True)
     own = [
         inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=hints[one.name])
-        for one in fields(Saving)
+        for one in fields(group)
     ]
 
-    @wraps(command)
-    def called(**arguments: Any) -> Any:
-        chosen = {one.name: arguments.pop(one.name) for one in own}
-        return command(**arguments, saving=Saving(**chosen))
+    def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(command)
+        def called(**arguments: Any) -> Any:
+            chosen = {one.name: arguments.pop(one.name) for one in own}
+            return command(**arguments, **{name: group(**chosen)})
 
-    vars(called)["__signature__"] = _signature(command, "saving", own)
-    return called
+        vars(called)["__signature__"] = _signature(command, name, own)
+        return called
+
+    return with_options
+
+
+with_saving = _with_group(Saving, "saving")
+"""Give a command the options of :class:`Saving`."""
+with_rapid = _with_group(RapidOptions, "rapid")
+"""Give a command those of :class:`RapidOptions`."""
 
 
 def _signature(command: Callable[..., Any], name: str, instead: list[inspect.Parameter]) -> inspect.Signature:

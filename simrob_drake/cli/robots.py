@@ -10,11 +10,12 @@ from rich.text import Text
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import check_file, refuse_import
-from simrob_drake.cli.options import FileArgument, Force, with_import_options
+from simrob_drake.cli.options import FileArgument, Force, RapidOptions, with_import_options, with_rapid
+from simrob_drake.cli.rapid import import_module, is_rapid_file, refuse_rapid
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.simulink import (
-    AllowLosses,
     Assume,
+    ContactLaw,
     Library,
     ModelSettings,
     RunOctave,
@@ -35,6 +36,7 @@ from simrob_drake.robots.catalog import RobotModel, load_robot
 from simrob_drake.stations.draft import draft_station
 
 
+@with_rapid
 @with_import_options()
 def import_file(
     *,
@@ -51,24 +53,34 @@ def import_file(
     assume: Assume = False,
     octave: RunOctave = False,
     servos: Servos = False,
-    allow_losses: AllowLosses = False,
+    contact_law: ContactLaw = False,
+    rapid: RapidOptions,
 ) -> ExitCode:
-    """Make a published robot, a Simulink model or a CAD assembly run: convert, repair, and tell all that was done.
+    """Make a published robot, a Simulink model, a CAD assembly or a RAPID program run, and tell all that was done.
 
     For example:
 
         simrob import arm.urdf --out robots/arm
 
         simrob import station.slx --library subsystems --set q0='[0 0 0]'
+
+        simrob import Module.mod --robot irb120
     """
+    if is_rapid_file(file):
+        refuse_import("left out with a RAPID program", options)
+        refuse_model(library=library, set=set_, variables=variables, assume=assume, octave=octave, servos=servos,
+                     contact_law=contact_law)  # fmt: skip
+        return import_module(file, out, rapid, force=force)
+    allow_losses = refuse_rapid(rapid)
     if is_model_file(file):
         model = model_options(
-            options, library=library, set_=set_, variables=variables, assume=assume, octave=octave, servos=servos
-        )
+            options, library=library, set_=set_, variables=variables, assume=assume, octave=octave, servos=servos,
+            contact_law=contact_law,
+        )  # fmt: skip
         return import_model(file, out, model, force=force, allow_losses=allow_losses)
     refuse_model(
         library=library, set=set_, variables=variables, assume=assume, octave=octave, servos=servos,
-        allow_losses=allow_losses,
+        contact_law=contact_law, allow_losses=allow_losses,
     )  # fmt: skip
     folder = out or default_folder(file)
     with errors.status(Text(f"importing {file}")):

@@ -51,8 +51,8 @@ Servos = Annotated[
     bool,
     typer.Option("--servos", help="Let laws of a Simulink model that come to a PID be servos, not a signal flow."),
 ]
-AllowLosses = Annotated[
-    bool, typer.Option("--allow-losses", help="Exit with 0, not 4, though mechanics of a Simulink model are lost.")
+ContactLaw = Annotated[
+    bool, typer.Option("--contact-law", help="Let spheres of a Simulink model touch planes by Simscape's own law.")
 ]
 Step = Annotated[
     float | None,
@@ -88,6 +88,7 @@ def model_options(
     assume: bool,
     octave: bool,
     servos: bool = False,
+    contact_law: bool = False,
 ) -> dict[str, Any]:
     """Return the options of reading a model.
 
@@ -112,6 +113,7 @@ def model_options(
         "assume": assume,
         "octave": octave,
         "servos": servos,
+        "contact_law": contact_law,
     }
 
 

@@ -11,15 +11,18 @@ from simrob_drake.cli.arguments import check_file, is_program_file, refuse, refu
 from simrob_drake.cli.options import (
     AllowCode,
     Force,
+    RapidOptions,
     Saving,
     Settings,
     StationArgument,
     completed_station,
     with_import_options,
     with_mesh_path,
+    with_rapid,
     with_saving,
 )
 from simrob_drake.cli.programs import check_program, own_program, program_from, run_program
+from simrob_drake.cli.rapid import is_rapid_file, module_program, refuse_rapid
 from simrob_drake.cli.robots import examine_file, show_robot
 from simrob_drake.cli.saving import Frames, exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console
@@ -46,13 +49,14 @@ from simrob_drake.stations.config import StationConfig
 
 @with_mesh_path
 @with_saving
+@with_rapid
 def run(
     *,
     station: Annotated[
         str,
         typer.Argument(
             metavar="STATION|PROGRAM",
-            help="A name from `simrob list`, or the YAML file of either.",
+            help="A name from `simrob list`, the YAML file of either, or a RAPID module.",
             autocompletion=completed_station,
         ),
     ],
@@ -66,6 +70,7 @@ def run(
         bool, typer.Option("--converge", help="Run again ten times tighter and print the difference.")
     ] = False,
     allow_code: AllowCode = False,
+    rapid: RapidOptions,
 ) -> int:
     """Run a station, or a program on the station that it names, and save signals, plots and a recording.
 
@@ -76,8 +81,15 @@ def run(
         simrob run irb120_dynamic --set servo.torque_limit=10 --set reference.duration=1.5
 
         simrob run program.yaml --set servo.kp=50
+
+        simrob run Module.mod --robot irb120
     """
     shown = _frames(frames)
+    if is_rapid_file(station):
+        refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
+        program, config = module_program(Path(station), rapid, set_)
+        return run_program(program, config, saving, shown)
+    refuse_rapid(rapid)
     if is_program_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
         program, config = program_from(station, set_)

@@ -39,6 +39,7 @@ from simrob_drake.yaml_files import parse_json, read_yaml
 _HEADER = """\
 # Draft of an import; edit it freely.
 # axes: the joints in the order of every vector; rename an axis as `elbow: {joint: joint_3, sign: -1}`.
+# gripper: where its fingers are closed and open, in deg, or m of those that slide.
 # tools: frames of the URDF whose pose a station can follow; the first is where pieces are attached.
 """
 
@@ -197,6 +198,10 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport) -> str:
         content["home_deg"] = robot.home_deg
         midway = ", ".join(robot.home_deg)
         report.add("defaulted", "robot.yaml", f"zero is outside of the limits of {midway}: they start midway")
+    if robot.gripper is not None:
+        content["gripper"] = robot.gripper.model_dump(mode="json", exclude_none=True)
+        names = ", ".join(robot.gripper.axes)
+        report.add("read", "robot.yaml", f"{names} are fingers, closed where they are nearest to each other")
     if not robot.links_without_inertia:
         gains = vars(first_gains(robot)).items()
         made = {key: dict(zip(robot.axes, values.tolist(), strict=True)) for key, values in gains}

@@ -21,7 +21,7 @@ from simrob_drake.kinematics.closed_form import (
 )
 from simrob_drake.kinematics.constrained import ConstrainedSolver
 from simrob_drake.kinematics.incremental import IncrementalSolver
-from simrob_drake.kinematics.numeric import NumericSolver, fit_postures
+from simrob_drake.kinematics.numeric import Flags, NumericSolver, fit_postures
 from simrob_drake.kinematics.solver import (
     POSITION_TOLERANCE,
     ROTATION_TOLERANCE,
@@ -60,7 +60,7 @@ class AnalyticSolver(Solver):
         """Make the solver, and find out whether the arm has the geometry.
 
         Args:
-            chain: six revolute axes.
+            chain: six revolute axes; further ones that do not move the tool, as fingers, stay.
             shoulder: ``"right"`` or ``"left"``; either unless given.
             elbow: ``"up"`` or ``"down"``.
             wrist: ``"no_flip"`` or ``"flip"``.
@@ -83,7 +83,7 @@ class AnalyticSolver(Solver):
         wide = np.flatnonzero(chain.upper - chain.lower >= TURN)
         self._wide = [(axis, chain.lower[axis] - _ROUNDING, chain.upper[axis] + _ROUNDING) for axis in wide]
 
-    def postures(self, targets: Targets, start: npt.ArrayLike) -> tuple[Vector, Vector]:
+    def postures(self, targets: Targets, start: npt.ArrayLike) -> tuple[Vector, Flags]:
         """Return all postures for each of k targets, whatever the flags.
 
         Args:
@@ -102,7 +102,7 @@ class AnalyticSolver(Solver):
     def _branches(self, targets: Vector, starts: Vector, allowed: Indices) -> tuple[ClosedForm, Vector, Vector]:
         """Return the closed form, the wanted postures (k, b, 6) in axis order, and how far each is beyond a limit."""
         form = all_postures(self.arm, targets, starts[:, self._order])
-        postures = np.empty((len(targets), len(allowed), self.chain.size))
+        postures = np.repeat(starts[:, np.newaxis], len(allowed), axis=1)  # axes that do not move the tool stay
         postures[..., self._order] = form.postures[:, allowed]
         return form, *nearest_turns(self.chain, postures, starts[:, np.newaxis])
 

@@ -64,9 +64,9 @@ class SixAxisArm:
         Raises:
             NoClosedForm: what it lacks.
         """
-        if chain.size != 6 or len(chain.order) != 6 or not chain.revolute.all():
-            raise NoClosedForm(f"it has {len(chain.order)} moving axes, and the form is for six revolute ones")
         order = list(chain.order)
+        if len(order) != 6 or not chain.revolute[order].all():
+            raise NoClosedForm(f"it has {len(order)} moving axes, and the form is for six revolute ones")
         axes, points = chain.axes[order], chain.points[order]
         if np.linalg.norm(np.cross(axes[1], axes[2])) > _ANGLE:
             raise NoClosedForm("axis 3 is not parallel to axis 2")

@@ -48,6 +48,9 @@ def _check_servo(config: StationConfig, robot: str, gains: ServoGains) -> None:
     key = "servo" if config.robots[robot].servo is None else f"robots.{robot}.servo"
     if servo.law != "pid":
         raise InvalidParameter(f"{key}.law", servo.law, "pid: MJCF's servos know no other law")
+    if gains.line is not None:
+        expected = "none: MJCF's servos have one limit at any speed; solver.kind mujoco has motors"
+        raise InvalidParameter(f"{key}.motor", "given", expected)
     if servo.feedforward != "none":
         raise InvalidParameter(f"{key}.feedforward", servo.feedforward, f"none: {_NO_MODEL}")
     if servo.admittance_gain > 0:

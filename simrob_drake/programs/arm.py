@@ -31,6 +31,7 @@ from simrob_drake.programs.planning import Planning
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.recorded import STATION, RecordedStation
 from simrob_drake.programs.stages import check_takes_time
+from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
 from simrob_drake.results.files import Saved
 from simrob_drake.results.record.state import State
@@ -153,7 +154,7 @@ class Arm(ArmGeometry):
             solver=self.solver,
             frame=self.frame,
             collide=self.cell.check_collisions,
-            motors=self.cell.motors,
+            motors=lambda robots: Motors(self.cell.model.rigid, robots),
             space=self.cell.free_space,
         )
 
@@ -178,6 +179,21 @@ class Arm(ArmGeometry):
     """Move the tool along arcs of circles; see :func:`plan_move_c`."""
     move_free = _running(plan_move_free)
     """Move the tool to a pose or a piece, or the axes to a posture, around obstacles; see :func:`plan_move_free`."""
+
+    def grip(self, **how: Any) -> SimulationResult:
+        """Close the fingers, until something is between them, with a ``force`` each [N], or to a ``width`` [m].
+
+        They hold by friction alone, and keep that force. Keywords are the keys of
+        :class:`~simrob_drake.programs.moves.grip.GripMove`.
+
+        Raises:
+            InvalidParameter: a robot without fingers, or what they cannot do.
+        """
+        return cast(SimulationResult, self.do({"grip": how}))
+
+    def open(self, **how: Any) -> SimulationResult:
+        """Open the fingers, all the way or to a ``width`` [m]; see :meth:`grip`."""
+        return cast(SimulationResult, self.do({"open": how}))
 
     def wait(self, duration: float) -> SimulationResult:
         """Hold the place for a time [s]; on a dynamic station the arm settles."""
@@ -349,7 +365,7 @@ class Workcell(RecordedStation):
             if isinstance(move, PlayMove) or not fallen.isdisjoint(move.pieces()):
                 return number, whole
             with naming(move_name(number, len(program.moves), file)):
-                whole += move.perform(self, program.robot, self._stand) or 0.0
+                whole += move.perform(self, program.robot, self.stand) or 0.0
             fallen |= {name for name in self.config.free_pieces if name in move.pieces()}
         return len(program.moves), whole
 
@@ -369,7 +385,7 @@ class Workcell(RecordedStation):
         """Run planned moves of a list, as :meth:`run` does, for a duration [s] if there is one."""
         return self.run(*plans, duration=duration)
 
-    def _stand(self, plans: list[Plan], duration: float | None) -> float:
+    def stand(self, plans: list[Plan], duration: float | None) -> float:
         """Put robots where their moves lead them, and return how long the moves take [s]."""
         self.check_together(*plans)
         time = max(plan.duration for plan in plans) if duration is None else duration

@@ -1,6 +1,6 @@
 """What a robot can take, and what becomes of what it lets go: how far a grasp may be, and what can fall."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import product
 
 import numpy as np
@@ -9,7 +9,7 @@ from pydrake.multibody.tree import Frame
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.parts.site import WORLD
+from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.parts.targets import own_name
 from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.stations.config import StationConfig
@@ -33,7 +33,10 @@ def taken(model: StationModel, piece: str, parent: str, *, frame: str | None = N
     carrier = model.resolved.pieces[parent].carrier if parent in model.resolved.pieces else parent
     if carrier in model.robots:
         mount = model.mount(parent, frame)
-        holders = [_point(model.pose(mount)), *(_boxes_on(model, mount) if frame in links else ())]
+        own, uses = model.robots[carrier], model.tool_in_use(carrier)
+        at_tool = frame is None and (parent in (carrier, uses)) and bool(own.tcp)
+        tip = [_point(model.pose(own.tools[own.tcp]))] if at_tool else []
+        holders = [_point(model.pose(mount)), *tip, *(_boxes_on(model, mount) if frame in links else ())]
         distance = min(_gap(a, b) for a, b in product(holders, _boxes_of(model, piece)))
         if distance > REACH:
             where = f"{1e3 * distance:.0f} mm away from {frame or parent}"
@@ -51,6 +54,8 @@ def let_go(
         InvalidParameter: it would fall for ever, or cannot be moved by gravity; tells why.
         SimrobError: as :func:`reparented`.
     """
+    if piece in model.config.pieces and model.resolved.pieces[piece].parent == WORLD:
+        raise InvalidParameter(f"{piece}, to be let go,", "held by nothing", "a piece that hangs on a robot or a piece")
     changed = reparented(model, piece, parent, frame=frame)
     if fixed or parent != WORLD or changed.mode == "kinematic":
         return changed
@@ -105,3 +110,11 @@ def _gap(first: _Box, second: _Box) -> float:
     bounds = np.concatenate([half, other_half])
     found = lsq_linear(rows, other.translation() - one.translation(), bounds=(-bounds, bounds))
     return float(np.sqrt(2 * found.cost))
+
+
+def with_efforts(config: StationConfig, robot: StationRobot, efforts: Mapping[str, float]) -> StationConfig:
+    """Return a station in which motors of a robot give at most so much [N·m or N], by axis; the others as before."""
+    limits = {**dict(zip(robot.axes, robot.gains.torque_limit.tolist(), strict=True)), **efforts}
+    servo = config.servo_of(robot.name).model_copy(update={"torque_limit": limits})
+    entry = config.robots[robot.name].model_copy(update={"servo": servo})
+    return config.model_copy(update={"robots": {**config.robots, robot.name: entry}})

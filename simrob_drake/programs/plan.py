@@ -24,7 +24,10 @@ from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.segments import Stretch, named_point, trajectory
 
 Check = Literal["nothing", "limits", "collision"]
-"""What is looked at before a move beside its reach: joint limits, speeds and accelerations, or these and collisions."""
+"""What is looked at before a move beside its reach: joint limits, speeds and accelerations, or these and collisions;
+None, as ``limits``, leaves collisions out."""
+CHECKED: Check = "limits"
+"""What is looked at unless told."""
 _LOOKS = 4  # a point
 
 
@@ -46,7 +49,7 @@ class Plan:
     stretches: tuple[Stretch, ...]
     arrivals: Vector
     points: int
-    check: Check = "limits"
+    check: Check = CHECKED
     entry: Mapping[str, Any] | None = None
     frame: RigidTransform | None = None
 

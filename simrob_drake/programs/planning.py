@@ -18,6 +18,7 @@ from simrob_drake.frames import (
     Vector,
     as_transform,
     finite,
+    numbers,
     pose_from_transform,
     pose_matrices,
     poses_from_matrices,
@@ -27,7 +28,7 @@ from simrob_drake.kinematics.analytic import SolverLike, solver_for
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.free_space import FreeSpace
-from simrob_drake.programs.plan import Check, Plan, check_limits, check_rates, target_name
+from simrob_drake.programs.plan import CHECKED, Check, Plan, check_limits, check_rates, target_name
 from simrob_drake.programs.segments import Segment, Way, pose_segment, through_zones, zone_size
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timing import How, Limits, remedy, through_all, timed
@@ -61,6 +62,7 @@ def world_poses(targets: PoseTargets, wobj: RigidTransform, turn: Vector, name: 
     Raises:
         InvalidParameter: another shape, or numbers that are not finite.
     """
+    check_units(targets, name)
     if is_place(targets):
         points = places(targets, wobj, name)
         return stacked(points, np.broadcast_to(turn, (len(points), 3, 3)))
@@ -80,6 +82,31 @@ def places(points: npt.ArrayLike | PoseTargets, wobj: RigidTransform, name: str)
     if not rows.size:
         raise InvalidParameter(name, points, "places of three finite numbers [m]")
     return np.asarray(rows @ wobj.rotation().matrix().T + wobj.translation())
+
+
+def numbers_or_nothing(targets: Any) -> Vector:
+    """Return pose vectors or places as they are; an empty array of poses in other forms, and of what is no pose."""
+    try:
+        rows: Vector = np.asarray(targets, dtype=float)
+    except (TypeError, ValueError, OverflowError):  # transforms, or rows of different lengths
+        return np.zeros((0, 3))
+    return rows if rows.ndim in (1, 2) and rows.shape[-1] in (3, POSE_SIZE) else np.zeros((0, 3))
+
+
+def check_units(targets: Any, name: str) -> None:
+    """Refuse pose vectors and places, one or many, whose numbers can only be millimetres or degrees.
+
+    Raises:
+        InvalidParameter: says what they seem to be.
+    """
+    rows = np.atleast_2d(numbers_or_nothing(targets))
+    for values, most, unit, other, hint in (
+        (rows[:, :3], _FARTHEST, "m", "millimetres", "lengths are in metres"),
+        (rows[:, 3:], _MOST_TURN, "rad", "degrees", "angles are in radians, as np.deg2rad() or targets_deg give them"),
+    ):
+        beyond = values[np.abs(values) > most]
+        if beyond.size:
+            raise InvalidParameter(name, f"one with {beyond[0]:g} {unit}", f"in SI units; were these {other}? {hint}")
 
 
 def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
@@ -122,6 +149,8 @@ POINTS, ARC_POINTS = 10, 20
 """Points on the way to a target unless others are asked for, as in SimRob; of arcs."""
 
 _MOST_POINTS = 10_000
+_FARTHEST, _MOST_TURN = 30.0, 2.01 * np.pi
+"""What is told in other units than m and rad lies beyond that."""
 _POINTS_A_ZONE, _ENOUGH = 4, 2000
 
 
@@ -148,6 +177,15 @@ class Planning:
     def inverse(self, solver: SolverLike | None) -> Solver:
         """Return the solver of the inverse kinematics, the usual one if None."""
         return solver_for(self.chain, self.solver if solver is None else solver)
+
+    def postures(self, targets: npt.ArrayLike) -> Vector:
+        """Return postures (k, n) [rad or m]; where those of fingers are left out, they stay where they are."""
+        rows, fingers = numbers(targets), list(self.model.fingers)
+        if fingers and rows.ndim in (1, 2) and rows.shape[-1] == len(self.start) - len(fingers):
+            whole = np.tile(self.start, (*rows.shape[:-1], 1)) if rows.ndim > 1 else self.start.copy()
+            whole[..., [place for place in range(len(self.start)) if place not in fingers]] = rows
+            rows = whole
+        return self.chain.postures(rows if fingers else targets, "targets")
 
     def poses(self, targets: PoseTargets, wobj: WorkObject) -> Vector:
         """Return targets in a work object's frame as poses in the world, shape (k, 4, 4)."""
@@ -186,7 +224,8 @@ class Planning:
 
     def looked_at(self, plan: Plan, how: How, ends: Vector, hint: str = "") -> Plan:
         """Look at the limits of a plan, first of its ends (k, n), for which messages may have a hint."""
-        check: Check = how.get("check", "limits")
+        asked = how.get("check", CHECKED)
+        check: Check = "limits" if asked is None else asked
         one_of("check", check, get_args(Check))
         if check != "nothing":
             names = [(plan.points, target_name(index, len(plan.arrivals))) for index in range(len(plan.arrivals))]

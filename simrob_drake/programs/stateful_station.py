@@ -13,13 +13,12 @@ from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform
 from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.programs.free_space import FreeSpace
-from simrob_drake.programs.grasps import let_go, taken
+from simrob_drake.programs.grasps import let_go, taken, with_efforts
 from simrob_drake.programs.model import StationModel, one_posture, reparented
 from simrob_drake.programs.plan import Plan
-from simrob_drake.programs.planning import HasTool, WorkObject, pose_numbers
+from simrob_drake.programs.planning import HasTool, WorkObject, check_units, pose_numbers
 from simrob_drake.programs.segments import Stretch, rest, trajectory, until
 from simrob_drake.programs.tape import Entry, Take, Tape, in_words, run_entry
-from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import Timeline, run_timed
 from simrob_drake.programs.together import check_moves
 from simrob_drake.results.animation.live import LiveView
@@ -141,6 +140,7 @@ class StatefulStation:
         if isinstance(wobj, HasTool):
             return wobj.tool_pose()
         if not isinstance(wobj, str):
+            check_units(wobj, "wobj")
             return as_transform(wobj)
         model, (name, *frame) = self.model, wobj.split(".", 1)
         if name in model.robots and not frame:
@@ -305,6 +305,10 @@ class StatefulStation:
         own_tool = {"name": tool} if isinstance(tool, str) else {"pose": pose_numbers(tool)}
         self.tape.note({"tool": {**own_tool, "robot": None if self.config.only_robot else robot}})
 
+    def limit_efforts(self, robot: str, efforts: Mapping[str, float]) -> None:
+        """Have motors of a robot give at most so much [N·m or N], by axis; the others as before."""
+        self._change(with_efforts(self.config, self.robot(robot), efforts))
+
     def change(self, config: StationConfig) -> None:
         """Go on with a changed station, such as other gains, from the state that this one is in.
 
@@ -343,10 +347,6 @@ class StatefulStation:
             StartInCollision: one of them is in something now.
         """
         return FreeSpace(self._placed(self._model.whole), {robot: self.reference(robot) for robot in robots})
-
-    def motors(self, robots: Sequence[str]) -> Motors:
-        """Return what the motors of robots that move together can do."""
-        return Motors(self._placed(self._model.rigid), robots)
 
     def _placed(self, model: StationModel) -> StationModel:
         model.place_pieces(self.state)

@@ -25,6 +25,7 @@ Profile = Literal["smooth", "trapezoid", "s_curve", "time_optimal"]
 jump; the last two cruise in between. Or as fast as limits of speed, acceleration and torque of the joints allow."""
 TIME_OPTIMAL: Profile = "time_optimal"
 _TURN_LENGTH = 0.1  # m that a radian of a joint counts, where moves share a time
+_FASTEST = 20.0  # m/s of a tool; no arm is faster
 _AT_ONCE = 1e-6  # m: what the way to a target counts at least
 _LEAST_TIME = 0.01  # s to a target
 _LESS_THAN_FULL = 0.98  # of the joints' limits, where durations are left to us
@@ -46,7 +47,7 @@ class How(TypedDict, total=False):
             most that the tool may have.
         zone: how near to a target the tool turns to the next one: ``fine`` (the usual) to rest there, RAPID's ``z0`` to
             ``z200``, or a distance [m].
-        check: what is looked at first, see :data:`Check`.
+        check: what is looked at first, see :data:`Check`; ``limits`` unless told.
     """
 
     points: int
@@ -56,7 +57,7 @@ class How(TypedDict, total=False):
     acceleration: float
     profile: Profile
     zone: str | float
-    check: Check
+    check: Check | None
 
 
 def profile_of(how: How) -> Profile:
@@ -73,6 +74,19 @@ def profile_of(how: How) -> Profile:
     if "acceleration" in how and ("speed" not in how or profile in ("smooth", TIME_OPTIMAL)):
         raise InvalidParameter("acceleration", how["acceleration"], "given with a speed, of a move that cruises")
     return profile
+
+
+def speed_of(how: How) -> float:
+    """Return the speed of a move that has one [m/s].
+
+    Raises:
+        InvalidParameter: none that a tool can have.
+    """
+    speed = positive(how["speed"], "speed", "m/s")
+    if speed > _FASTEST:
+        expected = f"at most {_FASTEST:g} m/s; were these mm/s? Then it is {speed / 1e3:g}"
+        raise InvalidParameter("speed", f"{speed:g} m/s", expected)
+    return speed
 
 
 def timed(
@@ -154,7 +168,7 @@ def _by_laws(robot: str, segments: Sequence[Segment], laws: Sequence[TimeLaw], p
 
 def _by_motors(robot: str, segments: Sequence[Segment], how: How, points: int, motors: Motors) -> Plan:
     stretches, arrived, begin = list[Stretch](), list[float](), 0.0
-    speed = positive(how["speed"], "speed", "m/s") if "speed" in how else None
+    speed = speed_of(how) if "speed" in how else None
     for segment in segments:
         if np.ptp(segment.postures, axis=0).max() == 0.0:
             stretch, passed = rest(segment.end, 0.0, _LEAST_TIME), np.full(len(segment.passes), _LEAST_TIME)
@@ -176,7 +190,7 @@ def _laws(segments: Sequence[Segment], how: How, points: int, acceleration: floa
     if "speed" not in how:
         return [cruise_in(duration, rounded=profile == "s_curve") for duration in durations], free
     jerk, ways = None if profile == "s_curve" else np.inf, np.maximum(_ways(segments), _AT_ONCE)
-    found = [cruise(1.0, how["speed"] / way, acceleration / way, jerk) for way in ways]
+    found = [cruise(1.0, speed_of(how) / way, acceleration / way, jerk) for way in ways]
     return [law.slower(max(1.0, _LEAST_TIME / law.duration)) for law in found], False
 
 
@@ -195,7 +209,7 @@ def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector
         shares = np.maximum(_lengths(segments) + _TURN_LENGTH * _turns(segments), _AT_ONCE)
         return _apart(seconds(how["duration"]) * np.cumsum(shares) / shares.sum(), "duration", how["duration"]), False
     if "speed" in how:
-        speed = positive(how["speed"], "speed", "m/s")
+        speed = speed_of(how)
         times = np.cumsum(np.maximum(PEAK * (_ways(segments) / speed), _LEAST_TIME))
         return _apart(times, "speed", how["speed"]), False
     return POINT_TIME * points * np.cumsum([len(segment.passes) for segment in segments]), True

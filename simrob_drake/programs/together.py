@@ -19,7 +19,7 @@ from simrob_drake.kinematics.every_branch import branches
 from simrob_drake.kinematics.numeric import random_postures
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.plan import Plan, check_collisions, look_times, shown
+from simrob_drake.programs.plan import Plan, check_collisions, shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +126,7 @@ def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
     for plan in plans:
         instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
     longest = max(plans, key=lambda plan: plan.duration)
-    looks = [look_times(plan.duration, plan.points * len(plan.arrivals)) for plan in plans]
-    times = np.unique(np.concatenate(looks))
+    times = np.unique(np.concatenate([plan.looks for plan in plans]))
     postures = {plan.robot: plan.postures(np.minimum(times, plan.duration)) for plan in plans}
     check_collisions(model, postures, times, longest.named)
 

@@ -127,8 +127,10 @@ def _inertia(link: ET.Element) -> _Inertia | None:
     return _Inertia(mass_of(link), np.zeros(3), moments_of(inertial)).seen_from(pose_of(inertial))
 
 
-def tool_links(root: ET.Element) -> list[str]:
+def tool_links(root: ET.Element, palm: str = "") -> list[str]:
     """Return the links of a robot, at least one joint of which moves, that can carry a tool, the likeliest first.
+
+    A ``palm``, which holds fingers, comes before all others, or what is rigidly attached to it by such a name.
 
     These are the ends of the kinematic chains: of every chain the link or frame with a usual name (``tool0``, ``tcp``
     ...) that is rigidly attached to its last moving link, else the outermost such link. Chains whose end has a usual
@@ -147,4 +149,6 @@ def tool_links(root: ET.Element) -> list[str]:
             frames = [name_of(frame) for frame in root.iterfind("frame") if frame.get("link") in attached]
             usual = [name for name in (*frames, *attached) if _USUAL.search(name)]
             ends.append((not usual, -counts[end], (usual or attached)[-1]))
-    return [tool for _, _, tool in sorted(ends, key=lambda end: end[:2])]
+    hand = [palm, *(link_of(joint, "child") for joint in outward(starts, palm, rigid=True))] if palm else []
+    hand = [name for name in hand if _USUAL.search(name)][-1:] or hand[:1]
+    return list(dict.fromkeys([*hand, *(tool for _, _, tool in sorted(ends, key=lambda end: end[:2]))]))

@@ -21,6 +21,7 @@ from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.drives import Drives, joint_friction, set_drives
 from simrob_drake.robots.feet import Feet
+from simrob_drake.robots.gripper import Gripper, fingers_of
 from simrob_drake.robots.motors import Motors
 from simrob_drake.robots.urdf import (
     joint_acceleration,
@@ -111,6 +112,8 @@ class RobotModel(Strict):
     """Gains of its servos, which a station may change."""
     feet: Feet | None = None
     """What it stands on."""
+    gripper: Gripper | None = None
+    """Its fingers; found in a URDF that stands alone."""
 
     @model_validator(mode="before")
     @classmethod
@@ -261,6 +264,20 @@ class RobotModel(Strict):
         """The home posture, shape (n,) [rad or m]."""
         return self.user_units * self.axis_vector(self.home_deg, "home_deg")
 
+    @cached_property
+    def fingers(self) -> dict[int, tuple[float, float]]:
+        """The places of the axes of its gripper, each with where it is closed and where open [rad or m]; often none.
+
+        Raises:
+            UnknownName: the gripper names no axis of it.
+        """
+        axes = {} if self.gripper is None else self.gripper.axes
+        places = {self.axis_index(axis, "gripper.axes"): ends for axis, ends in axes.items()}
+        return {
+            place: (ends[0] * self.user_units[place], ends[1] * self.user_units[place])
+            for place, ends in places.items()
+        }
+
     @property
     def unit_names(self) -> list[str]:
         """The unit of every axis in a user's figures: ``deg`` or ``m``."""
@@ -347,14 +364,19 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
     root = checked_urdf(path)
     if not movable_joints(root):
         raise InvalidParameter("robot.urdf", str(path), "a robot with at least one joint that moves")
+    hand = fingers_of(root)
     robot = RobotModel(
         name=next(filter(is_file_name, (root.get("name", ""), path.stem)), "robot"),
         folder=path.resolve().parent,
         urdf=path.name,
         root=root_link(root),
         axes={joint: Axis(joint=joint) for joint in movable_joints(root)},
-        tools={tool: tool for tool in tool_links(root)},
+        tools={tool: tool for tool in tool_links(root, hand[1] if hand else "")},
     )
+    if hand:
+        units = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
+        axes = {axis: (closed / units[axis], opened / units[axis]) for axis, (closed, opened) in hand[0].items()}
+        robot = robot.model_copy(update={"gripper": Gripper(axes=axes)})
     return robot.model_copy(update={"home_deg": _midway(robot) or 0.0})
 
 

@@ -22,6 +22,7 @@ from simrob_drake.simulink.model.nodes import Expanded, Findings, Node, expand
 from simrob_drake.simulink.reading.model_file import Libraries, read_model
 from simrob_drake.simulink.signals.forms import Value, flat, terms_of
 from simrob_drake.simulink.signals.laws import ExternalForce, Law, begin_on_motions, read_laws, read_pushes
+from simrob_drake.simulink.signals.touching import forces_of_contacts
 from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.values.workspace import find_octave
 
@@ -81,6 +82,7 @@ def read_simulink(
     assume: bool = False,
     octave: bool = False,
     servos: bool = False,
+    contact_law: bool = False,
 ) -> SimulinkModel:
     """Read a model.
 
@@ -92,6 +94,7 @@ def read_simulink(
         assume: take a block's default for a parameter whose variable is not known.
         octave: run code of masks and of the model's workspace that is outside the subset in GNU Octave.
         servos: let laws that come to a servo be one, instead of a signal flow.
+        contact_law: let spheres touch planes by Simscape's law, instead of the station's contact.
 
     Raises:
         InvalidModel: the file cannot be read, or a block's figures cannot be.
@@ -111,6 +114,9 @@ def read_simulink(
     joints = [link.joint for link in bodies.links]
     tracer = Tracer(network, joints, contacts)
     laws, pushes = read_laws(tracer, joints, servos=servos), read_pushes(tracer, bodies)
+    by_law = forces_of_contacts(contacts, bodies) if contact_law else {}
+    pushes += by_law.values()
+    contacts = [contact for contact in contacts if contact not in by_law]
     begin_on_motions(laws)
     for tree in trees:
         close(tree)

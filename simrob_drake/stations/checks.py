@@ -57,10 +57,24 @@ def check_station(config: StationConfig) -> list[Finding]:
         key = f"controllers.{name}"
         findings += [Finding("warning", key, text) for text in loop.warnings(key, ports.robot(loop.robot))]
     if config.mode == "dynamic":
+        findings += _grip_findings(config, ports)
         findings += step_findings(config, ports.plant, closed.references)
         findings += contact_findings(diagram, ports)
     findings += clearance_findings(config, closed.references)
     return findings + [_declared(signal) for signal in ports.signals if signal.part]
+
+
+def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
+    """Say what fingers need in order to hold by friction what friction holds."""
+    wrong = None
+    if config.contact is None:
+        wrong = "the station has no contact: fingers hold nothing; add contact: {model: hydroelastic}"
+    elif config.contact.model == "point":
+        wrong = "points let a held piece turn and creep; take contact.model hydroelastic"
+    elif config.solver.scheme == "sap":
+        wrong = "sap lets fingers hold several times what friction holds; take solver.scheme lagged"
+    fingers = [robot for robot in ports.plant.robots.values() if robot.model.fingers]
+    return [Finding("warning", f"gripper of {robot.name}", wrong) for robot in fingers if wrong]
 
 
 def _declared(signal: Signal) -> Finding:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from simrob_drake.arguments import as_path, instance
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
 from simrob_drake.files import diagrams_root, station_files
-from simrob_drake.importer.packages import Border
+from simrob_drake.importer.packages import Border, is_robot_file
 from simrob_drake.parts import references
 from simrob_drake.sections import validated
 from simrob_drake.stations.config import StationConfig
@@ -115,6 +115,21 @@ def _loaded(
     if "program" in content:
         content["program"] = _inlined(content["program"], path.parent, border)
     return _configured({"name": path.stem, **content}, overrides, where, allow_code, mesh_path)
+
+
+def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> StationConfig:
+    """Return a station with nothing but a robot, which moves kinematically unless overrides say otherwise.
+
+    Args:
+        robot: its name, or the file of its URDF.
+        overrides: as :func:`load_station` takes them.
+
+    Raises:
+        SimrobError: no such robot, or an override that cannot be.
+    """
+    origin = "urdf" if is_robot_file(robot) else "model"
+    content = {"name": Path(robot).stem, "mode": "kinematic", ONLY_ROBOT: {origin: robot}}
+    return _configured(content, overrides or {}, robot, allow_code=False)
 
 
 def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str = "settings") -> StationConfig:

@@ -271,8 +271,7 @@ class Bench:
             finally:
                 self.pacer.end()
         self._result, self._fell = result, line.now <= begun
-        if self.pacer.at is None:
-            self.pacer.show_last()
+        self.pacer.show_last()
         ended = {
             "ending": "stopped" if result.stopped_by == USER else result.ending,
             "message": result.message,

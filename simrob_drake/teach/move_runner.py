@@ -15,6 +15,7 @@ from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.timeline import GRID, Change
 from simrob_drake.sections import validated
+from simrob_drake.teach.commands import Action, Commands
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.program_editor import ProgramEditor
 from simrob_drake.teach.run import Kind
@@ -24,12 +25,12 @@ from simrob_drake.teach.taught import Taught, entries_of, with_change
 
 Tried = tuple[Move, ...]
 Then = Callable[[], object]
+_MOVE = "move"
+"""A kind of command: what has the robot move, or stand elsewhere."""
 
 
 class MoveRunner(ProgramEditor):
     """What is tried, and how the robot gets there and back."""
-
-    _next: tuple[Callable[[], Future[Any]], Future[Any]] | None = None
 
     def undo(self) -> bool:
         """Take back the last change of program, tested moves, targets or settings."""
@@ -46,12 +47,13 @@ class MoveRunner(ProgramEditor):
     def close(self) -> None:
         """End the run and its process."""
         super().close()
-        self._forget_next()
+        self._commands.forget()
 
     # How
 
     def __init__(self, live: MakeLive | None = None, hand_over: HandOver | None = None) -> None:
         """Begin with nothing run."""
+        self._commands, self._of_run = Commands(), "opening"
         super().__init__(live, hand_over)
         self._begin()
 
@@ -60,7 +62,6 @@ class MoveRunner(ProgramEditor):
         self.run.at_start(lost=lost)
         self._fell: Then = lambda: None
         self._failed_try: tuple[Tried, Tried] = (), ()  # what was tried when that fell, and before
-        self._travels: set[object] = set()  # asked for and not answered yet
 
     def _try_moves(self, moves: Callable[[], Sequence[Move]]) -> Future[Any]:
         return self._try(lambda: self._without_fallen.with_tried(*moves()))
@@ -117,7 +118,7 @@ class MoveRunner(ProgramEditor):
 
         def run(_: Any = None) -> Future[Any]:
             self.run.start = begin
-            if self._next is not None:  # which is newer, and runs what these would
+            if _MOVE in self._commands.waiting:  # which is newer, and runs what these would
                 undone()
                 return done(None)
             return self._do("tried", moves, give_up, fell)
@@ -174,15 +175,21 @@ class MoveRunner(ProgramEditor):
         return True
 
     def _travel(
-        self, method: str, then: Callable[[Any], Any], failed: Then = lambda: None, **arguments: Any
+        self,
+        method: str,
+        then: Callable[[Any], Any],
+        failed: Then = lambda: None,
+        phase: str = "rewinding",
+        **arguments: Any,
     ) -> Future[Any]:
-        """Ask for another moment of the run to be shown; until it is, nothing else is begun."""
-        self._travels.add(way := object())
+        """Ask for another moment of the run, or something else that takes a while; until then nothing is begun."""
+        self._commands.under_way.append(phase)
+        self._show_phase()
 
         def over(what: Then) -> Any:
-            self._travels.discard(way)
+            self._commands.under_way.remove(phase)
             found = what()
-            self._do_next()
+            self._show_phase()
             return found
 
         return self._ask(method, lambda result: over(lambda: then(result)), lambda: over(failed), **arguments)
@@ -207,19 +214,22 @@ class MoveRunner(ProgramEditor):
 
     def _when_idle(self, action: Callable[[], Future[Any]], *, wait: bool = False) -> Future[Any]:
         """Do something once nothing runs; what runs is waited for, or else ended. Of several the last is done."""
-        if self.phase == "idle" and not self._travels:
-            return action()
-        answer: Future[Any] = Future()
-        self._forget_next()
-        self._next = action, answer
-        if self.phase == "gone":
+        answer = self._queued(_MOVE, action)
+        if _MOVE not in self._commands.waiting:
+            return answer
+        if self._of_run == "gone":
             self._reopen(lost=self.run.lost)
-        elif self.phase in ("running", "paused") and wait:
-            self._say(Notice("waits"))
-            self._ask("go_on")
-        elif self.phase in ("running", "paused"):
-            self.stop()
+        elif self._of_run in ("running", "paused"):
+            if wait:
+                self._say(Notice("waits"))
+            self._ask("go_on" if wait else "stop")
         return answer
+
+    def _queued(self, kind: str, begin: Action, phases: tuple[str, ...] = ("idle",)) -> Future[Any]:
+        """Begin a command in one of some phases, at once or later; of a kind the newest."""
+        if self.phase in phases or (self.phase == "gone" and kind != _MOVE):  # which tells so
+            return begin()
+        return self._commands.wait(kind, begin, phases)
 
     def _stepped(self, go: Callable[[], None], can: bool) -> bool:
         if not can:
@@ -233,26 +243,20 @@ class MoveRunner(ProgramEditor):
             self.config = self._loaded(now.settings)
         self._save()
         if reopened:
-            self._forget_next()
+            self._commands.forget()
             self._reopen()
         elif self.run.moves.has_others(now.pending):
             self._when_idle(self._go_back)
         return True
 
-    def _forget_next(self) -> None:
-        if self._next is not None:
-            self._next[1].set_result(None)
-        self._next = None
-
     def _set_phase(self, phase: str) -> None:
-        super()._set_phase(phase)
-        self._do_next()
+        self._of_run = phase
+        self._show_phase()
 
-    def _do_next(self) -> None:
-        """Do what waits, if nothing runs any more."""
-        if self.phase == "idle" and not self._travels and self._next is not None:
-            (action, answer), self._next = self._next, None
-            action().add_done_callback(lambda one: answer.set_result(one.result()))
+    def _show_phase(self) -> None:
+        """Tell what is under way, else the phase of the run; and begin what waits, if it can be."""
+        super()._set_phase(next(reversed(self._commands.under_way), self._of_run))
+        self._commands.begin(lambda: self.phase)
 
     # News
 
@@ -263,9 +267,10 @@ class MoveRunner(ProgramEditor):
             case "ended":
                 self._ended(news)
             case "died":
+                self._commands.under_way.clear()
                 again = self._died(str(news["why"]))
                 self._begin(lost=True)
-                self._forget_next()
+                self._commands.forget()
                 if again:
                     self._reopen(lost=True)
             case _:

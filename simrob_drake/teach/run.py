@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, cast
 
 from simrob_drake.frames import Vector
 from simrob_drake.programs.moves.move import Move
@@ -142,10 +142,9 @@ class TaughtRun:
         self.time = self.reach = time
         self.ratio = ratio
         self._keep(time, positions)
-        for name, value in values.items():
-            self.values[name] = value
-            if name in self.history:
-                self.history[name].append((time, value))
+        self.values |= values
+        for name in self.history.keys() & values.keys():
+            self.history[name].append((time, values[name]))
 
     def _keep(self, time: float, positions: Vector | None) -> None:
         if positions is not None:
@@ -175,6 +174,5 @@ class TaughtRun:
         """Return the positions of the plant at the moment next to a time [s]; None where none is kept nearby."""
         place = bisect_left(self._times, time)
         near = min(self._times[max(place - 1, 0) : place + 1], key=lambda one: abs(one - time), default=None)
-        if near is None or abs(near - time) > _NEAR:
-            return None
-        return self._positions[bisect_left(self._times, near)]
+        kept = near is not None and abs(near - time) <= _NEAR
+        return self._positions[self._times.index(cast(float, near))] if kept else None

@@ -171,8 +171,7 @@ class RunPacer:
         self._serve()
         while self.paused and not self.stopping:
             self.phase("paused")
-            if self.at is None:
-                self.show_last()
+            self.show_last()
             self._inbox.wait(None)
             self._serve()
             self._origin()
@@ -207,8 +206,8 @@ class RunPacer:
             changes[self._dragging] = old.model_copy(update={"drag": drag})
 
     def show_last(self) -> None:
-        """Show the last that was run, which may have come too quickly after the picture before."""
-        if self._last is not None:
+        """Show the last that was run, unless an earlier moment is; it may have come too quickly to be seen."""
+        if self._last is not None and self.at is None:
             self._show(self._last[1])
 
     @property

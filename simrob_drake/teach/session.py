@@ -13,13 +13,15 @@ from simrob_drake.folders import alone_in, writing
 from simrob_drake.importer.packages import granting, is_robot_file, package_root, robot_file
 from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.programs.program import Program
+from simrob_drake.programs.script import script
 from simrob_drake.programs.whole_program import carried_program
 from simrob_drake.stations.load import station_content, station_yaml
+from simrob_drake.stations.loops import loops_known, loops_on, switched
 from simrob_drake.teach.jogging import Jogging
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.run_client import HandOver, MakeLive, Topic, done
-from simrob_drake.teach.store import Store, opened, script
-from simrob_drake.teach.subjects import goes_on_legs, loops_known, loops_on, program_of, station_for, switched
+from simrob_drake.teach.store import Store, opened
+from simrob_drake.teach.subjects import goes_on_legs, program_of, station_for
 from simrob_drake.teach.teaching import Teaching
 
 __all__ = ["Session", "Topic"]
@@ -45,7 +47,7 @@ class Session(Teaching, Jogging):
             can be switched.
         program: what is stored.
         pending: moves that were tested and not added yet, as a program's file has them.
-        phase: ``opening``, ``idle``, ``running``, ``paused``, or ``gone`` where no run can be had.
+        phase: ``opening``, ``idle``, ``running``, ``paused``, ``rewinding``, ``saving`` or ``gone``.
         run: what was run since the start of the station, to be looked at.
         pace: asked for; None: as fast as it can.
         conflict: whether another editor has changed the file since: see :meth:`take_theirs` and :meth:`keep_both`.
@@ -234,7 +236,7 @@ class Session(Teaching, Jogging):
                 raise InvalidParameter("move", move.key, f"one of {self.model.name}")
 
     def _reconfigure(self, settings: dict[str, Any]) -> bool:
-        if self.phase in ("running", "paused"):
+        if self.phase not in ("opening", "idle", "gone"):
             return self._refused("busy")
         config = self._or_wrong(lambda: self._loaded(settings))
         if config is None:
@@ -278,4 +280,4 @@ class Session(Teaching, Jogging):
                 self._say(Notice("exported", {"file": str(file)}))
             return file
 
-        return self._ask("save", written, what=what, file=str(file))
+        return self._queued(what, lambda: self._travel("save", written, phase="saving", what=what, file=str(file)))

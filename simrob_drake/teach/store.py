@@ -1,4 +1,4 @@
-"""The file of a program that is taught: written whole at every change, beside it what undo and redo need; and scripts.
+"""The file of a program that is taught: written whole at every change, beside it what undo and redo need.
 
 The program's file is what `simrob run` takes, and what its owner may edit: what was changed there is taken as taught
 when it is opened, and not overwritten while it is. A file that is damaged or of another robot is kept as it is, and
@@ -10,11 +10,10 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
-from pprint import pformat
 from typing import Any
 
 from simrob_drake.errors import InvalidConfig, SimrobError
@@ -230,55 +229,3 @@ def _digest_of(file: Path) -> str:
         return _digest(text_of(file, _LARGEST))
     except NotRead:
         return ""
-
-
-_WIDTH = 100
-_NESTED = " " * 8
-
-
-def script(
-    program: Program,
-    station: str,
-    settings: Mapping[str, Any],
-    *,
-    robot: str | None,
-    legs: bool,
-    code: bool,
-    file: Path,
-) -> str:
-    """Return the text of a script that runs a program, and saves all of it as one result.
-
-    ``station`` is a name, or a file, which goes with a script in its folder; ``code``: whether it names Python code.
-    """
-    near = Path(station).parent == file.parent
-    place = f'Path(__file__).with_name("{Path(station).name}")' if near else _value(station)
-    names = ["LeggedRobot" if legs else "Workcell", "Program", "load_station"]
-    imports = ["from pathlib import Path\n"] * near + [f"from simrob_drake import {', '.join(sorted(names))}"]
-    whose = f", {_value(robot)}" if robot else ""
-    run = (
-        f"robot = LeggedRobot(station{whose})\nrobot.run(program)\nresult = robot.result()"
-        if legs
-        else "result = Workcell(station).perform(program)"
-    )
-    content = program.model_dump(mode="json", exclude={"station"}, exclude_defaults=True)
-    changed = f", {_value(dict(settings))}" if settings else ""
-    parts = [
-        f'"""{program.description or "A program that was taught"}; its signals are in {file.stem}-run/signals.csv."""',
-        "\n".join(imports),
-        f"station = load_station({place}{changed}{', allow_code=True' * code})",
-        f"program = Program(\n{''.join(_argument(key, value) for key, value in content.items())})",
-        f'{run}\nprint(result)\nresult.save("{file.stem}-run", force=True)\n',
-    ]
-    return "\n\n".join(parts)
-
-
-def _argument(key: str, value: Any) -> str:
-    if not isinstance(value, Sequence) or isinstance(value, str):
-        return f"    {key}={_value(value)},\n"
-    entries = "".join(f"{_NESTED}{_value(entry)},\n".replace("\n ", f"\n{_NESTED} ") for entry in value)
-    return f"    {key}=[\n{entries}    ],\n"
-
-
-def _value(value: Any) -> str:
-    text = pformat(value, width=_WIDTH, sort_dicts=False, compact=True)
-    return text if '"' in text else text.replace("'", '"')

@@ -23,6 +23,7 @@ from simrob_drake.teach.taught import Taught
 
 SLOWEST, FASTEST = 0.1, 4.0
 """Simulated time over the clock's that can be asked for."""
+_ANY = "idle", "running", "paused"  # phases in which a run can be gone on with, and back in
 
 
 class Teaching(MoveRunner):
@@ -87,16 +88,16 @@ class Teaching(MoveRunner):
 
     def go_on(self) -> Future[Any]:
         """Go on after a pause, or from a moment that was gone back to; what came after that is forgotten."""
-        if self.phase == "idle" and self.run.rewound:
-            return self._start(self.run.kind, "go_on")
-        return self._proceed("go_on")
+        return self._queued("go on", lambda: self._proceed("go_on"), _ANY)
 
     def one_tick(self) -> Future[Any]:
         """Go on for one tick of the grid after a pause."""
-        return self._proceed("one_tick")
+        return self._queued("go on", lambda: self._proceed("one_tick"), _ANY)
 
     def _proceed(self, method: str) -> Future[Any]:
         """Ask for more of a run; in one that was gone back in there is no more but from there."""
+        if self.phase == "idle" and self.run.rewound and method == "go_on":
+            return self._start(self.run.kind, method)
         self.run.rewound = self.run.rewound and self.phase == "idle"
         return self._ask(method)
 
@@ -121,7 +122,7 @@ class Teaching(MoveRunner):
             self._tell("tick")
             return True
 
-        return self._show_moment(float(time), shown)
+        return self._queued("rewind", lambda: self._show_moment(float(time), shown), _ANY)
 
     def change(self, key: str, value: Any) -> Future[Any]:
         """Change the running station by a dotted key, such as ``servo.kp``; it goes into the program with its time."""

@@ -61,6 +61,15 @@ def test_every_robot_on_legs_can_learn_to_walk(station):
     assert np.isfinite(rewards).all()
 
 
+def test_an_engine_is_chosen_by_name():
+    env = made("HandGuide", engine="mujoco")
+    assert env.config.solver.kind == "mujoco"
+    first, drake = played(env, 7), played(made("HandGuide"), 7)
+    np.testing.assert_array_equal(first[0], played(env, 7)[0])
+    np.testing.assert_allclose(first[0][0], drake[0][0], atol=1e-6)  # they begin alike
+    assert np.abs(np.subtract(first[0], drake[0])).max() > 1e-4
+
+
 def test_a_seed_settles_an_episode_whatever_went_before():
     first = played(made("Balance"), 7)
     env = made("Balance")
@@ -71,6 +80,7 @@ def test_a_seed_settles_an_episode_whatever_went_before():
         assert not np.array_equal(one, different)
 
 
+@pytest.mark.long
 def test_environments_run_side_by_side_on_processes():
     alone = [played(made("Walk"), seed) for seed in (4, 5)]
     envs = gymnasium.make_vec("simrob/Walk-v0", num_envs=2, vectorization_mode="async", vector_kwargs=SPAWN)

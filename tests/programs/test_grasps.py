@@ -135,3 +135,18 @@ def test_a_tool_near_enough_takes_a_piece_and_one_further_away_does_not():
         else:
             with pytest.raises(InvalidParameter, match="48 mm away from load"):
                 arm.attach("weight")
+
+
+def test_the_tool_in_use_takes_a_piece_where_it_is_moved_to():
+    arm = Arm(load_station("irb120_kinematic", BARE))
+    arm.tool([0, 0, 0.1, 0, 0, 0])  # a tip 10 cm further out
+    arm.move_j([0, 0, 0.01, 0, 0, np.pi], wobj="weight")
+    arm.attach("weight")
+    assert arm.cell.config.pieces["weight"].parent == "load"
+
+
+@pytest.mark.parametrize("station", ["irb120_kinematic", "irb120_dynamic"])
+def test_what_nobody_holds_is_not_let_go(station):
+    arm = Arm(load_station(station, BARE))
+    with pytest.raises(InvalidParameter, match="weight, to be let go, is held by nothing"):
+        arm.release("weight")

@@ -7,6 +7,7 @@ import pytest
 from pydrake.math import RigidTransform
 
 from simrob_drake import Arm, LeggedRobot, Program, SimrobError, Workcell, load_station
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.interpolation import Arc, turned_by
 from simrob_drake.kinematics import IncrementalSolver, NoClosedForm, Unreachable
@@ -425,3 +426,28 @@ class TestCollisions:
 def test_a_method_is_no_attribute_to_assign_to():
     with pytest.raises(AttributeError, match=r"tool is a method of Arm: call tool\('gripper'\)"):
         Arm("irb120_kinematic").tool = "gripper"
+
+
+class TestUnits:
+    """Numbers that can only be of other units are told so."""
+
+    @pytest.mark.parametrize(
+        ("target", "how", "text"),
+        [
+            ([0.3, 0, 0.4, 0, 0, 180], {}, "180 rad; .* were these degrees"),
+            ([300, 0, 400, 0, 0, np.pi], {}, "300 m; .* were these millimetres"),
+            ([300, 0, 400], {}, "300 m; .* were these millimetres"),
+            ([[0.3, 0, 0.4], [0.3, 0, 400]], {}, "400 m"),
+            ([0.3, 0, 0.1, *DOWN], {"wobj": [0, 0, 0, 90, 0, 0]}, "wobj is one with 90 rad"),
+            ([0.3, 0, 0.3], {"speed": 50}, r"speed is 50 m/s; .* were these mm/s\? Then it is 0.05"),
+        ],
+    )
+    def test_degrees_and_millimetres(self, kinematic, target, how, text):
+        with pytest.raises(InvalidParameter, match=text):
+            kinematic.move_l(target, **how)
+
+    def test_other_forms_of_poses_are_left_alone(self, kinematic):
+        poses = [kinematic.tool_pose()] * 3  # as many as a place has numbers
+        assert kinematic.plan.move_l(poses).robot == kinematic.name
+        with pytest.raises(SimrobError):
+            kinematic.plan.move_l([[0.3, 0], [0.3, 0, 0.4]])

@@ -108,5 +108,13 @@ def test_a_program_that_cannot_be_names_the_move(station: Path) -> None:
 
 def test_every_shipped_program_can_be_done() -> None:
     """Looked at as `simrob check` does, which moves nothing."""
-    for name in ("belt_pick", "irb120_chess", "irb120_on_belt", "two_arms", "humanoid_box", "yobotics_terrain"):
+    for name in (
+        "belt_pick",
+        "irb120_chess",
+        "irb120_on_belt",
+        "irb120_gripper",
+        "two_arms",
+        "humanoid_box",
+        "yobotics_terrain",
+    ):
         assert carried_program(load_station(name)) is not None

@@ -147,7 +147,7 @@ def test_joints_begin_where_the_assembly_is(tmp_path, kind, pose):
     poses = body_poses(tree, np.array([freedom.start for freedom in tree.freedoms]))
     body = tree.branches[-1].body
     assert (poses[body] @ body.solids[0].pose).IsNearlyEqualTo(place, 1e-9)
-    assert all(entry.kind == "repaired" and "ball joint" in entry.text for entry in model.report.entries)
+    assert all(entry.kind == "approximated" and "ball joint" in entry.text for entry in model.report.entries)
 
 
 def test_constraints_make_the_same_pendulum(tmp_path):

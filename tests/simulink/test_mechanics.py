@@ -443,7 +443,7 @@ def test_a_robot_may_stand_on_a_box(tmp_path):
     sink = 3 * 9.80665 / 1e4
     assert result.pose("base")[-1, 2] == pytest.approx(0.05 - sink, abs=1e-4)
     assert result["distance.Touch"][-1] == pytest.approx(-sink, abs=1e-4)
-    assert any("in its corners" in entry.text for entry in imported.report.of("repaired"))
+    assert any("in its corners" in entry.text for entry in imported.report.of("approximated"))
 
 
 def test_gravity_to_the_side_turns_the_world(tmp_path):

@@ -157,3 +157,16 @@ def test_one_joint_is_moved_and_the_other_one_driven(tmp_path):
     expected = solved(motion, [0.0, 0.0], result.times)[0]
     np.testing.assert_allclose(result["q.First"], 0.5 * np.sin(3 * result.times), atol=1e-3)
     np.testing.assert_allclose(result["q.Second"], expected, atol=2e-3)
+
+
+def test_a_motion_that_a_loop_counts_up(tmp_path):
+    """A reference that is its own last value and a bit more has no value that could be asked for at the start."""
+    level, joints = two_rods({"MotionActuationMode": "InputMotion"}, {})
+    bit, late = level.block("Constant", "Bit", Value="0.01"), level.block("UnitDelay", "Late", SampleTime="0.1")
+    count, into = level.block("Sum", "Count", Inputs="++"), level.block(TO_PHYSICS, "In", Unit="1")
+    level.wire(f"{bit}#out:1", f"{count}#in:1")
+    level.wire(f"{late}#out:1", f"{count}#in:2")
+    level.wire(f"{count}#out:1", f"{late}#in:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{joints[0]}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete; 1 joint prescribed"

@@ -6,10 +6,11 @@ import yaml
 from scipy.integrate import solve_ivp
 from slx_files import BRICK, FROM_PHYSICS, INERTIA, MECHANISM, TO_PHYSICS, TRANSFORM, WORLD, Level, write_model
 
-from simrob_drake import simulate
+from simrob_drake import load_station, simulate
 from simrob_drake.simulink.importing import import_simulink
 
 PUSH = "sm_lib/Forces and\nTorques/External Force\nand Torque"
+CONTACT = "sm_lib/Forces and Torques/Spatial Contact Force"
 FREE = "sm_lib/Joints/6-DOF Joint"
 SENSOR = "sm_lib/Frames and Transforms/Transform Sensor"
 
@@ -134,3 +135,53 @@ def test_a_force_of_too_many_elements_is_lost_and_told(tmp_path):
     body.push(body.frame, body.chain("Constant", "Nine", Value="ones(9, 1)"), EnableForce="on")
     imported = body.imported(tmp_path, "0.5")
     assert ["has 9 elements, not 3" in entry.text for entry in imported.report.of("lost")] == [True]
+
+
+def on_a_plane(tmp_path, *, friction, height, speed="0"):
+    """Return a ball of 2 kg and 0.1 m radius above a plane, by Simscape's law."""
+    level = Body("sm_lib/Body Elements/Spherical Solid", gravity="[0 0 -9.81]", at=f"[0 0 {height}]", turn="90",
+                 SphereRadius="0.1", InertiaType="CalculateFromGeometry", BasedOnType="Mass", Mass="2",
+                 ExportEntireGeometry="on")  # fmt: skip
+    plane = level.block("sm_lib/Curves and Surfaces/Infinite Plane", "Plane")
+    figures = {"NormalStiffness": "4e3", "NormalDamping": "12", "NormalTransitionRegionWidth": "5e-3",
+               "CoefficientOfStaticFriction": "0.5", "CoefficientOfDynamicFriction": "0.3",
+               "FrictionalCriticalVelocity": "1e-2"}  # fmt: skip
+    contact = level.block(CONTACT, "Contact", FrictionType=friction, **figures)
+    level.connect(f"{level.world}#rconn:1", f"{plane}#lconn:1")
+    level.connect(f"{plane}#rconn:1", f"{contact}#lconn:1")
+    level.connect(f"{level.body}#lconn:1", f"{contact}#rconn:1")
+    given = f'<P Name="PxVelocityTargetSpecify">on</P><P Name="PxVelocityTargetValue">{speed}</P></InstanceData>'
+    level.blocks = [
+        block.replace("</InstanceData>", given) if 'Name="Free"' in block else block for block in level.blocks
+    ]
+    file = write_model(tmp_path / "a.slx", level, stop="1.6")
+    return import_simulink(file, tmp_path / "out", contact_law=True)
+
+
+def test_a_ball_bounces_by_the_law_of_simscape(tmp_path):
+    """The first three rebounds are within 1 % of those of its equation."""
+    imported = on_a_plane(tmp_path, friction="None", height=0.3)
+    assert "contact" not in imported.files.content
+    result = simulate(load_station(imported.station), progress=False)
+
+    def motion(_, state):
+        depth = 0.1 - state[0]
+        share = np.clip(depth / 5e-3, 0.0, 1.0)
+        force = max(0.0, share**2 * (3 - 2 * share) * (4e3 * depth - 12 * state[1]))
+        return state[1], force / 2.0 - 9.81
+
+    exact = solve_ivp(motion, (0, 1.6), [0.3, 0], rtol=1e-9, atol=1e-10, max_step=1e-3, t_eval=result.times)
+    height = result.piece_pose("Body")[:, 2]
+    for begin, end in ((0.25, 0.6), (0.6, 0.95), (0.95, 1.25)):
+        during = (begin < result.times) & (result.times < end)
+        assert height[during].max() - 0.1 == pytest.approx(exact.y[0][during].max() - 0.1, rel=0.01)
+
+
+def test_a_ball_that_slides_begins_to_roll_by_the_law_of_simscape(tmp_path):
+    """Friction brakes it by 0.3 g, until it rolls at 5/7 of its speed."""
+    imported = on_a_plane(tmp_path, friction="SmoothStickSlip", height=0.0951, speed="1")
+    result = simulate(load_station(imported.station), duration=0.3, progress=False)
+    place = result.piece_pose("Body")[:, 0]
+    early, late = result.times < 0.08, result.times > 0.15
+    np.testing.assert_allclose(place[early], (result.times - 0.15 * 9.81 * result.times**2)[early], atol=2e-4)
+    np.testing.assert_allclose(np.gradient(place, result.times)[late][1:-1], 5 / 7, rtol=0.01)

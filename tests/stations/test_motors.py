@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from simrob_drake.errors import SimrobError
+from simrob_drake.mujoco.limits import check_sayable
 from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.robots.motors import known_motors
@@ -191,3 +192,17 @@ def test_each_motor_is_whole_and_has_a_source() -> None:
         assert stall > 0
         assert speed > 0
         assert yaml.safe_load(yaml.safe_dump(motor.model_dump(mode="json", exclude_unset=True)))
+
+
+def test_an_observer_knows_the_dampers_of_motors(joint: Path) -> None:
+    """Nothing pushes the joint, so that nothing but the lag of the observer is felt."""
+    changes = {**MOTOR, "servo.realization": "implicit", "solver": cenic(1e-3), "duration": 0.5}
+    felt = simulate(load_station(joint, {**changes, "sensors.external_torque": {"rate": 1000}}))
+    assert np.abs(felt["external_torque.external_torque.joint_1"]).max() < 0.5
+
+
+def test_plain_mjcf_has_no_motors(joint: Path) -> None:
+    pytest.importorskip("mujoco")
+    config = load_station(joint, MOTOR)
+    with pytest.raises(SimrobError, match=r"servo\.motor is given; it must be none"):
+        check_sayable(config, resolve(config).robots)

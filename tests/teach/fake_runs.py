@@ -24,7 +24,7 @@ class CountingRun:
 
     def __init__(self, on_news):
         self.tell, self.calls, self.time, self.closed = on_news, [], 0.0, False
-        self.running, self.end = None, 0.0
+        self.running, self.end, self.back = None, 0.0, False
 
     def call(self, method, /, **arguments):
         self.calls.append((method, {name: value for name, value in arguments.items() if name != "positions"}))
@@ -38,7 +38,7 @@ class CountingRun:
         except SimrobError as problem:
             future.set_exception(problem)
             return future
-        if method in ("do", "play", "jog") and self.held:
+        if result == "running" and self.held:
             self.running = future
         else:
             future.set_result(result)
@@ -50,7 +50,8 @@ class CountingRun:
 
     def finish(self, ending="completed", *, goes_on=True, time=None, reached=None):
         """End the run."""
-        self.time = self.end if time is None else time
+        if not self.back:  # else it stands where it was gone back to
+            self.time = self.end if time is None else time
         how = {"ending": ending, "goes_on": goes_on, "message": ending, "verdict": "as asked", "warnings": []}
         self.tell({"news": "ended", **how, "time": self.time, "reached": self.time if reached is None else reached})
         self.tell({"news": "phase", "phase": "idle"})
@@ -82,14 +83,14 @@ class CountingRun:
         return {"station": station, "robots": {robot: {"tcp": "flange", "kind": "legs"}}, "bodies": [], "loops": []}
 
     def _do(self, moves):
-        self._begin(sum(move.get("duration", 1.0) for move in moves))
+        return self._begin(sum(move.get("duration", 1.0) for move in moves))
 
     def _jog(self, targets_deg, duration):
-        self._begin(duration or 1.0)
+        return self._begin(duration or 1.0)
 
     def _play(self, program):
         self.time = 0.0
-        self._do(parse_yaml(program, "the program")["moves"])
+        return self._do(parse_yaml(program, "the program")["moves"])
 
     def _stop(self):
         if self.running is not None:
@@ -98,21 +99,24 @@ class CountingRun:
     def _rewind(self, time, positions):
         self.positions = positions
         if self.shown:
-            self.time = time
+            self.time, self.back = time, True
         return self.shown
 
     def _go_on(self):
-        if self.running is None and self.time < self.end:
-            self._begin(self.end - self.time)
+        if self.running is None and self.back and self.time < self.end:
+            return self._begin(self.end - self.time)
+        self.back = False
+        return None
 
     def _restart(self):
-        self.time = 0.0
+        self.time, self.back = 0.0, False
 
     def _begin(self, time):
-        self.end = self.time + time
+        self.end, self.back = self.time + time, False
         self.tell({"news": "phase", "phase": "running"})
         if not self.held:
             self.finish()
+        return "running"
 
 
 class BenchRun:

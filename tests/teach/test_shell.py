@@ -348,8 +348,11 @@ def test_without_webgl_a_run_is_a_strip_of_pictures_and_why(tmp_path):
         assert drawn == []  # nothing was run
         await heard(pendant.session, "phase", phase="running", time=2.0)
         assert drawn == []
-        await heard(pendant.session, "phase", phase="idle")
+        await heard(pendant.session, "phase", phase="idle", ending={"ending": "completed"})
         await until(lambda: drawn == [2.0])
+        for phase in ("saving", "idle"):  # as it is drawn
+            await heard(pendant.session, "phase", phase=phase)
+        assert drawn == [2.0]
         (image,) = elements(user, alt=EN["shell.view"])
         assert image.props["src"] == f"data:image/png;base64,{b64encode(file.read_bytes()).decode()}"
 

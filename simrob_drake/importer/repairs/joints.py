@@ -12,6 +12,7 @@ from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.importer.repairs.structure import drop_lost_frames
+from simrob_drake.robots.gripper import FOLLOWS
 from simrob_drake.robots.urdf import (
     DRAKE,
     MOVABLE_JOINTS,
@@ -98,9 +99,11 @@ def _drop_mimic(joint: ET.Element, where: str, report: ImportReport) -> None:
     mimic = joint.find("mimic")
     if mimic is None:
         return
-    joint.remove(mimic)
     fixed = joint.get("type") == "fixed"
-    why = "fixed joints move with nothing" if fixed else "no continuous solver can do that; it is a joint of its own"
+    if fixed:
+        joint.remove(mimic)
+    mimic.tag = FOLLOWS
+    why = "fixed joints move with nothing" if fixed else "no continuous solver can do that; it has a motor of its own"
     report.add("dropped" if fixed else "lost", where, f"mimics '{mimic.get('joint', '')}': {why}")
 
 

@@ -16,11 +16,13 @@ KINDS = Kinds(
         "power_limit": "power.PowerLimit",
         "workspace": "workspace.Workspace",
         "fall": "fall.Fall",
+        "empty_grip": "empty_grip.EmptyGrip",
     },
 )
 if TYPE_CHECKING:
     from simrob_drake.parts.monitors.contact import Contact
     from simrob_drake.parts.monitors.divergence import Divergence
+    from simrob_drake.parts.monitors.empty_grip import EmptyGrip
     from simrob_drake.parts.monitors.fall import Fall
     from simrob_drake.parts.monitors.force_limit import ForceLimit
     from simrob_drake.parts.monitors.joint_limit import JointLimit
@@ -30,7 +32,16 @@ if TYPE_CHECKING:
     from simrob_drake.parts.monitors.workspace import Workspace
 
     MonitorConfig = (
-        JointLimit | TorqueLimit | Settled | Divergence | Contact | ForceLimit | PowerLimit | Workspace | Fall
+        JointLimit
+        | TorqueLimit
+        | Settled
+        | Divergence
+        | Contact
+        | ForceLimit
+        | PowerLimit
+        | Workspace
+        | Fall
+        | EmptyGrip
     )
 else:
     MonitorConfig = Annotated[Any, KINDS]

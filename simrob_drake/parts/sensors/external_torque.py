@@ -2,9 +2,11 @@
 
 from typing import Literal
 
+import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.momentum_observer import MomentumObserver
+from simrob_drake.blocks.wiring import joined, mapped
 from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.sections import Positive
@@ -37,6 +39,11 @@ class ExternalTorque(SampledSensor):
             period=1 / self.rate,
             tool=robot.tools.get(robot.tcp),
         )
+        torque, damping = site.outputs[f"{robot.prefix}torque"], robot.gains.damping
+        if damping.any():  # of the motors, which the plant has and the torques tell
+            every = np.hstack([np.eye(len(damping)), np.diag(damping) @ robot.axis_map.state_matrix[len(damping) :]])
+            felt = joined(builder, f"{name}.torque_and_state", torque, site.state)
+            torque = mapped(builder, f"{name}.motor_torque", every, felt)
         contents = {"external_torque": (robot.axes, robot.model.effort_units)}
         if robot.tcp:
             contents["external_force"] = (["x", "y", "z"], ["N"] * 3)
@@ -53,7 +60,7 @@ class ExternalTorque(SampledSensor):
             name,
             block=observer,
             title="Momentum observer",
-            inputs={"state": site.state, "torque": site.outputs[f"{robot.prefix}torque"]},
+            inputs={"state": site.state, "torque": torque},
             signals=signals,
             robot=robot,
         )

@@ -9,6 +9,7 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted
 from simrob_drake.programs.moves.act import ActMove
 from simrob_drake.programs.moves.attach import AttachMove
 from simrob_drake.programs.moves.go import GoMove
+from simrob_drake.programs.moves.grip import GripMove, OpenMove
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, field_of, kind_of, read_move
 from simrob_drake.programs.moves.play import PlayMove
@@ -31,6 +32,8 @@ _ALL: tuple[type[Move], ...] = (
     PlayMove,
     *MOTIONS,
     ToolMove,
+    GripMove,
+    OpenMove,
     TogetherMove,
 )
 KINDS: dict[str, type[Move]] = {kind.key: kind for kind in _ALL}

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from simrob_drake.kinematics.analytic import SolverName
 from simrob_drake.programs.moves.move import ArmStation, Move, Run
-from simrob_drake.programs.plan import Check, Plan
+from simrob_drake.programs.plan import CHECKED, Check, Plan
 from simrob_drake.programs.planning import Planning
 from simrob_drake.programs.timing import How, Profile
 from simrob_drake.sections import Duration, Integer, Number, Pose, Positive, Strict
@@ -48,8 +48,8 @@ class ArmMotion(Move):
     """How it is sped up and slowed down; `s_curve` with a speed, else `smooth`."""
     zone: str | Number | None = None
     """How near to a target the tool turns to the next one: `fine` to rest there, `z0` to `z200`, or a distance [m]."""
-    check: Check | None = None
-    """What is looked at before the move beside its reach; `limits` unless given."""
+    check: Check | None = CHECKED
+    """What is looked at before the move beside its reach; null, as `limits`, leaves collisions out."""
 
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
@@ -61,7 +61,7 @@ class ArmMotion(Move):
     def how(self) -> How:
         """How it is done."""
         options = {key: getattr(self, key) for key in How.__annotations__}
-        return cast(How, {key: value for key, value in options.items() if value is not None})
+        return cast(How, {key: value for key, value in options.items() if value is not None or key == "check"})
 
     def caption(self, *, robots: bool = False) -> str:
         """Return the name of the kind, and whose move it is."""

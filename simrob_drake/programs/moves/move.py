@@ -74,6 +74,9 @@ class ArmStation(Protocol):
     def tool(self, robot: str, tool: str | PoseLike) -> None:
         """Change the tool centre point of a robot."""
 
+    def limit_efforts(self, robot: str, efforts: Mapping[str, float]) -> None:
+        """Have motors of a robot give at most so much, by axis."""
+
     def wait(self, duration: float) -> SimulationResult:
         """Let time pass while all robots hold their places."""
 

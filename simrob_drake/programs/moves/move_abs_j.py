@@ -34,14 +34,14 @@ class MoveAbsJ(ArmMotion):
 
 
 def plan_move_abs_j(planning: Planning, targets: npt.ArrayLike, *, stop: bool = False, **how: Unpack[How]) -> Plan:
-    """Plan a move to one posture (n,) or through many (k, n) [rad or m].
+    """Plan a move to one posture (n,) or through many (k, n) [rad or m]; without those of fingers they stay.
 
     Raises:
         InvalidParameter: targets of a wrong shape, or a duration that cannot be.
         JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
             point.
     """
-    rows = planning.chain.postures(targets, "targets")
+    rows = planning.postures(targets)
     points, zone = points_of(how, POINTS), zone_of(how, len(rows))
     if truth(stop, "stop") and zone:
         raise InvalidParameter("stop", stop, "left out with a zone")

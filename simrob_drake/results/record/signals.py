@@ -158,8 +158,8 @@ def _recorded(diagram: Diagram, root: Context) -> dict[OutputPort, int]:
     for system in diagram.GetSystems():
         own = _recorded(system, root) if isinstance(system, Diagram) else {}
         if isinstance(system, SampledBlock) or system.get_name() == "plant":
-            told = getattr(system, "outputs", {})  # Drake's own plant has none
-            own = {system.GetOutputPort(name): group for name, group in told.items()}
+            groups_of = getattr(system, "outputs", {})  # Drake's own plant has none
+            own = {system.GetOutputPort(name): group for name, group in groups_of.items()}
         found |= {port: groups + group for port, group in own.items()}
         groups += system.GetMyContextFromRoot(root).num_discrete_state_groups()
     return found

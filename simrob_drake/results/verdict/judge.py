@@ -66,7 +66,13 @@ def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
     """Return how far the axes of a robot were from their reference, shape (m, n) [rad or m]."""
     if run.config.mode == "kinematic":  # there they are where they are asked to be
         return None
-    return np.asarray(np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name)))
+    return _of_arm(robot, np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name)))
+
+
+def _of_arm(robot: StationRobot, values: Vector) -> Vector:
+    """Return values (m, n), nought for fingers: those press on what they hold, as hard as they may."""
+    values[:, list(robot.model.fingers)] = 0.0
+    return values
 
 
 @_of_each_robot
@@ -91,8 +97,8 @@ def _beyond_stop(run: RecordedRun, robot: StationRobot) -> _Axes:
 def _torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
     torque, limit, line = run.axes("tau", robot.name), robot.gains.torque_limit, robot.gains.line
     if line is None or run.config.mode == "kinematic":
-        return np.asarray(np.abs(torque) / limit)
-    return line.share(torque, run.axes("v", robot.name), limit)
+        return _of_arm(robot, np.abs(torque) / limit)
+    return _of_arm(robot, line.share(torque, run.axes("v", robot.name), limit))
 
 
 @_of_each_robot

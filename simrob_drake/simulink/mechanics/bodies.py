@@ -76,6 +76,7 @@ class Bodies:
         couplings: what else does.
         by_place: which body a physical node is on.
         roots: physical nodes that no transform or joint leads to.
+        standing: planes of the world.
     """
 
     bodies: list[RigidPart]
@@ -83,6 +84,7 @@ class Bodies:
     couplings: list[Coupling]
     by_place: dict[Place, RigidPart]
     roots: set[Place]
+    standing: set[Node] = field(default_factory=set)
 
 
 PUSH = "External Force and Torque"
@@ -236,6 +238,8 @@ def _attach(frames: _Frames, bodies: Bodies) -> None:
         body = bodies.by_place[place]
         if node in frames.solids:
             body.solids.append(replace(frames.solids[node], pose=body.frames[place]))
+        elif node.kind == "Infinite Plane" and body.grounded:
+            bodies.standing.add(node)
         elif node.kind in _MARKS:
             body.marks.append((node, body.frames[place]))
 

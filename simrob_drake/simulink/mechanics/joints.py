@@ -307,7 +307,9 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
             stops.append((stiffness, damping))
     freedom.stop = max(stops, default=None)
     if len(set(stops)) > 1:
-        node.findings.report.add("repaired", freedom.name, "its stops differ: both get the figures of the stiffer one")
+        node.findings.report.add(
+            "approximated", freedom.name, "its stops differ: both get the figures of the stiffer one"
+        )
     if freedom.lower >= freedom.upper and node.findings.assume and node.findings.undefined:
         freedom.lower, freedom.upper, freedom.stop = -inf, inf, None
         node.findings.report.add("defaulted", node.path, "its limits are unknown: none are taken")
@@ -328,7 +330,7 @@ def _ask(node: Node, prefix: str, freedom: Freedom, quantity: str, value: float)
 def _ball(node: Node, prefix: str) -> list[Freedom]:
     """Return a ball joint as three turns about x, y and z."""
     node.findings.report.add(
-        "repaired", node.path, "ball joint as three turns about x, y and z: singular where the middle one is at 90°"
+        "approximated", node.path, "ball joint as three turns about x, y and z: singular where the middle one is at 90°"
     )
     turns = [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
     damping = node.number(f"{prefix}DampingCoefficient", unit="N*m*s/rad")

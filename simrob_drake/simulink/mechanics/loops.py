@@ -63,14 +63,14 @@ def _cut(tree: Tree, link: Link) -> list[Closing]:
     node = link.joint.node
     if cuttable(link):
         node.findings.report.add("read", node.path, "closes a loop: a coupling in its place")
-        ends = link.base, link.follower, link.in_base, link.in_follower
-        return [Closing(node, *ends, _CUT[node.kind])]
+        joined = link.base, link.follower, link.in_base, link.in_follower
+        return [Closing(node, *joined, _CUT[node.kind])]
     whole, turned = (link.base, True) if link.follower.grounded else (link.follower, False)
     halves = [replace(solid, weight=solid.weight.scaled(0.5)) for solid in whole.solids]
     whole.solids[:] = halves
     half = RigidPart(dict(whole.frames), [replace(solid, visible=False) for solid in halves])
-    ends = (half, link.follower) if turned else (link.base, half)
-    own = Link(node, *ends, link.in_base, link.in_follower, link.joint)
+    base, follower = (half, link.follower) if turned else (link.base, half)
+    own = Link(node, base, follower, link.in_base, link.in_follower, link.joint)
     tree.branches.append(BodyOnJoint(half, link.follower if turned else link.base, own, turned))
     node.findings.report.add("read", node.path, "closes a loop: its body is two halves that are welded together")
     return [Closing(node, half, whole, RigidTransform(), RigidTransform(), "weld")]
@@ -151,4 +151,4 @@ def _start(tree: Tree) -> None:
 def _tell(freedom: Freedom, what: str, target: float | None, taken: float, tree: Tree) -> None:
     if target is not None and abs(target - taken) > _NOTED:
         message = f"starts at the{what} {taken:.4g}, not {target:.4g}: so its loop closes"
-        tree.branches[0].link.joint.node.findings.report.add("repaired", freedom.name, message)
+        tree.branches[0].link.joint.node.findings.report.add("approximated", freedom.name, message)

@@ -34,7 +34,7 @@ class Closing(Coupling):
     length: float = 0.0
 
     @property
-    def figures(self) -> dict[str, float]:
+    def parameters(self) -> dict[str, float]:
         """Return what a station's file has of it beside its ends."""
         return {"length": self.length} if self.kind == "rod" else {}
 
@@ -138,7 +138,7 @@ def grow(bodies: Bodies, cuttable: Callable[[Link], bool]) -> tuple[RigidPart | 
     for link in bodies.links:
         if link.joint.floating and link.base is not world:
             message = "starts from the world: its base is no part of it"
-            link.joint.node.findings.report.add("repaired", link.joint.node.path, message)
+            link.joint.node.findings.report.add("approximated", link.joint.node.path, message)
     return world, trees
 
 

@@ -88,7 +88,12 @@ def begin_on_motions(laws: dict[Freedom, Law]) -> None:
         if freedom.driven == "motion" and law.reference is not None and of_time(law.reference):
             try:
                 before, after = (_at(law.reference, time) for time in (0.0, _INSTANT))
-            except (SimrobError, ValueError, ArithmeticError):  # what writes the law tells it
+            except (
+                SimrobError,
+                ValueError,
+                ArithmeticError,
+                RecursionError,
+            ):  # what writes it tells it, or it is a loop
                 continue
             freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
             freedom.start_counts = freedom.speed_counts = _HARD
@@ -216,6 +221,7 @@ class ExternalForce:
         body, pose: on which it acts, and its frame in the first one of that.
         force, torque: along the axes of its frame, each of 3 [N, N·m].
         senses: whether it acts along the axes of the world, so that the orientation of its frame is measured.
+        ends: the blocks on whose frames what it senses is, and from where that is seen; its own unless given.
     """
 
     node: Node
@@ -224,6 +230,7 @@ class ExternalForce:
     force: list[Value]
     torque: list[Value]
     senses: bool
+    ends: tuple[Node, Node] | None = None
 
 
 def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:

@@ -12,8 +12,9 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.parts.site import WORLD
-from simrob_drake.simulink.mechanics.bodies import PUSH
+from simrob_drake.simulink.mechanics.bodies import PUSH, frame_place
 from simrob_drake.simulink.mechanics.joints import Freedom
+from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.dynamics import LAG
 from simrob_drake.simulink.signals.forms import Form, Primitive, Term, Value, flat, signal, terms_of
@@ -290,24 +291,31 @@ class FrameSensors:
 def frame_sensors(model: SimulinkModel, files: StationFiles, turn: RigidTransform, names: UniqueNames) -> FrameSensors:
     """Return a model's Transform Sensors; ``turn`` places its world in ours."""
     found = FrameSensors({}, {})
-    sensing = {push.node for push in model.pushes if push.senses}
-    sensing |= {link.joint.node for link in model.bodies.links if link.joint.senses or link.joint.pulls}
+    sensing = {push.node: push.ends for push in model.pushes if push.senses}
+    sensing |= {link.joint.node: None for link in model.bodies.links if link.joint.senses or link.joint.pulls}
     for node in model.expanded.nodes:
         if (node.kind == SENSOR or node in sensing) and node.block.commented == "off":
-            _take(node, found, model, files, turn, names)
+            places = _ends(node, sensing.get(node), model.network)
+            _take(node, places, found, model, files, turn, names)
     return found
 
 
+def _ends(node: Node, ends: tuple[Node, Node] | None, network: Connections) -> list[Place]:
+    """Return where what a block senses is, and where it is seen from; of a force that is the world, and not told."""
+    if ends is not None:
+        return [frame_place(network, end) for end in ends]
+    return [network.net(node, side) for side in ("rconn", "lconn") if node.kind != PUSH or side == "rconn"]
+
+
 def _take(
-    node: Node, found: FrameSensors, model: SimulinkModel, files: StationFiles, turn: RigidTransform, names: UniqueNames
-) -> None:
+    node: Node, places: list[Place], found: FrameSensors, model: SimulinkModel, files: StationFiles,
+    turn: RigidTransform, names: UniqueNames,
+) -> None:  # fmt: skip
     poses = []
-    for side in ("rconn", "lconn") if node.kind != PUSH else ("rconn",):
-        place = model.network.net(node, side)
+    for place, end in zip(places, ("follower", "base"), strict=False):
         body = model.bodies.by_place[place]
         named = files.named(body, turn)
         if named is None:
-            end = "follower" if side == "rconn" else "base"
             model.report.add("dropped", node.path, f"{node.kind}: its {end} is on no robot or piece")
             return
         poses.append((named[0], pose_list(named[1] @ body.frames[place])))

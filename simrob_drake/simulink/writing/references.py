@@ -163,15 +163,15 @@ def coupling_sections(
     for name, robot in files.robots.items():
         prefix = f"{name}." if len(files.robots) > 1 else ""
         for closing in robot.tree.closings:
-            tie(closing, closing.kind, **closing.figures)
+            tie(closing, closing.kind, **closing.parameters)
         for node, ratios in robot.tree.gears.items():
             add(node, {"kind": "gear", "ratios": robot.by_axis(ratios, prefix)})
     units = {"length": ("NaturalLength", "m"), "stiffness": ("SpringStiffness", "N/m"),
              "damping": ("DampingCoefficient", "N*s/m")}  # fmt: skip
     for coupling in model.bodies.couplings:
         if coupling.node.kind == SPRING:
-            figures = {key: coupling.node.number(name, unit=unit) for key, (name, unit) in units.items()}
-            tie(coupling, "spring", **figures)
+            values = {key: coupling.node.number(name, unit=unit) for key, (name, unit) in units.items()}
+            tie(coupling, "spring", **values)
     _tell_of_loose(model)
     return {"couplings": sections} if sections else {}
 

@@ -135,7 +135,7 @@ class StationWriter:
         for piece, entry in pieces.items() if kinematic else ():
             if entry.pop("free", False):
                 entry["parent"] = "world"
-                self._report.add("repaired", piece, "stands fixed: nothing falls in a kinematic station")
+                self._report.add("approximated", piece, "stands fixed: nothing falls in a kinematic station")
         content: dict[str, Any] = {
             "description": f"{name}, from a Simulink model",
             "mode": "kinematic" if kinematic else "dynamic",
@@ -197,7 +197,7 @@ class StationWriter:
         weightless = [link for robot in self._files.robots.values() for link in robot.weightless]
         if weightless and self._files.robots:
             self._report.add(
-                "repaired", "station", f"kinematic: these links weigh nothing: {', '.join(weightless[:5])}"
+                "approximated", "station", f"kinematic: these links weigh nothing: {', '.join(weightless[:5])}"
             )
             return True
         stand = all(robot.tree.root.grounded for robot in self._files.robots.values())
@@ -391,7 +391,5 @@ def _upright(model: SimulinkModel) -> tuple[RigidTransform, float]:
         from pydrake.common.eigen_geometry import AngleAxis
 
         turn = RotationMatrix(AngleAxis(float(np.arccos(np.clip(up[2], -1, 1))), axis / np.linalg.norm(axis)))
-    model.report.add(
-        "repaired", "gravity", f"points along {vector.round(4).tolist()}: the world is turned to put it down"
-    )
+    model.report.add("read", "gravity", f"points along {vector.round(4).tolist()}: the world is turned to put it down")
     return RigidTransform(turn), strength

@@ -131,7 +131,7 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
             touching.standing.add(node)
             _, radius, share = _spheres(shapes[0])
             if share > 1:
-                report.add("repaired", node.path, f"a box that touches: spheres of {radius:.3g} m in its corners")
+                report.add("approximated", node.path, f"a box that touches: spheres of {radius:.3g} m in its corners")
             surface = contact.surface
             for solid, shape in zip(solids, shapes, strict=True):
                 pose = robot.frames[body].inverse() @ solid.pose
@@ -142,7 +142,9 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
     if not points:
         return None
     if len(set(radii)) > 1 or len(set(surfaces)) > 1:
-        report.add("repaired", robot.element.get("name", ""), "its contacts differ: all get the figures of the first")
+        report.add(
+            "approximated", robot.element.get("name", ""), "its contacts differ: all get the figures of the first"
+        )
     surface = surfaces[0]
     damping = bounded_dissipation(surface, robot.mass * gravity / len(radii), report, robot.element.get("name", ""))
     kind = {
@@ -177,7 +179,7 @@ def bounded_dissipation(surface: ContactParameters, weight: float, report: Impor
     )
     if exact > MOST_DISSIPATION:
         message += f" (for {depth:.2g} m it would be {exact:.3g}: neither bounces)"
-    report.add("repaired", where, message)
+    report.add("approximated", where, message)
     return taken
 
 
@@ -251,7 +253,9 @@ class ContactSections:
                 "stiction_speed": surface.speed,
             }
             if len({other.surface for other, _ in own}) > 1:
-                self.model.report.add("repaired", "contact", "contacts differ: all pieces get the figures of the first")
+                self.model.report.add(
+                    "approximated", "contact", "contacts differ: all pieces get the figures of the first"
+                )
         elif self.touching.ends:
             section["stiction_speed"] = self.touching.ends[0][0].surface.speed
         return section

@@ -58,6 +58,7 @@ class Servos:
             if (line := robot.gains.line) is not None and all(gains[place] for place in own):  # else blocks have it
                 self._stalls[own], self._slopes[own] = np.minimum(line.stall, _NO_LIMIT), line.slope
                 self._limits[own] = np.minimum(robot.gains.cap, _NO_LIMIT)
+        self._has_lines = bool(self._slopes.any())
         self._kp, self._kd = (np.array([getattr(own, key) if own else 0.0 for own in gains]) for key in "pd")
         self._servos = np.flatnonzero([own is not None for own in gains])
         self._angles = np.array([joint.qposadr[0] for joint in joints], np.intp)
@@ -82,7 +83,7 @@ class Servos:
     def _bound(self, side: float | Vector) -> Vector:
         """Return what the motors have at most to a side, shape (m,), at the speeds of the data."""
         line = side * self._stalls - self._slopes * self._qvel[self._speeds]
-        return np.minimum(np.maximum(line, -self._limits), self._limits)
+        return np.asarray(np.minimum(np.maximum(line, -self._limits), self._limits))
 
     def step(self, desired: Vector, extra: Vector | None, forces: Vector | float, *, begun: bool) -> Vector:
         """Step the data, and return what each motor gave (m,) [N·m or N].
@@ -103,8 +104,8 @@ class Servos:
             np.add.at(self._applied, self._speeds, extra)
         (mujoco.mj_step2 if begun else mujoco.mj_step)(self._model, self._data)
         torque = self.torques(desired, extra)
-        beyond = self._sides(torque).any()
-        return self._settled(desired, extra, forces, start, torque) if beyond else torque
+        beyond = self._sides(torque) if self._has_lines else np.abs(torque) > self._limits
+        return self._settled(desired, extra, forces, start, torque) if beyond.any() else torque
 
     def _settled(
         self,
@@ -142,11 +143,11 @@ class Servos:
 
     def _drive(self, sides: Vector, extra: Vector | None, forces: Vector | float) -> None:
         """Let servos within their limits follow their gains, and the others give what they can."""
-        given = np.zeros(self.count) if extra is None else extra
+        added = np.zeros(self.count) if extra is None else extra
         self._give_gains(sides)
         self._applied[:] = forces
         ends = np.sign(sides) * np.where(np.abs(sides) == _LINE, self._stalls, self._limits)
-        np.add.at(self._applied, self._speeds, np.where(sides, ends, given))
+        np.add.at(self._applied, self._speeds, np.where(sides, ends, added))
 
     def _give_gains(self, sides: Vector) -> None:
         """Give servos (m,) between their limits their gains, and those at their lines the slopes of these."""

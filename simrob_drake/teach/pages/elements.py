@@ -160,6 +160,13 @@ class Dial:
             self._moved()
 
 
+def allow(button: ui.button, why_not: str) -> None:
+    """Let a button act, or tell in words why it cannot."""
+    button.set_enabled(not why_not)
+    button.props["title"] = why_not or None
+    button.update()
+
+
 KEYS = "aria-keyshortcuts"
 
 

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.teach.pages import plots
-from simrob_drake.teach.pages.elements import KEYS, card, follow, numbered, rebuild
+from simrob_drake.teach.pages.elements import KEYS, allow, card, follow, numbered, rebuild
 from simrob_drake.teach.pages.joints import Joints
 from simrob_drake.teach.pages.move_forms import choices_of, duration_field, offers
 from simrob_drake.teach.pages.move_list import MoveList
@@ -139,7 +139,7 @@ class _Teaching:
         self._chosen.text = t("legs.chosen", axes=axes) if axes else t("legs.choose")
         moves = "; ".join(phrases.move(move) for move in self._session.pending)
         self._tested.text = t("legs.tested", moves=moves) if moves else ""
-        self._add.set_enabled(bool(moves))
+        allow(self._add, "" if moves else t("notice.nothing_tested"))
 
 
 def _reference_of(session: Session) -> str:

@@ -18,6 +18,11 @@
     button.click();
   };
   document.addEventListener("keydown", window.pressed);
+  setInterval(async () => { // a server that was started anew refuses this page, and says which one to open
+    if (document.getElementById("popup")?.ariaHidden !== "false") return;
+    const answer = await fetch(location.href, { cache: "no-store" }).catch(() => null);
+    if (answer?.status === 403) location.reload();
+  }, 2000);
   window.hasWebGL = () => !!document.createElement("canvas").getContext("webgl2");
   window.viewShown = (frame) => frame.contentWindow.addEventListener("keydown", window.pressed); // while it has the focus
 })();

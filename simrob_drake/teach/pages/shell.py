@@ -13,7 +13,7 @@ from simrob_drake.files import models_root
 from simrob_drake.robots.catalog import load_robot, robot_names
 from simrob_drake.stations.load import station_names
 from simrob_drake.teach.pages import arm, legs, station, view
-from simrob_drake.teach.pages.elements import KEYS, follow, icon_button, set_label, shortcuts
+from simrob_drake.teach.pages.elements import KEYS, allow, follow, icon_button, set_label, shortcuts
 from simrob_drake.teach.pages.words import Words, languages
 from simrob_drake.teach.pendant import Pendant
 from simrob_drake.teach.session import Session
@@ -103,8 +103,8 @@ def _undo(session: Session, t: Words) -> None:
     redo = icon_button("redo", t("shell.redo"), session.redo, keys="Control+Shift+Z")
 
     def show() -> None:
-        undo.set_enabled(session.can_undo)
-        redo.set_enabled(session.can_redo)
+        allow(undo, "" if session.can_undo else t("why.no_undo"))
+        allow(redo, "" if session.can_redo else t("why.no_redo"))
 
     follow(session, show, "program", "description")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from nicegui import background_tasks, ui
 
 from simrob_drake.programs.timeline import GRID
-from simrob_drake.teach.pages.elements import NumberField, follow, icon_button, set_label
+from simrob_drake.teach.pages.elements import NumberField, allow, follow, icon_button, set_label
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
@@ -53,8 +53,12 @@ def _stills(session: Session, t: Words) -> None:
         if file is not None:
             strip.props["src"] = f"data:image/png;base64,{b64encode(Path(file).read_bytes()).decode()}"
 
+    drawn = session.run.ending
+
     def show() -> None:
-        if session.phase == "idle" and session.run.time > 0.0:
+        nonlocal drawn
+        if session.phase == "idle" and session.run.ending is not drawn:
+            drawn = session.run.ending
             background_tasks.create(draw())
 
     follow(session, show, "phase")
@@ -96,7 +100,7 @@ def build_pad(session: Session, t: Words) -> None:
 
     def show_phase() -> None:
         for button in buttons:
-            button.set_enabled(session.phase in ("running", "paused"))
+            allow(button, _unless(session, t, *_RUNS))
 
     follow(session, show_bodies, "description")
     follow(session, show_phase, "phase")
@@ -123,6 +127,7 @@ def build_bar(session: Session, t: Words) -> None:
         scrubber = ui.slider(min=0.0, max=1.0, step=0.05)
         scrubber.on("update:model-value", lambda event: session.rewind(float(event.args)), throttle=0.1)
         set_label(scrubber, t("run.scrub"))
+        state = ui.label().classes("pendant-state")
         clock = ui.label().classes("pendant-time")
         _pace(session, t)
     message = ui.label().classes("pendant-message").props("role=status aria-live=polite")
@@ -131,11 +136,13 @@ def build_bar(session: Session, t: Words) -> None:
         running = session.phase == "running"
         play.props["icon"] = "pause" if running else "play_arrow"
         set_label(play, t("run.pause" if running else "run.play"))
-        can = session.phase in ("idle", "running", "paused") and not (_at_end(session) and session.pending)
-        play.set_enabled(can)
-        stop.set_enabled(session.phase in ("running", "paused"))
-        tick.set_enabled(can and not running)
-        start.set_enabled(session.run.reach > 0.0)
+        undecided = t("why.undecided") if _at_end(session) and session.pending else ""
+        cannot = _unless(session, t, "idle", *_RUNS) or undecided
+        allow(play, cannot)
+        allow(stop, _unless(session, t, *_RUNS))
+        allow(tick, cannot or (t("why.running") if running else ""))
+        allow(start, _unless(session, t, "idle", *_RUNS) or ("" if session.run.reach > 0.0 else t("why.at_start")))
+        state.text = t(f"phase.{session.phase}")
         time()
 
     def time() -> None:
@@ -155,6 +162,14 @@ def build_bar(session: Session, t: Words) -> None:
     follow(session, phase, "phase", "program", "description")
     follow(session, time, "tick")
     follow(session, tell, "message")
+
+
+_RUNS = "running", "paused"
+
+
+def _unless(session: Session, t: Words, *phases: str) -> str:
+    """Return why something cannot be done that can in some phases; nothing in these."""
+    return "" if session.phase in phases else t(f"why.{session.phase}")
 
 
 def _grid(session: Session) -> float:

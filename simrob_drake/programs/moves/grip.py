@@ -1,0 +1,116 @@
+"""Fingers that close on a piece, which they hold by friction alone, or open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.programs.moves.move import ArmStation, Move, Run
+from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.planning import POINTS, Planning
+from simrob_drake.programs.segments import joint_segment, joint_way
+from simrob_drake.sections import Duration, NotNegative, Positive
+
+_SHORTEST = 0.5  # s
+_EASY = 2.2  # times the time of a way at full speed: a smooth move is at most 1.9 times as fast as on average
+
+
+class FingerMove(Move):
+    """What closing and opening have in common.
+
+    The width is how far the fingers are apart beyond what they are when closed, of fingers that slide.
+    """
+
+    brief: ClassVar[bool] = True
+    of_legs: ClassVar[bool] = False
+    opens: ClassVar[bool]
+
+    width: NotNegative | None = None
+    """How far they are to be apart [m]; all the way unless given."""
+    duration: Duration | None = None
+    """Of the move [s]; as their speed allows unless given."""
+    robot: str | None = None
+    """Whose; that of the program unless given."""
+
+    def caption(self, *, robots: bool = False) -> str:
+        """Return what they do."""
+        return f"{self.key} of {self.robot}" if robots else self.key
+
+    def plan(self, planning: Planning) -> Plan:
+        """Return the move of the fingers, planned; the other axes stay.
+
+        Raises:
+            InvalidParameter: a robot without fingers, or a width that they cannot have.
+        """
+        robot, row = planning.model, planning.start.copy()
+        if not robot.fingers:
+            raise InvalidParameter("robot", robot.name, "one with a gripper: in its robot.yaml")
+        part = float(self.opens) if self.width is None else self.width / self._widest(planning)
+        for place, (closed, opened) in robot.fingers.items():
+            row[place] = closed + part * (opened - closed)
+        speed = np.where(np.isfinite(robot.speed_limits), robot.speed_limits, np.inf)
+        time = self.duration or max(_SHORTEST, _EASY * float((np.abs(row - planning.start) / speed).max()))
+        way = joint_way(planning.chain, planning.start, row)
+        plan = planning.checked([joint_segment(way, points=POINTS)], {"duration": time, "check": "limits"}, POINTS)
+        return replace(plan, entry={self.key: self.model_copy(update={"robot": planning.robot}).entry()[self.key]})
+
+    def _widest(self, planning: Planning) -> float:
+        robot = planning.model
+        if not all(robot.prismatic[place] for place in robot.fingers):
+            raise InvalidParameter("width", self.width, f"left out: the fingers of {robot.name} do not slide")
+        widest = sum(abs(opened - closed) for closed, opened in robot.fingers.values())
+        if self.width is not None and self.width > widest * (1 + 1e-9):
+            raise InvalidParameter("width", self.width, f"at most {widest:.4g} m, as far as {robot.name} opens")
+        return widest
+
+    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+        """Give the fingers their force, and move them."""
+        planning = cell.planning(self.robot or robot)
+        plan = self.plan(planning)
+        force = self._force(planning, cell.config.mode)
+        if force is not None:
+            axes = list(planning.model.axes)
+            cell.limit_efforts(planning.robot, {axes[place]: force for place in planning.model.fingers})
+        return run([plan], None)
+
+    def _force(self, planning: Planning, mode: str) -> float | None:
+        """Return the largest force of each finger from now on; None: as its motor has it."""
+        gripper = planning.model.gripper
+        return None if gripper is None or mode == "kinematic" else gripper.force
+
+
+class GripMove(FingerMove):
+    """Fingers that close, until something is between them or all the way."""
+
+    key: ClassVar[str] = "grip"
+    title: ClassVar[str] = "Grip"
+    opens: ClassVar[bool] = False
+    form: ClassVar[Mapping[str, str | float | None]] = {"force": None, "width": None, "duration": None}
+
+    force: Positive | None = None
+    """Largest force of each finger from then on [N, or N·m of one that turns]; the gripper's own unless given."""
+
+    def _force(self, planning: Planning, mode: str) -> float | None:
+        own = super()._force(planning, mode)
+        if self.force is None:
+            return own
+        if mode == "kinematic":
+            raise InvalidParameter("force", self.force, "left out on a kinematic station, where attach() holds pieces")
+        strongest = min(float(planning.model.efforts[place]) for place in planning.model.fingers)
+        most = own or strongest
+        if self.force > most:
+            raise InvalidParameter("force", self.force, f"at most {most:g}, as much as the fingers have")
+        return self.force
+
+
+class OpenMove(FingerMove):
+    """Fingers that open."""
+
+    key: ClassVar[str] = "open"
+    title: ClassVar[str] = "Open"
+    opens: ClassVar[bool] = True
+    form: ClassVar[Mapping[str, str | float | None]] = {"width": None, "duration": None}

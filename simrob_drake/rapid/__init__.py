@@ -1,0 +1,1 @@
+"""RAPID, the language of ABB's robots, read into programs and written from them; URScript, written."""

@@ -1,0 +1,337 @@
+"""What a robot's controller does with RAPID's instructions: moves of a program, one after the other, each looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from simrob_drake.arguments import SHORTEST
+from simrob_drake.errors import SimrobError
+from simrob_drake.frames import Vector, pose_from_transform
+from simrob_drake.interpolation import turned_by
+from simrob_drake.kinematics.solver import require
+from simrob_drake.programs.arm import Planner, Workcell
+from simrob_drake.programs.errors import AccelerationLimitExceeded, SpeedLimitExceeded
+from simrob_drake.programs.moves.motion import ArmMotion
+from simrob_drake.programs.moves.move import Move, Run
+from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
+from simrob_drake.programs.moves.move_c import MoveC
+from simrob_drake.programs.moves.move_j import MoveJ
+from simrob_drake.programs.moves.move_l import MoveL
+from simrob_drake.programs.moves.tool import ToolMove
+from simrob_drake.programs.moves.wait import WaitMove
+from simrob_drake.programs.plan import Plan
+from simrob_drake.rapid.calls import Call
+from simrob_drake.rapid.configuration import configuration, has_configuration, postures_like
+from simrob_drake.rapid.signals import Signals
+from simrob_drake.rapid.syntax import RapidError
+from simrob_drake.rapid.values import RecordValue, WrongType, transform_of
+
+_MOST_MOVES = 5000
+_SAME = 1e-6  # rad, that two ways to a posture are apart at most
+_NEAR, _SAME_PLACE = 1e-12, 1e-9
+_ZONE = 3e-4  # m, the smallest
+_SLOWER, _TRIES = 1.02, 4
+
+
+class Motion(NamedTuple):
+    """How a move is asked for: what is the same of moves that one zone joins."""
+
+    kind: type[ArmMotion]
+    wobj: tuple[float, ...] | None  # pose of the work object in the world
+    speed: float | None  # m/s
+    turning: float  # rad/s at most
+    duration: float | None  # s
+    acceleration: float | None  # m/s²
+
+
+@dataclass
+class Group:
+    """Moves that are passed within zones: one move of a program to several targets."""
+
+    motion: Motion
+    call: Call
+    zone: float  # m, at all targets but the last
+    last_zone: float
+    targets: list[list[float]] = field(default_factory=list)
+    via: list[list[float]] = field(default_factory=list)
+    poses: list[Vector] = field(default_factory=list)  # (4, 4), in the world
+    postures: list[Vector] = field(default_factory=list)  # of moves of axes
+    configuration: str = ""  # that the last target asks for
+
+
+class Controller:
+    """An arm of a workcell that is told to move, wait and set signals.
+
+    Attributes:
+        moves: of a program, so far.
+        time: that they take [s].
+        signals: of the controller.
+        configured: whether the configurations of targets count for moves of axes, and for lines.
+    """
+
+    def __init__(self, cell: Workcell, robot: str | None, signals: Signals, run: Run) -> None:
+        """Take an arm.
+
+        Args:
+            cell: its workcell, which goes on with each move.
+            robot: which; the only one need not be named.
+            signals: what inputs and outputs mean.
+            run: what does planned moves: :meth:`Workcell.stand` or :meth:`Workcell.run_plans`.
+        """
+        self.cell, self.robot = cell, cell.robot_name(robot)
+        self.signals, self._run = signals, run
+        self.moves: list[Move] = []
+        self.time, self.seen = 0.0, dict[str, float]()
+        self.configured = {"j": True, "l": True}
+        self.acceleration: float | None = None
+        self.fastest, self.share = np.inf, 1.0  # of VelSet: m/s, and the part of a speed that is gone
+        self._group: Group | None = None
+        self._planner: Planner | None = None
+        own = cell.robot(self.robot)
+        self._flange, self._base = next(iter(own.model.tools)), own.base
+        chain = cell.model.chain(self.robot, own.tools[self._flange])
+        self._to_flange = RigidTransform(chain.home).inverse()
+        self._named = cell.config.only_robot is None
+
+    @property
+    def arm(self) -> Planner:
+        """What plans its moves from where it is."""
+        if self._planner is None:
+            self._planner = self.cell.planning(self.robot)
+        return self._planner
+
+    def frame(self, wobj: RecordValue | None) -> tuple[float, ...] | None:
+        """Return the pose of a work object in the world, the robot's base unless given; None for the world itself.
+
+        Raises:
+            WrongType: one that the robot holds, or that another unit moves.
+        """
+        frame = self._base
+        if wobj is not None:
+            if wobj["robhold"] or (wobj["ufmec"] and not wobj["ufprog"]):
+                raise WrongType("a work object that a robot or another unit moves, which is not done,")
+            frame = frame @ transform_of(wobj["uframe"]) @ transform_of(wobj["oframe"])
+        if frame.IsNearlyEqualTo(RigidTransform(), _NEAR):
+            return None
+        return _numbers(frame)
+
+    def take_tool(self, tool: RecordValue) -> None:
+        """Use the tool centre point of a tool.
+
+        Raises:
+            WrongType: a tool that the robot does not hold.
+        """
+        if not tool["robhold"]:
+            raise WrongType("a tool that stands still, which is not done,")
+        desired, whose = transform_of(tool["tframe"]), self.robot if self._named else None
+        if (self._to_flange @ RigidTransform(self.arm.chain.home)).IsNearlyEqualTo(desired, _SAME_PLACE):
+            return
+        self.finish()
+        if self.cell.model.tool_in_use(self.robot) != self._flange:
+            self._do(ToolMove(name=self._flange, robot=whose))
+        change = (self._to_flange @ RigidTransform(self.arm.chain.home)).inverse() @ desired
+        if not change.IsNearlyEqualTo(RigidTransform(), _NEAR):
+            self._do(ToolMove(pose=_numbers(change), robot=whose))
+
+    def go(self, call: Call, motion: Motion, target: Sequence[float], zone: float, **more: Any) -> None:
+        """Take a move up: joined with the one before by its zone, or as the first of others.
+
+        Args:
+            call: the instruction.
+            motion: how.
+            target: pose in the work object's frame (6,) [m, rad], or posture (n,) [rad or m].
+            zone: how near to the target the tool turns to the next one [m]; 0 to rest there.
+            more: ``pose`` of the tool in the world (4, 4), ``posture`` of a move of axes, ``via`` of an arc,
+                ``configuration`` that a line is to end with.
+        """
+        group = self._group
+        joins = group is not None and group.motion == motion and motion.duration is None
+        if group is None or not joins or (len(group.targets) > 1 and group.last_zone != group.zone):
+            if group is not None:
+                group.call.remark(
+                    "rests at its target: another kind of move, or another speed or zone, follows", lost=False
+                )
+            self.finish()
+            group = self._group = Group(motion, call, zone, zone)
+        elif len(group.targets) == 1:
+            group.zone = group.last_zone
+        group.last_zone, group.call = zone, call
+        group.targets.append(list(target))
+        group.configuration = more.get("configuration", "")
+        for key, rows in (("pose", group.poses), ("posture", group.postures), ("via", group.via)):
+            if key in more:
+                rows.append(more[key])
+        if not zone or motion.duration is not None:
+            self.finish()
+
+    @property
+    def ahead(self) -> Vector:
+        """Where the moves that are taken up lead, shape (n,) [rad or m]."""
+        if self._group and self._group.postures:
+            return self._group.postures[-1]
+        self.finish()
+        return np.asarray(self.cell.reference(self.robot))
+
+    def finish(self) -> None:
+        """Plan and do what was taken up."""
+        group, self._group = self._group, None
+        if group is None:
+            return
+        try:
+            self._finish(group)
+        except RapidError:
+            raise
+        except SimrobError as problem:
+            raise RapidError(group.call.task.where(group.call.node), str(problem)) from problem
+
+    def _finish(self, group: Group) -> None:
+        kind, keys = group.motion.kind, self._keys(group)
+        if kind is MoveJ and not self._nearest(group):
+            kind, keys["targets"] = MoveAbsJ, group.postures
+            keys.pop("wobj", None)
+            group.call.remark("goes to another posture than the nearest: written as move_abs_j", lost=False)
+        targets = [list(map(float, row)) for row in keys.pop("targets")]
+        keys["targets"] = targets[0] if len(targets) == 1 else targets
+        if kind is MoveC:
+            keys["via"] = group.via[0] if len(group.via) == 1 else group.via
+        move, plan = self._planned(kind, keys, group)
+        if kind in (MoveL, MoveC):
+            self._check_configuration(group, plan)
+        self._do(move, plan)
+
+    def _keys(self, group: Group) -> dict[str, Any]:
+        motion = group.motion
+        keys: dict[str, Any] = {"targets": group.targets, "wobj": motion.wobj, "duration": motion.duration}
+        if motion.duration is None:
+            keys |= {"speed": motion.speed, "acceleration": motion.acceleration}
+        if self._named:
+            keys["robot"] = self.robot
+        if len(group.targets) > 1:
+            keys |= self._zone(group)
+        return {key: value for key, value in keys.items() if value is not None}
+
+    def _zone(self, group: Group) -> dict[str, Any]:
+        """Return the zone of a group, as small as its ways ask for; without one it rests at each target."""
+        rows = group.poses or [self.arm.chain.forward(posture)[0] for posture in group.postures]
+        places = np.array([self.arm.pose[:3, 3], *(pose[:3, 3] for pose in rows)])
+        half = 0.499 * float(np.linalg.norm(np.diff(places, axis=0), axis=1).min())
+        zone = min(group.zone, half)
+        if zone < _ZONE:
+            group.call.remark("rests at its targets: they are too near to each other for a zone", lost=False)
+            return {"stop": True} if group.motion.kind in (MoveJ, MoveAbsJ) else {}
+        millimetres = round(1e3 * zone)
+        named = abs(1e3 * zone - millimetres) < 1e-9 and 1 <= millimetres <= 200
+        return {"zone": f"z{millimetres}" if named else "z0" if zone == _ZONE else zone}
+
+    def _planned(self, kind: type[ArmMotion], keys: dict[str, Any], group: Group) -> tuple[ArmMotion, Plan]:
+        """Return a move with its plan, slower than asked for where axes or the tool's turn need more time."""
+        for _ in range(_TRIES):
+            move = kind(**keys)
+            try:
+                plan = move.plan(self.arm)
+            except (SpeedLimitExceeded, AccelerationLimitExceeded) as problem:
+                if group.motion.duration is not None:
+                    raise
+                group.call.remark(f"is slower than asked for: {problem.axis} is at its limit", lost=False)
+                keys = _in_time(keys, problem.duration)
+                continue
+            turning = self._turn(group) / group.motion.turning
+            if plan.duration >= turning - SHORTEST or group.motion.duration is not None:
+                return move, plan
+            keys = _in_time(keys, turning)
+        return move, move.plan(self.arm)
+
+    def _turn(self, group: Group) -> float:
+        """Return how far the tool turns on its way [rad]."""
+        rows = group.poses or [self.arm.chain.forward(posture)[0] for posture in group.postures]
+        turns = [self.arm.pose[:3, :3], *(pose[:3, :3] for pose in rows)]
+        return float(sum(turned_by(one, other) for one, other in pairwise(turns)))
+
+    def _nearest(self, group: Group) -> bool:
+        """Tell whether a move of axes goes to the nearest postures for its poses."""
+        solutions = self.arm.inverse(None).solve(np.array(group.poses), self.arm.start)
+        away = np.abs(solutions.positions - np.array(group.postures)).max()
+        return bool(solutions.reached.all() and away < _SAME)
+
+    def posture(self, call: Call, target: RecordValue, pose: Vector) -> Vector:
+        """Return the posture (n,) that an arm takes for a target, by its configuration if that counts.
+
+        Raises:
+            WrongType: no posture has that configuration.
+            Unreachable: no posture at all.
+        """
+        arm, start = self.arm, self.ahead
+        if self.configured["j"] and has_configuration(arm.chain):
+            found, others = postures_like(arm.chain, pose, start, target["robconf"].flat())
+            if len(found):
+                return np.asarray(found[0])
+            if others:
+                desired = [int(value) for value in target["robconf"].flat()]
+                raise WrongType(f"a target with configuration {desired}, which has only {', '.join(others)},")
+        elif self.configured["j"]:
+            call.remark("configurations mean nothing to this robot: the nearest posture is taken", lost=False)
+        return np.asarray(require(arm.inverse(None).solve(pose[np.newaxis], start), "target")[0])
+
+    def _check_configuration(self, group: Group, plan: Plan) -> None:
+        desired, chain = group.configuration, self.arm.chain
+        if self.configured["l"] and desired and has_configuration(chain):
+            found = str(list(configuration(chain, plan.end)))
+            if found != desired:
+                group.call.remark(f"comes to its target with configuration {found}, not {desired}", lost=False)
+
+    def _do(self, move: Move, plan: Plan | None = None) -> None:
+        if len(self.moves) >= _MOST_MOVES:
+            raise WrongType(f"the program does not end within {_MOST_MOVES} moves")
+        if isinstance(move, WaitMove) and self.moves and isinstance(self.moves[-1], WaitMove):
+            self.moves[-1] = WaitMove(duration=self.moves[-1].duration + move.duration)
+        else:
+            self.moves.append(move)
+        self._planner = None
+        done = self._run([plan], None) if plan else move.perform(self.cell, self.robot, self._run)
+        self.time += done if isinstance(done, float) else float(done.times[-1]) if done is not None else 0.0
+        names: Mapping[str, int] = {name: column for column, name in enumerate(getattr(done, "names", ()))}
+        self.seen |= {name: float(done.values[-1, names[name]]) for name in self.signals.sensors if name in names}
+
+    def wait(self, duration: float) -> None:
+        """Let time pass [s]."""
+        self.finish()
+        if duration >= SHORTEST:
+            self._do(WaitMove(duration=duration))
+
+    def put(self, call: Call, name: str, value: float) -> None:
+        """Set an output, and do what that means."""
+        self.finish()
+        does = self.signals.put(name, value)
+        if does is None:
+            call.remark(f"nothing is known of the output {name}: name it in a table, --io", lost=False)
+        for move in does or ():
+            self._do(move)
+
+    def read(self, call: Call, name: str) -> float:
+        """Return the value of a signal; 0 if nothing tells."""
+        self.finish()
+        value = self.signals.value(name, self.time, self.seen)
+        if value is None and self.signals.watches(name):
+            self.wait(10 * SHORTEST)
+            value = self.signals.value(name, self.time, self.seen)
+        if value is None:
+            call.remark(f"nothing is known of the input {name}, it is taken as 0: name it in a table, --io")
+            return 0.0
+        return value
+
+
+def _numbers(pose: RigidTransform) -> tuple[float, ...]:
+    return tuple((pose_from_transform(pose) + 0.0).tolist())  # no -0
+
+
+def _in_time(keys: dict[str, Any], duration: float) -> dict[str, Any]:
+    """Return the keys of a move that takes a time [s]."""
+    kept = {key: value for key, value in keys.items() if key not in ("speed", "acceleration", "duration")}
+    kept.pop("stop", None)
+    return {**kept, "duration": max(duration, keys.get("duration", 0.0) * _SLOWER), "profile": "s_curve"}

@@ -1,0 +1,299 @@
+"""The data and the expressions of RAPID: what they are at any time, and where data are kept."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from simrob_drake.errors import SimrobError, nearest
+from simrob_drake.rapid.calls import Call, Location
+from simrob_drake.rapid.declarations import Datum, Routine, Scope, declared
+from simrob_drake.rapid.functions import FUNCTIONS
+from simrob_drake.rapid.syntax import Module, Node, RapidError, Remark
+from simrob_drake.rapid.values import RecordValue, SignalName, Value, WrongType, shape
+
+_LONGEST = 1000  # letters of a string
+_OPERATORS: Mapping[str, Callable[[Any, Any], Any]] = {
+    "<": operator.lt,
+    ">": operator.gt,
+    "<=": operator.le,
+    ">=": operator.ge,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "div": lambda one, other: float(int(one / other)),
+    "mod": lambda one, other: one - other * float(int(one / other)),
+}
+_LOGIC: Mapping[str, Callable[[Any, Any], Any]] = {"and": operator.and_, "or": operator.or_, "xor": operator.xor}
+
+
+class Expressions:
+    """Works out the expressions of a program.
+
+    Attributes:
+        remarks: what its user should know, so far.
+        types: of the program.
+    """
+
+    def __init__(
+        self,
+        modules: Iterable[Module],
+        functions: Mapping[str, Callable[[Call], Value]],
+        signal: Callable[[str], float | None],
+    ) -> None:
+        """Read what the modules declare.
+
+        Args:
+            modules: of the program.
+            functions: those that depend on more than their arguments, by name in lower case.
+            signal: gives the value of a signal, or None if there is no such.
+        """
+        self._functions, self._signal = {**FUNCTIONS, **functions}, signal
+        found = declared(modules, self._datum)
+        self.remarks: list[Remark] = []
+        self.types, self._shared, self._faults = found.types, found.shared, found.faults
+        self._scope, self._locals = found.scopes[-1], dict[str, Datum]()
+
+    def remark(self, node: Node, text: str, *, lost: bool = True) -> None:
+        """Tell something about a line, once."""
+        remark = Remark(self._scope.file, _line(node), text, lost)
+        if remark not in self.remarks:
+            self.remarks.append(remark)
+
+    def where(self, node: Node) -> str:
+        """Return the file and the line of something."""
+        return f"{self._scope.file}: line {_line(node)}"
+
+    def place(self, node: Node) -> Location:
+        """Return the place that an expression names.
+
+        What is assigned to a value that is kept nowhere is lost.
+
+        Raises:
+            WrongType: there is no such data, component or element.
+        """
+        if node.data == "name":
+            found = self._find(node.children[0])
+            if not isinstance(found, Datum):
+                raise WrongType(f"there is no data '{node.children[0]}'{self._hint(node.children[0])}")
+            return Location(
+                found.kind, found.dimensions, lambda: found.value, lambda value: setattr(found, "held", value)
+            )
+        if node.data == "component_of":
+            return self._component(self.place(node.children[0]), str(node.children[1]).lower())
+        if node.data == "element":
+            place = self.place(node.children[0])
+            for index in node.children[1:]:
+                place = self._element(place, self.typed(index, "num"))
+            return place
+        value = self.value(node)
+        return Location(value.kind if isinstance(value, RecordValue) else "", 0, lambda: value, lambda _: None)
+
+    def _component(self, base: Location, name: str) -> Location:
+        kinds = {part: kind for kind, part in self.types.records.get(self.types.plain(base.kind), ())}
+        record = base.get()
+        if not isinstance(record, RecordValue) or name not in kinds:
+            raise WrongType(f"a {base.kind} has no component '{name}'{nearest(name, kinds)}")
+        parts = record.parts
+        return Location(kinds[name], 0, lambda: parts[name], lambda value: parts.__setitem__(name, value))
+
+    @staticmethod
+    def _element(base: Location, number: float) -> Location:
+        rows, row = base.get(), int(number) - 1
+        if not isinstance(rows, list):
+            raise WrongType(f"{shape(rows)} has no elements")
+        if not 0 <= row < len(rows):
+            raise WrongType(f"there is no element {int(number)} of {len(rows)}")
+        return Location(base.kind, base.dimensions - 1, lambda: rows[row], lambda value: rows.__setitem__(row, value))
+
+    def _datum(self, scope: Scope, declaration: tuple[Node, Node]) -> tuple[str, Datum]:
+        """Return the name and the data of an item of a declaration."""
+        node, (name, sizes, first) = declaration[0], declaration[1].children
+        kind, constant = str(node.children[2]).lower(), node.children[1].lower() == "const"
+
+        def value() -> Value:
+            with self._in(scope, self._locals if scope is self._scope else {}), self._naming_line(node):
+                counts = [int(self.typed(size, "num")) for size in sizes.children] if sizes else []
+                if first is None:
+                    return self.types.default(kind, counts)
+                return self.types.fitted(kind, self.value(first), len(counts))
+
+        dimensions = len(sizes.children) if sizes else 0
+        return str(name), Datum(kind, dimensions, value, constant=constant)
+
+    def _find(self, name: str) -> Any:
+        return self._locals.get(name.lower()) or self._scope.find(name)
+
+    def _hint(self, name: str, more: Iterable[str] | None = None) -> str:
+        """Return the name that was perhaps meant: of data, or of a routine or ``more``."""
+        own = {**self._shared, **self._scope.own, **self._locals}.items()
+        kind = Datum if more is None else Routine
+        text = nearest(str(name).lower(), [*(key for key, held in own if isinstance(held, kind)), *(more or ())])
+        return text if "did you mean" in text else ""
+
+    def value(self, node: Node) -> Value:
+        """Return what an expression is."""
+        if node.data in ("component_of", "element"):
+            return self.place(node).get()
+        result: Value = getattr(self, f"_value_{node.data}")(*node.children)
+        return result
+
+    def typed(self, node: Node, kind: str) -> Any:
+        """Return what an expression is, as a value of a type."""
+        return self.types.fitted(kind, self.value(node))
+
+    def signal(self, node: Node) -> SignalName:
+        """Return the signal that an expression names: data of a signal's type, or a name of the controller's."""
+        if node.data == "name" and self._find(node.children[0]) is None:
+            return SignalName(str(node.children[0]).lower())
+        value = self.value(node)
+        if not isinstance(value, SignalName):
+            raise WrongType(f"{shape(value)} where a signal is asked for")
+        return value
+
+    def _value_name(self, name: str) -> Value:
+        key = name.lower()
+        if key in ("true", "false"):
+            return key == "true"
+        found = self._find(name)
+        if isinstance(found, Datum):
+            value: Value = found.value
+            return value
+        level = self._signal(key)
+        if found is not None or level is None:
+            raise WrongType(f"there is no data '{name}'{self._hint(name)}")
+        return level
+
+    def _value_number(self, text: str) -> Value:
+        based = text[:2].lower() in ("0x", "0b")
+        return float(int(text, 0)) if based else float(text)
+
+    def _value_string(self, text: str) -> Value:
+        return text[1:-1].replace('""', '"')
+
+    def _value_aggregate(self, *parts: Node) -> Value:
+        return [self.value(part) for part in parts if part is not None]
+
+    def _value_signed(self, sign: str, node: Node) -> Value:
+        value = self.value(node)
+        return value if sign == "+" else self._applied("*", -1.0, value)
+
+    def _value_negation(self, node: Node) -> Value:
+        return not self.typed(node, "bool")
+
+    def _value_and_not(self, one: Node, _: str, other: Node) -> Value:
+        return bool(self.typed(one, "bool") and not self.typed(other, "bool"))
+
+    def _value_binary(self, one: Node, sign: str, other: Node) -> Value:
+        key = sign.lower()
+        if key in _LOGIC:
+            result: bool = _LOGIC[key](self.typed(one, "bool"), self.typed(other, "bool"))
+            return result
+        return self._applied(key, self.value(one), self.value(other))
+
+    def _applied(self, key: str, one: Value, other: Value) -> Value:
+        """Return what an operator gives of two values; an aggregate beside a record is one of its type."""
+        if isinstance(one, RecordValue) and isinstance(other, list):
+            other = self.types.fitted(one.kind, other)
+        elif isinstance(other, RecordValue) and isinstance(one, list):
+            one = self.types.fitted(other.kind, one)
+        if key in ("=", "<>"):
+            if shape(one) != shape(other):
+                raise WrongType(f"{shape(one)} compared with {shape(other)}")
+            return (one == other) == (key == "=")
+        if key == "+" and isinstance(one, str) and isinstance(other, str):
+            if len(one + other) > _LONGEST:
+                raise WrongType(f"a string of more than {_LONGEST} letters")
+            return one + other
+        if isinstance(one, float) and isinstance(other, float):
+            function = operator.add if key == "+" else _OPERATORS[key]
+            result: Value = function(one, other)
+            return result
+        return self._of_positions(key, one, other)
+
+    def _of_positions(self, key: str, one: Value, other: Value) -> Value:
+        first, second = _three(one), _three(other)
+        if first and second and key in ("+", "-"):
+            sign = 1 if key == "+" else -1
+            return self._pos(a + sign * b for a, b in zip(first, second, strict=True))
+        if first and second and key == "*":
+            (a, b, c), (x, y, z) = first, second
+            return self._pos((b * z - c * y, c * x - a * z, a * y - b * x))
+        if first and isinstance(other, float) and key in ("*", "/"):
+            return self._pos(_OPERATORS[key](value, other) for value in first)
+        if second and isinstance(one, float) and key == "*":
+            return self._pos(one * value for value in second)
+        raise WrongType(f"{shape(one)} {key} {shape(other)}")
+
+    @staticmethod
+    def _pos(values: Iterable[float]) -> RecordValue:
+        return RecordValue("pos", dict(zip("xyz", values, strict=True)))
+
+    def _value_function_call(self, name: str, arguments: Node | None) -> Value:
+        found, call = self._find(name), self._call_of(name, name, arguments)
+        if isinstance(found, Routine) and found.gives:
+            result: Value = self._called(found, call)
+            return result
+        if name.lower() not in self._functions:
+            raise WrongType(f"there is no function '{name}'{self._hint(name, self._functions)}")
+        value: Value = self._functions[name.lower()](call)
+        return value
+
+    def _call_of(self, name: str, node: Node, arguments: Node | None) -> Call:
+        parts = [part for part in (arguments.children if arguments else ()) if part is not None]
+        options: dict[str, Node | None] = {}
+        for part in (part for part in parts if part.data == "option"):
+            _, key, value = part.children
+            if value is None or hasattr(value, "data"):
+                options[key.lower()] = value
+            elif str(value).lower() in self._locals:  # \Key?parameter, which is given on if it was given
+                options[key.lower()] = _named(value)
+        return Call(self, str(name), node, tuple(part for part in parts if part.data != "option"), options)
+
+    def _called(self, routine: Routine, call: Call) -> Any:
+        """Do a routine as it is called, and return what it gives."""
+        raise NotImplementedError
+
+    @contextmanager
+    def _in(self, scope: Scope, names: dict[str, Datum]) -> Iterator[None]:
+        """Go to another scope for a while."""
+        before = self._scope, self._locals
+        self._scope, self._locals = scope, names
+        try:
+            yield
+        finally:
+            self._scope, self._locals = before
+
+    @contextmanager
+    def _naming_line(self, node: Node) -> Iterator[None]:
+        """Put the file and the line before what goes wrong in a statement."""
+        try:
+            yield
+        except RapidError:
+            raise
+        except (WrongType, SimrobError) as problem:
+            raise RapidError(self.where(node), str(problem)) from problem
+        except RecursionError as problem:
+            raise RapidError(self.where(node), "is nested too deeply") from problem
+        except ZeroDivisionError as problem:
+            raise RapidError(self.where(node), "division by zero") from problem
+        except (ArithmeticError, ValueError, TypeError, LookupError) as problem:
+            raise RapidError(self.where(node), f"cannot be worked out: {problem}") from problem
+
+
+def _three(value: Value) -> list[Any]:
+    """Return the numbers of a ``pos``, or of an aggregate of three; nothing of anything else."""
+    row = value.flat() if isinstance(value, RecordValue) else value
+    return row if isinstance(row, list) and [*map(type, row)] == [float] * 3 else []
+
+
+def _named(token: Node) -> Node:
+    from lark import Tree
+
+    return Tree("name", [token])
+
+
+def _line(node: Node) -> int:
+    return int(node.line if hasattr(node, "line") else getattr(node.meta, "line", 1))

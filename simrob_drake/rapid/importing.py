@@ -1,0 +1,96 @@
+"""A RAPID program as a program of this package: what its main procedure does, move by move."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from simrob_drake.arguments import as_path
+from simrob_drake.programs.arm import Workcell
+from simrob_drake.programs.program import Program
+from simrob_drake.rapid.controller import Controller
+from simrob_drake.rapid.declarations import Datum, Routine, declared
+from simrob_drake.rapid.functions import FUNCTIONS
+from simrob_drake.rapid.instructions import FUNCTIONS_OF_CONTROLLER, INSTRUCTIONS
+from simrob_drake.rapid.interpreter import Interpreter
+from simrob_drake.rapid.signals import Signals
+from simrob_drake.rapid.syntax import Module, RapidError, Remark, nodes, read_modules
+from simrob_drake.stations.station import StationLike
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A program, and what its user should know of it.
+
+    Attributes:
+        program: the moves.
+        remarks: about lines of the modules, in their order.
+        time: that the program takes [s].
+    """
+
+    program: Program
+    remarks: tuple[Remark, ...]
+    time: float
+
+    @property
+    def lost(self) -> list[Remark]:
+        """What was not understood, and so is not done."""
+        return [remark for remark in self.remarks if remark.lost]
+
+
+def import_rapid(
+    files: Path | str | Sequence[Path | str],
+    station: StationLike,
+    *,
+    robot: str | None = None,
+    signals: Signals | Path | str | None = None,
+    cycles: int = 1,
+) -> Imported:
+    """Do a RAPID program's main procedure without a run, and return the moves that it makes.
+
+    Args:
+        files: of its modules, or a `.pgf`.
+        station: on which it is done.
+        robot: who does it; the only one need not be named.
+        signals: what inputs and outputs mean, or the file of a table.
+        cycles: how often a loop WHILE TRUE is done.
+
+    Raises:
+        RapidError: what cannot be understood or done; names the file and the line.
+    """
+    sources = [files] if isinstance(files, (Path, str)) else files
+    modules = [module for file in sources for module in read_modules(as_path(file, "file"))]
+    table = signals if isinstance(signals, Signals) else Signals() if signals is None else Signals.load(signals)
+    cell = Workcell(station)
+    controller = Controller(cell, robot, table, cell.run_plans if table.sensors else cell.stand)
+    interpreter = Interpreter(
+        modules,
+        {name: partial(instruction, controller) for name, instruction in INSTRUCTIONS.items()},
+        {name: partial(function, controller) for name, function in FUNCTIONS_OF_CONTROLLER.items()},
+        lambda name: table.value(name, controller.time, controller.seen),
+        cycles,
+    )
+    interpreter.run()
+    controller.finish()
+    if not any(move.takes_time for move in controller.moves):
+        raise RapidError(f"{modules[0].file}: line 1", "its main makes no move")
+    name = None if cell.config.only_robot else controller.robot
+    program = Program(description=f"Of the RAPID module {modules[0].name}", robot=name, moves=tuple(controller.moves))
+    remarks = sorted(interpreter.remarks, key=lambda remark: (remark.file, remark.line))
+    return Imported(program, tuple(remarks), controller.time)
+
+
+def not_understood(modules: Iterable[Module]) -> list[Remark]:
+    """Return what is not understood in modules that need not be done: statements, names of instructions, types."""
+    whole = list(modules)
+    found = declared(whole, lambda scope, item: (str(item[1].children[0]), Datum("num")))
+    own = {"goto", "exit", "exitcycle", *INSTRUCTIONS, *FUNCTIONS, *FUNCTIONS_OF_CONTROLLER}
+    faults = list(found.faults)
+    for module, scope in zip(whole, found.scopes[-len(whole) :], strict=True):
+        called = [node for part in module.declarations for node in nodes(part, "call", "function_call")]
+        names = [node.children[0] for node in called if node.children[0].lower() not in own]
+        strange = [name for name in names if not isinstance(scope.find(name), Routine)]
+        faults += [Remark(module.file, name.line, f"{name} is not known") for name in strange]
+    return faults

@@ -1,0 +1,50 @@
+"""Commands in their order: one at a time, each in the phases that allow it; of those of a kind the newest waits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any, NamedTuple
+
+Action = Callable[[], Future[Any]]
+
+
+class Waiting(NamedTuple):
+    """A command that is not begun yet, the phases in which it can be, and what it is answered by."""
+
+    begin: Action
+    phases: tuple[str, ...]
+    answer: Future[Any]
+
+
+class Commands:
+    """What waits, and what is under way without a run.
+
+    Attributes:
+        waiting: what is not begun yet, by its kind.
+        under_way: phases, each as long as a command has it: ``rewinding`` and ``saving``.
+    """
+
+    def __init__(self) -> None:
+        """Begin with nothing to do."""
+        self.waiting: dict[str, Waiting] = {}
+        self.under_way: list[str] = []
+
+    def wait(self, kind: str, begin: Action, phases: tuple[str, ...]) -> Future[Any]:
+        """Let a command wait, in place of an older one of its kind, whose future gives None."""
+        self.forget(kind)
+        answer: Future[Any] = Future()
+        self.waiting[kind] = Waiting(begin, phases, answer)
+        return answer
+
+    def begin(self, phase: Callable[[], str]) -> None:
+        """Begin what waits, in its order, as far as the phase allows it."""
+        while (kind := next((kind for kind, one in self.waiting.items() if phase() in one.phases), None)) is not None:
+            begin, _, answer = self.waiting.pop(kind)
+            begin().add_done_callback(lambda done, answer=answer: answer.set_result(done.result()))
+
+    def forget(self, *kinds: str) -> None:
+        """Answer commands of some kinds that wait, of all unless named, by None: they are not done."""
+        for kind in kinds or [*self.waiting]:
+            if kind in self.waiting:
+                self.waiting.pop(kind).answer.set_result(None)

@@ -1,0 +1,175 @@
+"""RAPID itself: data, arithmetic, loops and routines, by what a program tells of them; and what is refused."""
+
+import pytest
+
+from simrob_drake.rapid.interpreter import Interpreter
+from simrob_drake.rapid.syntax import RapidError, modules_of, predefined
+
+
+def module(main: str, more: str = "") -> str:
+    return f"MODULE Test\n{more}\nPROC main()\n{main}\nENDPROC\nENDMODULE\n"
+
+
+def told(main: str, more: str = "", cycles: int = 1, inputs: dict[str, float] | None = None) -> list[object]:
+    """Return what a main procedure gives to its instruction Tell."""
+    found = []
+    instructions = {"tell": lambda call: found.append(call.value(0))}
+    modules = modules_of(module(main, more), "Test.mod")
+    Interpreter(modules, instructions, {}, (inputs or {}).get, cycles).run()
+    return found
+
+
+def interpreter(main: str, more: str = "", cycles: int = 1) -> Interpreter:
+    done = Interpreter(modules_of(module(main, more), "Test.mod"), {}, {}, lambda name: None, cycles)
+    done.run()
+    return done
+
+
+@pytest.mark.parametrize(
+    ("expression", "value"),
+    [
+        ("1+2*3-4/2", 5.0),
+        ("17 DIV 5", 3.0),
+        ("17 MOD 5", 2.0),
+        ("-(2)*-3", 6.0),
+        ('"a"+"b""c"', 'ab"c'),
+        ("1<2 AND NOT 3<2", True),
+        ("FALSE OR 1=1", True),
+        ("0x1F+0b11", 34.0),
+        ("Sqrt(16)+Abs(-1)", 5.0),
+        ("Round(2.345\\Dec:=2)", 2.35),
+        ("Trunc(-2.7)", -2.0),
+        ("ATan2(1,1)", 45.0),
+        ('StrLen("four")', 4.0),
+        ('StrPart("robot",2,3)', "obo"),
+        ("NumToStr(1.256,2)", "1.26"),
+        ("ValToStr([1,2]=[1,2])", "TRUE"),
+        ("pi", 3.14159265358979),
+        ("v200.v_tcp", 200.0),
+        ("z10.pzone_tcp", 10.0),
+        ("fine.finep", True),
+        ("tool0.tframe.rot.q1", 1.0),
+        ("ValToStr(Offs(p,1,2,3).trans)", "[1,2,3]"),
+        ("EulerZYX(\\Z,OrientZYX(30,20,10))", 30.0),
+        ("VectMagn([3,4,0]+[0,0,12])", 13.0),
+        ("DotProd([1,2,3],[1,0,1])", 4.0),
+        ("Distance(PoseVect([[10,0,0],[1,0,0,0]],[5,0,0]),[15,0,0])", 0.0),
+        ("Fac(5)", 120.0),
+    ],
+)
+def test_expressions_are_worked_out(expression, value):
+    more = """
+    CONST robtarget p:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+    FUNC num Fac(num n) IF n<=1 RETURN 1; RETURN n*Fac(n-1); ENDFUNC
+    """
+    (found,) = told(f"Tell {expression};", more)
+    assert found == pytest.approx(value) if isinstance(value, float) else found == value
+
+
+def test_statements_are_done_in_order():
+    main = """
+    VAR num i:=3;
+    IF i=1 THEN Tell "no"; ELSEIF i=3 THEN Tell "three"; ELSE Tell "no"; ENDIF
+    FOR k FROM 2 TO 0 DO Tell k; ENDFOR
+    FOR k FROM 0 TO 4 STEP 2 DO IF k=2 GOTO out; ENDFOR
+    out:
+    WHILE i>1 DO i:=i-1; ENDWHILE
+    TEST i CASE 5,6: Tell "no"; CASE 1: Tell "one"; DEFAULT: Tell "no"; ENDTEST
+    Twice i;
+    Tell i;
+    %"Lo"+"w"%;
+    Optional 1;
+    Optional 1\\more:=2;
+    """
+    more = """
+    PROC Twice(INOUT num x) x:=2*x; ENDPROC
+    PROC Low() Tell "low"; ENDPROC
+    PROC Optional(num a\\num more) IF Present(more) THEN Tell a+more; ELSE Tell a; ENDIF ENDPROC
+    """
+    assert told(main, more) == ["three", 2.0, 1.0, 0.0, "one", 2.0, "low", 1.0, 3.0]
+
+
+def test_records_and_arrays_are_copied_and_changed_by_part():
+    main = """
+    VAR pair one:=[1,[1,2,3]];
+    VAR pair other;
+    VAR num grid{2,3};
+    other:=one;
+    other.at.y:=7;
+    grid{2,3}:=other.at.y;
+    Tell ValToStr(one);
+    Tell ValToStr(other);
+    Tell grid{2,3}+Dim(grid,2);
+    """
+    assert told(main, "RECORD pair num name; pos at; ENDRECORD") == ["[1,[1,2,3]]", "[1,[1,7,3]]", 10.0]
+
+
+def test_an_endless_loop_is_done_as_often_as_asked_and_told():
+    assert told("WHILE TRUE DO Tell 1; ENDWHILE", cycles=3) == [1.0] * 3
+    (remark,) = interpreter("WHILE TRUE DO ENDWHILE", cycles=3).remarks
+    assert str(remark).startswith("Test.mod: line 4: WHILE TRUE is done 3 times")
+    assert not remark.lost
+
+
+def test_inputs_that_no_data_hides_are_read_by_name():
+    assert told("IF diPart=1 Tell 5;", inputs={"dipart": 1.0}) == [5.0]
+
+
+@pytest.mark.parametrize(
+    ("main", "more", "message"),
+    [
+        ("Tell regg1+1;", "", "line 4: there is no data 'regg1'; did you mean 'reg1'?"),
+        ("Tell 1/(2-2);", "", "line 4: division by zero"),
+        ("Tell Sqrt(-1);", "", "line 4: cannot be worked out: "),
+        ('reg1:="x";', "", "line 4: a string where a num is asked for"),
+        ("reg1.x:=1;", "", "line 4: a num has no component 'x'"),
+        ("Tell p.z.x;", "VAR pos p;", "line 4: a num has no component 'x'"),
+        ("Tell a{3};", "VAR num a{2};", "line 4: there is no element 3 of 2"),
+        ("VAR pos p:=[1,2];", "", "line 4: an aggregate of 2 where a pos has 3 components"),
+        ("Sub;", "PROC Sub() Sub; ENDPROC", "line 2: Sub is called 40 deep: it calls itself without an end"),
+        ("Sub 1,2;", "PROC Sub(num a) ENDPROC", "line 4: Sub with 2 arguments, of 1 that it has,"),
+        ("Sub 1\\on;", "PROC Sub(num a\\switch off) ENDPROC", "line 4: Sub has no option 'on'"),
+        ("Tell Own();", "", "line 4: there is no function 'Own'"),
+        ("Tell Low();", "FUNC num Low() ENDFUNC", "line 4: FUNC Low ends without RETURN"),
+        ("GOTO there;", "", "there is no label 'there' in main"),
+        ("VAR strange x;", "", "line 4: the type strange is not known"),
+        ("Tell a;", "CONST num a:=b; CONST num b:=a;", "line 2: data whose value depends on itself"),
+        ("a{1}:=1;", "VAR num a{100000,100000};", "line 2: an array of 100000×100000 elements"),
+        ("reg1:=" + "-" * 5000 + "1;", "", "is nested too deeply"),
+        ("VAR r x;", "RECORD r r x; ENDRECORD", "is nested too deeply"),
+        ('VAR string s:="a"; FOR i FROM 1 TO 40 DO s:=s+s; ENDFOR', "", "line 4: a string of more than 1000 letters"),
+        ("WHILE 1=1 DO ENDWHILE", "", "line 4: a loop that does not end within 1000 rounds"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_line(main, more, message, monkeypatch):
+    monkeypatch.setattr("simrob_drake.rapid.interpreter._MOST_STATEMENTS", 1000)
+    with pytest.raises(RapidError) as refused:
+        told(main, more)
+    assert message in str(refused.value)
+    assert "Test.mod" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_statements_that_are_none_are_left_out_and_named():
+    faulty = module("VAR num i:=1;\n i := := 2;\n Tell i;")
+    (read,) = modules_of(faulty, "Test.mod")
+    assert [str(fault) for fault in read.faults] == ["Test.mod: line 5: ':= 2;' is not understood here"]
+
+
+@pytest.mark.parametrize(("text", "line"), [("MODULE A PROC main()", 1), ("305.2", 1), ("\nMoveL p,v1;", 2), ("", 1)])
+def test_what_is_no_module_is_refused(text, line):
+    with pytest.raises(RapidError, match=rf"^A.mod: line {line}: "):
+        modules_of(text, "A.mod")
+
+
+def test_a_program_without_main_is_refused():
+    with pytest.raises(RapidError, match=r"^A.mod: line 1: there is no PROC main"):
+        Interpreter(modules_of("MODULE A ENDMODULE", "A.mod"), {}, {}, lambda name: None, 1).run()
+
+
+def test_all_that_every_program_knows_is_as_its_types_say():
+    names = [
+        str(item.children[0]) for node in predefined().declarations if node.data == "data" for item in node.children[3:]
+    ]
+    assert {"v5", "v7000", "vmax", "fine", "z0", "z200", "tool0", "wobj0", "load0"} <= set(names)
+    assert len(told("\n".join(f"Tell {name};" for name in names))) == len(names)

@@ -1,0 +1,214 @@
+"""Moves of RAPID programs: what the arm does, by its own kinematics, and what is refused or told."""
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+
+from simrob_drake.frames import transform_from_xyz_quaternion
+from simrob_drake.kinematics.chain import Chain
+from simrob_drake.kinematics.every_branch import branches
+from simrob_drake.programs.arm import Workcell
+from simrob_drake.rapid.configuration import configuration, has_configuration, postures_like
+from simrob_drake.rapid.importing import Imported, import_rapid, not_understood
+from simrob_drake.rapid.syntax import RapidError, modules_of
+from simrob_drake.rapid.values import robtarget_of, texted
+from simrob_drake.robots.catalog import load_robot
+from simrob_drake.stations.load import bare_station
+
+FREE = "[9E9,9E9,9E9,9E9,9E9,9E9]"
+DATA = f"""
+    PERS tooldata tPen:=[TRUE,[[0,0,100],[1,0,0,0]],[0.1,[0,0,50],[1,0,0,0],0,0,0]];
+    PERS wobjdata wTable:=[FALSE,TRUE,"",[[300,0,200],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+    CONST robtarget pA:=[[50,-100,200],[0,0,1,0],[-1,0,-1,0],{FREE}];
+    CONST robtarget pB:=[[50,100,200],[0,0,1,0],[0,0,0,0],{FREE}];
+    CONST jointtarget jHome:=[[0,0,0,0,90,0],{FREE}];
+"""
+STATION = bare_station("irb120")
+
+
+@pytest.fixture
+def done(tmp_path):
+    """Return what imports a program of a main procedure."""
+
+    def imported(main: str, more: str = DATA, **options: object) -> Imported:
+        file = tmp_path / "Test.mod"
+        file.write_text(f"MODULE Test\n{more}\nPROC main()\n{main}\nENDPROC\nENDMODULE\n")
+        return import_rapid(file, STATION, **options)
+
+    return imported
+
+
+def end_of(imported: Imported) -> np.ndarray:
+    """Return the posture to which a program leads."""
+    cell = Workcell(STATION)
+    cell.rehearse(imported.program)
+    return cell.reference("robot")
+
+
+def test_a_target_is_where_controllers_have_it(done):
+    """The pose of tool0 at zero is printed in the product manual: 374 mm out, 630 mm up, z forward."""
+    chain = Chain.of_robot(load_robot("irb120"))
+    manual = transform_from_xyz_quaternion([0.374, 0, 0.63, 0.5**0.5, 0, 0.5**0.5, 0])
+    np.testing.assert_allclose(chain.forward(np.zeros(6))[0], manual.GetAsMatrix4(), atol=1e-6)
+    moved = done(f"MoveAbsJ jHome,v500,fine,tool0; MoveJ [[374,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v500,fine,tool0;")
+    pose = chain.forward(end_of(moved))[0]
+    np.testing.assert_allclose(pose[:3, 3], [0.374, 0, 0.5], atol=1e-9)
+    np.testing.assert_allclose(pose[:3, :3], np.diag([-1.0, 1.0, -1.0]), atol=1e-9)
+
+
+def test_tools_and_work_objects_count(done):
+    moved = done(r"MoveJ pA,v500,fine,tPen\WObj:=wTable;")
+    pose = Chain.of_robot(load_robot("irb120")).forward(end_of(moved))[0]
+    np.testing.assert_allclose(pose[:3, 3], [0.35, -0.1, 0.5], atol=1e-9)  # the flange is 100 mm above the tool
+
+
+def test_moves_joined_by_zones_are_one_and_each_kind_is_its_own(done):
+    moved = done(r"""
+        ConfL\Off;
+        MoveJ pA,v500,fine,tPen\WObj:=wTable;
+        MoveL Offs(pA,0,0,-50),v200,z10,tPen\WObj:=wTable;
+        MoveL Offs(pA,50,50,-50),v200,z10,tPen\WObj:=wTable;
+        MoveL Offs(pA,50,100,0),v200,fine,tPen\WObj:=wTable;
+        WaitTime 0.5;
+        MoveC RelTool(pB,20,20,0),RelTool(pB,40,0,0),v100\T:=2,fine,tPen\WObj:=wTable;
+        MoveAbsJ jHome,v500,z50,tool0;
+    """)
+    kinds = [move.key for move in moved.program.moves]
+    assert kinds == ["tool", "move_j", "move_l", "wait", "move_c", "tool", "move_abs_j"]
+    line, arc = moved.program.moves[2], moved.program.moves[4]
+    assert (len(line.targets), line.zone, line.speed) == (3, "z10", 0.2)
+    assert (arc.duration, arc.speed) == (2.0, None)
+    assert moved.remarks == ()
+    assert Workcell(STATION).perform(moved.program).times[-1] == pytest.approx(moved.time)
+
+
+def test_a_zone_between_moves_of_other_kinds_is_told_to_be_a_rest(done):
+    moved = done(r"MoveJ pA,v500,z10,tPen\WObj:=wTable; MoveL Offs(pA,0,0,-50),v200,fine,tPen\WObj:=wTable;")
+    assert "rests at its target" in str(moved.remarks[0])
+    assert not moved.lost
+
+
+def test_zones_are_no_larger_than_half_of_their_ways(done):
+    moved = done(r"""ConfL\Off; MoveJ pA,v500,fine,tPen\WObj:=wTable;
+        MoveL Offs(pA,0,10,0),v50,z200,tPen\WObj:=wTable; MoveL Offs(pA,0,30,0),v50,fine,tPen\WObj:=wTable;""")
+    assert moved.program.moves[-1].zone == pytest.approx(0.499 * 0.01)
+
+
+def test_a_turn_of_the_tool_takes_the_time_that_its_speed_asks_for(done):
+    moved = done(
+        r"MoveJ pA,v500,fine,tPen\WObj:=wTable; MoveL RelTool(pA,0,0,0\Rz:=60),[100,30,1,1],fine,tPen\WObj:=wTable;"
+    )
+    assert moved.program.moves[-1].duration == pytest.approx(2.0)
+
+
+def test_what_axes_cannot_do_is_slower_and_told(done):
+    moved = done(
+        f"MoveAbsJ [[0,0,0,0,90,-170],{FREE}],v500,fine,tool0; MoveAbsJ [[0,0,0,0,90,170],{FREE}],v7000,fine,tool0;"
+    )
+    assert "is slower than asked for" in str(moved.remarks[0])
+    assert Workcell(STATION).perform(moved.program).ending == "completed"
+
+
+def test_configurations_tell_all_postures_for_a_pose_apart():
+    chain, chance = Chain.of_robot(load_robot("irb120")), np.random.default_rng(0)
+    assert has_configuration(chain)
+    assert configuration(chain, np.zeros(6)) == (0, 0, 0, 0)
+    seen = set()
+    for _ in range(50):
+        posture = chance.uniform(chain.lower, chain.upper)
+        pose = chain.forward(posture)[0]
+        wanted = configuration(chain, posture)
+        found, _ = postures_like(chain, pose, np.zeros(6), wanted)
+        assert len(found) == 1
+        np.testing.assert_allclose(found[0], posture, atol=1e-6)
+        every = [configuration(chain, row)[3] for row in branches(chain, pose[np.newaxis], np.zeros(6))[0]]
+        assert len(set(every)) == len(every)
+        seen.add(wanted[3])
+    assert seen == set(range(8))
+
+
+def test_the_configuration_chooses_the_posture(done):
+    """The same pose with the wrist flipped: axes 4 and 6 half a turn away, axis 5 negative."""
+    chain = Chain.of_robot(load_robot("irb120"))
+    near = np.array([0.3, 0.2, 0.1, 0.8, 0.9, 0.5])
+    flipped = near * [1, 1, 1, 1, -1, 1] - [0, 0, 0, np.pi, 0, np.pi]
+    for posture, kind in ((near, "move_j"), (flipped, "move_abs_j")):
+        target = robtarget_of(RigidTransform(chain.forward(posture)[0]), configuration(chain, posture))
+        moved = done(f"MoveJ {texted(target)},v200,fine,tool0;")
+        np.testing.assert_allclose(end_of(moved), posture, atol=1e-8)
+        assert moved.program.moves[-1].key == kind
+        assert ["written as move_abs_j" in str(remark) for remark in moved.remarks] == [True] * (posture is flipped)
+        np.testing.assert_allclose(
+            end_of(done(f"ConfJ\\Off; MoveJ {texted(target)},v200,fine,tool0;")), near, atol=1e-8
+        )
+
+
+@pytest.mark.parametrize(
+    ("main", "message"),
+    [
+        (
+            f"MoveJ [[374,0,500],[0,0,1,0],[1,1,1,3],{FREE}],v200,fine,tool0;",
+            "configuration [1, 1, 1, 3], which has only",
+        ),
+        (f"MoveJ [[3740,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v200,fine,tool0;", "target cannot be reached"),
+        (f"MoveJ [[374,0,500],[0,0,0,0],[0,0,0,0],{FREE}],v200,fine,tool0;", "an orient of four zeros"),
+        ("MoveAbsJ jHome,v200,fine;", "MoveAbsJ with 3 arguments"),
+        ("MoveAbsJ jHome,200,fine,tool0;", "a num where a speeddata is asked for"),
+        ("MoveAbsJ jHome,v200,fine,tool9;", "there is no data 'tool9'; did you mean 'tool0'?"),
+        ("MoveAbsJ jHome,[0,0,0,0],fine,tool0;", "a speeddata without a speed of the tool"),
+        (f"MoveAbsJ [[200,0,0,0,0,0],{FREE}],v200,fine,tool0;", "joint_1 would be at 200.0 deg, beyond its limits"),
+        (
+            'MoveJ pA,v200,fine,tPen\\WObj:=[TRUE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
+            "a work object that",
+        ),
+    ],
+)
+def test_moves_that_cannot_be_are_refused_with_their_line(done, main, message):
+    with pytest.raises(RapidError) as refused:
+        done(f"MoveAbsJ jHome,v500,fine,tool0;\n{main}")
+    line = 5 + DATA.count("\n") + 0
+    assert f"Test.mod: line {line}: " in str(refused.value)
+    assert message in str(refused.value)
+
+
+def test_what_is_not_known_is_left_out_and_named(done):
+    moved = done('MoveAbsJ jHome,v500,fine,tool0;\nSocketSend s;\nTPWrite "at home";')
+    assert [remark.text for remark in moved.lost] == ["SocketSend is not known, and left out"]
+    assert [remark.text for remark in moved.remarks if not remark.lost] == ["says at home"]
+    modules = modules_of("MODULE A VAR odd x; PROC main() Odd Peculiar(2); ENDPROC ENDMODULE", "A.mod")
+    assert [remark.text for remark in not_understood(modules)] == [
+        "the type odd is not known",
+        "Odd is not known",
+        "Peculiar is not known",
+    ]
+
+
+def test_where_the_robot_is_can_be_asked(done):
+    moved = done(r"""
+        VAR robtarget here;
+        MoveJ pA,v500,z10,tPen\WObj:=wTable;
+        here:=CRobT(\Tool:=tPen\WObj:=wTable);
+        MoveL Offs(here,0,0,20),v100,fine,tPen\WObj:=wTable;
+        MoveJ CalcRobT(CJointT(),tool0),v100,fine,tool0;
+    """)
+    assert moved.program.moves[2].targets[2] == pytest.approx(0.22)
+
+
+def test_speeds_and_accelerations_are_scaled(done):
+    moved = done(r"""
+        MoveAbsJ jHome,v500,fine,tool0;
+        VelSet 50,100; PathAccLim TRUE\AccMax:=1,TRUE\DecelMax:=1;
+        MoveJ pA,v500,fine,tool0\WObj:=wTable;
+        VelSet 50,5000; AccSet 40,100;
+        MoveJ pB,v500,fine,tool0\WObj:=wTable;
+    """)
+    first, second = moved.program.moves[1:]
+    assert (first.speed, first.acceleration) == (0.1, 1.0)
+    assert (second.speed, second.acceleration) == (0.25, 0.8)
+
+
+def test_clocks_run_with_the_program(done):
+    moved = done(
+        'ClkReset clock1; ClkStart clock1; WaitTime 2; ClkStop clock1; WaitTime 1; TPWrite "t "\\Num:=ClkRead(clock1);'
+    )
+    assert moved.remarks[0].text == "says t 2"

@@ -1,0 +1,149 @@
+"""Commands in any order, however late their answers come: the program is as asked, and nothing hangs."""
+
+import time
+
+import pytest
+from fake_runs import CountingRun
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from simrob_drake.teach.session import Session
+from simrob_drake.teach.taught import History, Taught
+
+PATIENCE = 60.0  # s, for an answer
+
+
+class Model:
+    """What is taught by commands that are done one after the other; who runs what, and when, is nothing to it."""
+
+    def __init__(self):
+        self.history = History(Taught())
+
+    @property
+    def state(self):
+        now = self.history.present
+        return [move.entry() for move in now.program.moves], [move.entry() for move in now.pending]
+
+
+def late(session):
+    """Return the run of a session, which goes on until it is ended."""
+    session.runs[-1].held = True
+    return session.runs[-1]
+
+
+def tick(session, number):
+    """Let a run go on, if there is one."""
+    run = late(session)
+    if run.running is not None and run.time + 0.05 * number < run.end:
+        run.tick(round(run.time + 0.05 * number, 9))
+
+
+def finish(session):
+    if late(session).running is not None:
+        late(session).finish()
+
+
+COMMANDS = {
+    "test": lambda s, n: s.test({"left_elbow": float(n)}),
+    "act": lambda s, n: s.try_move({"act": "bow"}),
+    "discard": lambda s, n: s.discard(),
+    "reset": lambda s, n: s.reset(),
+    "simulate": lambda s, n: s.simulate(),
+    "restart": lambda s, n: s.restart(),
+    "stop": lambda s, n: s.stop(),
+    "pause": lambda s, n: s.pause(),
+    "go_on": lambda s, n: s.go_on(),
+    "rewind": lambda s, n: s.rewind(s.run.reach * n / 9),
+    "save": lambda s, n: s.export_csv(),
+    "add": lambda s, n: s.add(),
+    "undo": lambda s, n: s.undo(),
+    "redo": lambda s, n: s.redo(),
+    "hear": lambda s, n: s.hear(),
+    "tick": tick,
+    "finish": lambda s, n: finish(s),
+    "die": lambda s, n: late(s).die() if n == 9 else None,
+}
+TAUGHT = {"test", "act", "discard", "reset", "add", "undo", "redo"}
+"""What of these changes what is taught; in a session in which all has time to be done, it is what the model has."""
+
+
+def opened(folder):
+    runs = []
+    session = Session.open("humanoid", folder, live=lambda tell: runs.append(CountingRun(tell)) or runs[-1])
+    session.runs = runs
+    session.hear()
+    return session
+
+
+def settle(session):
+    """Let all that is asked for be done."""
+    for _ in range(100):
+        session.hear()
+        finish(session)
+    session.hear()
+
+
+def check_interleaving(folder, commands):
+    """What is taught does not depend on when answers come; in the end all is answered, the robot where it is said."""
+    slow, model, asked = opened(folder / "slow"), opened(folder / "model"), []
+    for name, number in commands:
+        late(slow)
+        asked.append(COMMANDS[name](slow, number))
+        if name in TAUGHT:
+            COMMANDS[name](model, number)
+            settle(model)
+            assert (slow.program, slow.pending) == (model.program, model.pending), name
+    settle(slow)
+    assert slow.phase == "idle"
+    assert all(one.done() for one in asked if hasattr(one, "done"))
+    assert slow.run.start == pytest.approx(slow.runs[-1].time)
+    assert slow.run.start <= slow.run.reach + 1e-9
+    slow.close()
+    model.close()
+
+
+INTERLEAVED = st.lists(st.tuples(st.sampled_from(sorted(COMMANDS)), st.integers(0, 9)), max_size=25)
+
+
+@settings(max_examples=15, deadline=None)
+@given(INTERLEAVED)
+def test_commands_in_any_order(tmp_path_factory, commands):
+    check_interleaving(tmp_path_factory.mktemp("commands"), commands)
+
+
+@pytest.mark.long
+@settings(max_examples=200, deadline=None)
+@given(INTERLEAVED)
+def test_two_hundred_orders_of_commands(tmp_path_factory, commands):
+    check_interleaving(tmp_path_factory.mktemp("commands"), commands)
+
+
+def rapid_tests(folder, count):
+    """Test moves of a real run in quick succession, at any moment of the one before; none hangs."""
+    session = Session.open("irb120_kinematic", folder)
+    try:
+        session.set_pace(None)
+        asked = []
+        for number in range(count):
+            asked.append(session.test({"joint_1": float(number % 40), "joint_2": 5.0}, 0.3))
+            if number % 7 == 0:
+                asked.append(session.rewind(session.run.reach * (number % 5) / 5))
+            session.hear((number * 37 % 100) / 4000)
+        end = time.monotonic() + PATIENCE
+        while not all(one.done() for one in asked) or session.phase != "idle":
+            assert time.monotonic() < end, f"{session.phase}: {session.message}"
+            session.hear(0.05)
+        assert session.run.reach == pytest.approx(0.3)
+        assert session.message.wrong is False, session.message
+        assert len(session.pending) == 1
+    finally:
+        session.close()
+
+
+def test_rapid_tests_do_not_hang(tmp_path):
+    rapid_tests(tmp_path, 30)
+
+
+@pytest.mark.long
+def test_five_hundred_rapid_tests_do_not_hang(tmp_path):
+    rapid_tests(tmp_path, 500)
