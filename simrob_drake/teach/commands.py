@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from typing import Any, NamedTuple
 
 Action = Callable[[], Future[Any]]
@@ -29,6 +30,7 @@ class Commands:
         """Begin with nothing to do."""
         self.waiting: dict[str, Waiting] = {}
         self.under_way: list[str] = []
+        self._begins = False
 
     def wait(self, kind: str, begin: Action, phases: tuple[str, ...]) -> Future[Any]:
         """Let a command wait, in place of an older one of its kind, whose future gives None."""
@@ -38,13 +40,20 @@ class Commands:
         return answer
 
     def begin(self, phase: Callable[[], str]) -> None:
-        """Begin what waits, in its order, as far as the phase allows it."""
-        while (kind := next((kind for kind, one in self.waiting.items() if phase() in one.phases), None)) is not None:
-            begin, _, answer = self.waiting.pop(kind)
-            begin().add_done_callback(lambda done, answer=answer: answer.set_result(done.result()))
+        """Begin what waits, in its order, as far as the phase allows it; each is asked for before the next one."""
+        while not self._begins and (fits := [kind for kind, one in self.waiting.items() if phase() in one.phases]):
+            self._begins = True
+            begun = self.waiting.pop(fits[0])
+            try:
+                begun.begin().add_done_callback(partial(_pass_on, begun.answer))
+            finally:
+                self._begins = False
 
     def forget(self, *kinds: str) -> None:
         """Answer commands of some kinds that wait, of all unless named, by None: they are not done."""
-        for kind in kinds or [*self.waiting]:
-            if kind in self.waiting:
-                self.waiting.pop(kind).answer.set_result(None)
+        for kind in self.waiting.keys() & (kinds or {*self.waiting}):
+            self.waiting.pop(kind).answer.set_result(None)
+
+
+def _pass_on(answer: Future[Any], done: Future[Any]) -> None:
+    answer.set_result(done.result())
