@@ -56,4 +56,8 @@ class Commands:
 
 
 def _pass_on(answer: Future[Any], done: Future[Any]) -> None:
-    answer.set_result(done.result())
+    problem = done.exception()
+    if problem is None:
+        answer.set_result(done.result())
+    else:
+        answer.set_exception(problem)
