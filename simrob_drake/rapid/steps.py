@@ -159,7 +159,7 @@ class ExportedProgram:
             before = pose
 
     def _tell_unsaid(self, move: ArmMotion, how: Mapping[str, Any], zone: float, count: int, called: str) -> None:
-        left = [key for key in _UNSAID if getattr(move, key, None) is not None]
+        left = [key for key in _UNSAID if key in move.model_fields_set and getattr(move, key) is not None]
         tell = partial("{}: {}".format, called)
         if left:
             self.remarks.append(tell(f"{', '.join(left)} left out"))

@@ -51,7 +51,7 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
     limit = wrapped(shown_limits(robot.gains.torque_limit, list(robot.model.effort_units)))
     kp, kd = f"kp {shown_values(robot.gains.kp)}", f"kd {shown_values(robot.gains.kd)}"
     law = f"PD\n{kp}, {kd}" if short(f"{kp}, {kd}") else f"PD\n{wrapped(kp)}\n{wrapped(kd)}"
-    ports.draw_nothing(f"{robot.prefix}applied_and_state")
+    ports.draw_nothing(f"{robot.prefix}applied_and_state", f"{robot.prefix}applied_torque")
     for part in ("desired_state", "actuation"):
         ports.draw(
             f"{robot.prefix}{part}",

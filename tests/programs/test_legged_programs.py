@@ -227,7 +227,11 @@ class TestErrors:
             ({"act": "swim"}, InvalidParameter, "^move 1: station is humanoid_dynamic; .* for swim"),
             ({"attach": "parcle"}, UnknownName, "^move 1: there is no piece 'parcle'; did you mean 'parcel'"),
             ({"attach": {"piece": "parcel", "tool": "left_hnd"}}, UnknownName, "^move 1: .* did you mean 'left_hand'"),
-            ({"release": {"piece": "parcel", "parent": "parcel"}}, InvalidParameter, "^move 1: parent of parcel is"),
+            (
+                {"release": {"piece": "parcel", "parent": "parcel"}},
+                InvalidParameter,
+                "^move 1: parcel, to be let go, is held by nothing",
+            ),
             ({"HomDF": 200}, JointLimitExceeded, "^move 1: right_shoulder_pitch would be at 200 deg"),
         ],
     )
