@@ -263,8 +263,14 @@ def _read(controller: Controller, call: Call) -> Value:
     return controller.read(call, call.signal())
 
 
-def _nothing(controller: Controller, call: Call) -> None:
-    """Do what changes nothing here."""
+def _told(text: str, *, unless: str = "") -> Instruction:
+    """Return what leaves a remark: something that a controller would do; nothing with the option ``unless``."""
+
+    def tell(controller: Controller, call: Call) -> None:
+        if not (unless and call.has(unless)):
+            call.remark(f"{call.name} has no effect: {text}", lost=False)
+
+    return tell
 
 
 def _raise(controller: Controller, call: Call) -> None:
@@ -273,13 +279,23 @@ def _raise(controller: Controller, call: Call) -> None:
 
 _WITHOUT_EFFECT = re.findall(
     r"\w+",
-    """tperase tpshow singarea pathresol motionsup actunit deactunit stop waitrob worldacclim isleep iwatch idelete
-    idisable ienable startmove clearpath errwrite open close write eoffson eoffsoff eoffsset softdeact retry trynext
-    mechunitload circpathmode bookerrno errlog setsysdata cornerpathwarning skipwarn""",
+    """tperase tpshow pathresol waitrob isleep iwatch idelete idisable ienable errwrite open close write retry trynext
+    bookerrno errlog setsysdata cornerpathwarning skipwarn""",
 )
+"""What changes nothing of what the robot does."""
+_OF_UNITS = "there are no external axes, nor other mechanical units"
 
 INSTRUCTIONS: Mapping[str, Instruction] = {
-    **dict.fromkeys(_WITHOUT_EFFECT, _nothing),
+    **dict.fromkeys(_WITHOUT_EFFECT, lambda controller, call: None),
+    "stop": _told("a controller stands still until somebody goes on; the program goes on here at once"),
+    **dict.fromkeys(("startmove", "clearpath"), _told("a path that was stopped is not kept; moves go on here at once")),
+    **dict.fromkeys(("eoffson", "eoffsoff", "eoffsset"), _told(f"it displaces external axes; {_OF_UNITS}")),
+    **dict.fromkeys(("actunit", "deactunit", "mechunitload"), _told(_OF_UNITS)),
+    "worldacclim": _told("acceleration in the world is not bounded by it; PathAccLim bounds that of the tool"),
+    "singarea": _told("the tool keeps its orientation near singularities", unless="off"),
+    "circpathmode": _told("the tool turns evenly along an arc", unless="pathframe"),
+    "motionsup": _told("no torque is watched, and no collision stops a move; monitors of a station can do that"),
+    "softdeact": _told("axes are as stiff as the station's servos"),
     "moveabsj": _move(MoveAbsJ),
     "movej": _move(MoveJ),
     "movel": _move(MoveL),
