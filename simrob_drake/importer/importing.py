@@ -50,15 +50,10 @@ _LONGEST = 100  # letters of a robot's name that its file keeps
 
 @dataclass(frozen=True)
 class ImportedRobot:
-    """What an import made.
+    """What an import made."""
 
-    Attributes:
-        model: the robot, in its new folder.
-        report: all that was done to it.
-    """
-
-    model: RobotModel
-    report: ImportReport
+    model: RobotModel  # the robot, in its new folder
+    report: ImportReport  # all that was done to it
 
 
 def import_robot(

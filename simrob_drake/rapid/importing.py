@@ -22,17 +22,11 @@ from simrob_drake.stations.station import StationLike
 
 @dataclass(frozen=True)
 class Imported:
-    """A program, and what its user should know of it.
+    """A program, and what its user should know of it."""
 
-    Attributes:
-        program: the moves.
-        remarks: about lines of the modules, in their order.
-        time: that the program takes [s].
-    """
-
-    program: Program
-    remarks: tuple[Remark, ...]
-    time: float
+    program: Program  # the moves
+    remarks: tuple[Remark, ...]  # about lines of the modules, in their order
+    time: float  # that the program takes [s]
 
     @property
     def lost(self) -> list[Remark]:

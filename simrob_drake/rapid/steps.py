@@ -38,35 +38,20 @@ _UNSAID = ("points", "check", "solver")
 
 @dataclass(frozen=True)
 class TargetMove:
-    """A move of a tool to one target.
+    """A move of a tool to one target."""
 
-    Attributes:
-        key: what kind of move of a program it is.
-        pose: of the tool, in the world.
-        posture: shape (n,) [rad or m].
-        via: a place on an arc, in the world (3,) [m].
-        wobj: pose of the work object in the world.
-        tool: pose of the tool centre point in the robot's first tool frame.
-        speed: at which the tool cruises [m/s]; None where the time counts.
-        time: that it takes [s].
-        length: of a line or an arc [m].
-        turn: of the tool [rad].
-        zone: around the target [m]; 0 to rest there.
-        acceleration: of the tool [m/s²], where that was asked for.
-    """
-
-    key: str
-    pose: RigidTransform
-    posture: Vector
-    via: Vector | None
-    wobj: RigidTransform
-    tool: RigidTransform
-    speed: float | None
-    time: float
-    length: float
-    turn: float
-    zone: float
-    acceleration: float | None
+    key: str  # what kind of move of a program it is
+    pose: RigidTransform  # of the tool, in the world
+    posture: Vector  # shape (n,) [rad or m]
+    via: Vector | None  # a place on an arc, in the world (3,) [m]
+    wobj: RigidTransform  # pose of the work object in the world
+    tool: RigidTransform  # pose of the tool centre point in the robot's first tool frame
+    speed: float | None  # at which the tool cruises [m/s]; None where the time counts
+    time: float  # that it takes [s]
+    length: float  # of a line or an arc [m]
+    turn: float  # of the tool [rad]
+    zone: float  # around the target [m]; 0 to rest there
+    acceleration: float | None  # of the tool [m/s²], where that was asked for
 
 
 Step = TargetMove | WaitMove | AttachMove | ReleaseMove | FingerMove
@@ -74,22 +59,14 @@ Step = TargetMove | WaitMove | AttachMove | ReleaseMove | FingerMove
 
 @dataclass
 class ExportedProgram:
-    """The steps of a program, of the arm that does it.
+    """The steps of a program, of the arm that does it."""
 
-    Attributes:
-        name: of the station's robot.
-        chain: of its axes to its first tool, from its base.
-        units: of its axes as users have them, shape (n,) [rad or m].
-        base: pose of its base in the world.
-        remarks: what cannot be said in other languages.
-    """
-
-    name: str
-    chain: Chain
-    units: Vector
-    base: RigidTransform
+    name: str  # of the station's robot
+    chain: Chain  # of its axes to its first tool, from its base
+    units: Vector  # of its axes as users have them, shape (n,) [rad or m]
+    base: RigidTransform  # pose of its base in the world
     steps: list[Step] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)  # what cannot be said in other languages
 
     @classmethod
     def of(cls, program: Program, cell: Workcell, file: str = "") -> ExportedProgram:

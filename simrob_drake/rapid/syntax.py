@@ -33,19 +33,12 @@ class RapidError(SimrobError):
 
 @dataclass(frozen=True)
 class Remark:
-    """Something about a module that its user should know.
+    """Something about a module that its user should know."""
 
-    Attributes:
-        file: its name.
-        line: counted from 1.
-        text: what it is.
-        lost: whether something was not understood, and so is not done.
-    """
-
-    file: str
-    line: int
-    text: str
-    lost: bool = True
+    file: str  # its name
+    line: int  # counted from 1
+    text: str  # what it is
+    lost: bool = True  # whether something was not understood, and so is not done
 
     def __str__(self) -> str:
         return f"{self.file}: line {self.line}: {self.text}"

@@ -26,19 +26,13 @@ NUMBERS = "differences.csv"
 
 @dataclass(frozen=True)
 class SignalDifference:
-    """How one signal differs.
+    """How one signal differs."""
 
-    Attributes:
-        signal: its name in ours.
-        times, logged, ours: of the log, shape (m,) each.
-        unit: of the signal.
-    """
-
-    signal: str
-    times: Vector
-    logged: Vector
-    ours: Vector
-    unit: str
+    signal: str  # its name in ours
+    times: Vector  # of the log, shape (m,) [s]
+    logged: Vector  # shape (m,)
+    ours: Vector  # shape (m,)
+    unit: str  # of the signal
 
     @property
     def largest(self) -> float:

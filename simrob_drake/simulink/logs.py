@@ -31,16 +31,11 @@ _EXPORTS = {
 
 @dataclass(frozen=True)
 class LoggedSignal:
-    """A signal of a log.
+    """A signal of a log."""
 
-    Attributes:
-        times, values: shape (m,) each; times [s] rise from 0 or later.
-        unit: of the values; that of the station's signal where it is empty.
-    """
-
-    times: Vector
-    values: Vector
-    unit: str = ""
+    times: Vector  # shape (m,) [s]; they rise from 0 or later
+    values: Vector  # shape (m,)
+    unit: str = ""  # of the values; that of the station's signal where it is empty
 
 
 def read_log(file: Path | str, names: Mapping[str, str]) -> dict[str, LoggedSignal]:

@@ -31,41 +31,24 @@ _LONGEST = 3600.0  # s
 
 @dataclass
 class SimulinkModel:
-    """What a model is.
+    """What a model is."""
 
-    Attributes:
-        path: the file.
-        expanded: its blocks, with libraries put in.
-        network: what is connected with what.
-        bodies, world, trees: its mechanics; the world is None where no frame is it.
-        contacts: what may touch.
-        laws: of the driven degrees of freedom.
-        pushes: forces and torques on bodies, from signals.
-        tracer: that has followed its signals.
-        stopping: contacts whose distance stops the simulation.
-        stops: what else stops it, by the Stop block: as soon as the sum is not 0.
-        opened: blocks that are left to the user, and what is wrong with their figures.
-        gravity: shape (3,) [m/s²]; None where the model does not tell.
-        duration: of a run [s].
-        report: what was found.
-    """
-
-    path: Path
-    expanded: Expanded
-    network: Connections
-    bodies: Bodies
-    world: RigidPart | None
+    path: Path  # the file
+    expanded: Expanded  # its blocks, with libraries put in
+    network: Connections  # what is connected with what
+    bodies: Bodies  # its mechanics
+    world: RigidPart | None  # None where no frame is it
     trees: list[Tree]
-    contacts: list[ContactPair]
-    laws: dict[Freedom, Law]
-    pushes: list[ExternalForce]
-    tracer: Tracer
-    stopping: list[Node]
-    stops: dict[Node, Value]
-    opened: Mapping[Node, str]
-    gravity: Vector | None
-    duration: float
-    report: ImportReport
+    contacts: list[ContactPair]  # what may touch
+    laws: dict[Freedom, Law]  # of the driven degrees of freedom
+    pushes: list[ExternalForce]  # forces and torques on bodies, from signals
+    tracer: Tracer  # that has followed its signals
+    stopping: list[Node]  # contacts whose distance stops the simulation
+    stops: dict[Node, Value]  # what else stops it, by the Stop block: as soon as the sum is not 0
+    opened: Mapping[Node, str]  # blocks that are left to the user, and what is wrong with their figures
+    gravity: Vector | None  # shape (3,) [m/s²]; None where the model does not tell
+    duration: float  # of a run [s]
+    report: ImportReport  # what was found
 
     @property
     def findings(self) -> Findings:

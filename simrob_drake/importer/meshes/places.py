@@ -40,15 +40,10 @@ class _Name(NamedTuple):
 
 @dataclass
 class MeshPlaces:
-    """Where the meshes of one robot may lie.
+    """Where the meshes of one robot may lie."""
 
-    Attributes:
-        source: the URDF, an absolute path.
-        mesh_path: further folders that the user allows.
-    """
-
-    source: Path
-    mesh_path: tuple[Path, ...] = ()
+    source: Path  # the URDF, an absolute path
+    mesh_path: tuple[Path, ...] = ()  # further folders that the user allows
     _found: dict[str, Place] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:

@@ -173,17 +173,11 @@ _LONGEST = 900  # letters of what is told
 
 @dataclass(frozen=True)
 class Outline:
-    """What a file offers.
+    """What a file offers."""
 
-    Attributes:
-        macros: the parameters of each macro that it defines.
-        arguments: the default of each argument; None where it is needed.
-        choices: for each argument for which some are known.
-    """
-
-    macros: dict[str, str]
-    arguments: dict[str, str | None]
-    choices: dict[str, list[str]]
+    macros: dict[str, str]  # the parameters of each macro that it defines
+    arguments: dict[str, str | None]  # the default of each argument; None where it is needed
+    choices: dict[str, list[str]]  # for each argument for which some are known
 
     def summary(self) -> str:
         """Return its arguments in a line, those that are needed and those with choices first; empty without any."""

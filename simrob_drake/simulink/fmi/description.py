@@ -18,21 +18,14 @@ _CATEGORIES = ("logStatusWarning", "logStatusError")
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of a unit; its reference is its place in the list of all.
-
-    Attributes:
-        name, unit: of it; without a unit unless it is a real number.
-        causality, variability: as FMI has them.
-        kind: ``real``, ``flag`` or ``text``.
-        start: of inputs and parameters.
-    """
+    """A variable of a unit; its reference is its place in the list of all."""
 
     name: str
-    causality: str
-    variability: str = "continuous"
-    kind: str = "real"
-    unit: str = ""
-    start: float | None = None
+    causality: str  # as FMI has it
+    variability: str = "continuous"  # as FMI has it
+    kind: str = "real"  # ``real``, ``flag`` or ``text``
+    unit: str = ""  # empty unless it is a real number
+    start: float | None = None  # of inputs and parameters
 
 
 def variables_of(station: SteppedStation) -> list[Variable]:

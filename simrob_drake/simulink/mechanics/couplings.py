@@ -24,18 +24,12 @@ Poses = Mapping[RigidPart, RigidTransform]
 
 @dataclass(frozen=True)
 class Teeth:
-    """Where two gears mesh.
+    """Where two gears mesh."""
 
-    Attributes:
-        base, follower: a point of each, shape (3,) [m].
-        along: the direction in which these do not slip, shape (3,).
-        screw: how far the follower moves along it as the base turns about it [m/rad]; 0 of what is no screw.
-    """
-
-    base: Vector
-    follower: Vector
-    along: Vector
-    screw: float = 0.0
+    base: Vector  # a point of the base, shape (3,) [m]
+    follower: Vector  # a point of the follower, shape (3,) [m]
+    along: Vector  # the direction in which these do not slip, shape (3,)
+    screw: float = 0.0  # how far the follower moves along it as the base turns about it [m/rad]; 0 of what is no screw
 
 
 def _unit(node: Node, vector: Vector, what: str) -> Vector:

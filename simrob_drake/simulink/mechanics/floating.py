@@ -15,21 +15,15 @@ _SENSED: dict[str, dict[str, tuple[int, ...]]] = {
 
 @dataclass(frozen=True)
 class Pull:
-    """What acts along or about one axis of the base of a floating joint.
+    """What acts along or about one axis of the base of a floating joint."""
 
-    Attributes:
-        place: 0 to 2 of a force along x, y, z; 3 to 5 of a torque about them.
-        port: the left port of its signal; 0 without.
-        stiffness, rest, damping: of its spring and damper.
-        stops: of a force, a place beyond which a spring pushes back, which way (1 up, -1 down), and how stiff it is.
-    """
-
-    place: int
-    port: int
-    stiffness: float
-    rest: float
-    damping: float
+    place: int  # 0 to 2 of a force along x, y, z; 3 to 5 of a torque about them
+    port: int  # the left port of its signal; 0 without
+    stiffness: float  # of its spring
+    rest: float  # of its spring
+    damping: float  # of its damper
     stops: tuple[tuple[float, float, float], ...] = ()
+    """Of a force, a place beyond which a spring pushes back, which way (1 up, -1 down), and how stiff it is."""
 
 
 def sensed_parts(node: Node) -> dict[int, tuple[int, ...]]:

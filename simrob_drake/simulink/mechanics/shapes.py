@@ -76,17 +76,11 @@ class Triangles:
 
 @dataclass(frozen=True)
 class Weight:
-    """Mass of a body.
+    """Mass of a body."""
 
-    Attributes:
-        mass: [kg].
-        com: centre of mass, shape (3,) [m].
-        inertia: about the centre of mass, shape (3, 3) [kg m²].
-    """
-
-    mass: float
-    com: Vector
-    inertia: Vector
+    mass: float  # [kg]
+    com: Vector  # centre of mass, shape (3,) [m]
+    inertia: Vector  # about the centre of mass, shape (3, 3) [kg m²]
 
     def scaled(self, factor: float) -> Weight:
         """Return the same body of another density."""
@@ -95,17 +89,11 @@ class Weight:
 
 @dataclass(frozen=True)
 class Shape:
-    """A shape about its own frame.
+    """A shape about its own frame."""
 
-    Attributes:
-        kind: ``box`` (sides), ``cylinder`` (radius, length; along z), ``sphere`` (radius), ``mesh`` or ``plane``.
-        size: of a primitive, in metres.
-        mesh: of the others.
-    """
-
-    kind: str
-    size: tuple[float, ...] = ()
-    mesh: Triangles | None = None
+    kind: str  # ``box`` (sides), ``cylinder`` (radius, length; along z), ``sphere`` (radius), ``mesh`` or ``plane``
+    size: tuple[float, ...] = ()  # of a primitive, in metres
+    mesh: Triangles | None = None  # of the others
 
 
 NOTHING = Weight(0.0, np.zeros(3), np.zeros((3, 3)))

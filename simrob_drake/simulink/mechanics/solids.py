@@ -60,27 +60,16 @@ _POINT = 1e-8
 
 @dataclass(frozen=True)
 class SolidBody:
-    """A solid on a frame.
-
-    Attributes:
-        node: the block.
-        weight: in the solid's frame.
-        shape: what is seen, or touches; None without.
-        file: a mesh file in place of a shape, already found.
-        scale: of the mesh file.
-        colour: red, green, blue, opacity.
-        visible: whether it is seen.
-        pose: of the solid in the frame of its body.
-    """
+    """A solid on a frame."""
 
     node: Node
-    weight: Weight
-    shape: Shape | None
-    colour: tuple[float, float, float, float]
-    visible: bool = True
-    file: Path | None = None
-    scale: float = 1.0
-    pose: RigidTransform = field(default_factory=RigidTransform)
+    weight: Weight  # in the solid's frame
+    shape: Shape | None  # what is seen, or touches; None without
+    colour: tuple[float, float, float, float]  # red, green, blue, opacity
+    visible: bool = True  # whether it is seen
+    file: Path | None = None  # a mesh file in place of a shape, already found
+    scale: float = 1.0  # of the mesh file
+    pose: RigidTransform = field(default_factory=RigidTransform)  # of the solid in the frame of its body
 
 
 def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:

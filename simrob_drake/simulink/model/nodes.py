@@ -21,17 +21,12 @@ from simrob_drake.simulink.values.workspace import Octave, Variables
 
 @dataclass
 class Findings:
-    """What is found while a model is read.
+    """What is found while a model is read."""
 
-    Attributes:
-        report: everything, in words.
-        undefined: variables that no workspace has: name, then the places that ask for it.
-        assume: take the default of a block's parameter whose variable is unknown.
-    """
-
-    report: ImportReport
+    report: ImportReport  # everything, in words
     undefined: dict[str, list[str]] = field(default_factory=dict)
-    assume: bool = False
+    """Variables that no workspace has: name, then the places that ask for it."""
+    assume: bool = False  # take the default of a block's parameter whose variable is unknown
 
     def missing(self, problem: UndefinedVariable, where: str) -> None:
         """Note a variable that is not known."""
@@ -43,27 +38,16 @@ class Findings:
 
 @dataclass(eq=False)
 class Node:
-    """A block of an expanded model.
+    """A block of an expanded model."""
 
-    Attributes:
-        path: from the model's top, ``Arm/joint_1``.
-        block: as it is written.
-        workspace: where its parameters' variables are found.
-        findings: where problems are noted.
-        parent: the subsystem it is in.
-        children: what is in it, by identifier.
-        system: whose lines connect these.
-        home: name of the file it is written in.
-    """
-
-    path: str
-    block: SimulinkBlock
-    workspace: Variables
-    findings: Findings
-    parent: Node | None = None
-    children: dict[str, Node] = field(default_factory=dict)
-    system: System | None = None
-    home: str = ""
+    path: str  # from the model's top, ``Arm/joint_1``
+    block: SimulinkBlock  # as it is written
+    workspace: Variables  # where its parameters' variables are found
+    findings: Findings  # where problems are noted
+    parent: Node | None = None  # the subsystem it is in
+    children: dict[str, Node] = field(default_factory=dict)  # what is in it, by identifier
+    system: System | None = None  # whose lines connect these
+    home: str = ""  # name of the file it is written in
 
     @property
     def kind(self) -> str:
@@ -159,23 +143,15 @@ class Node:
 
 @dataclass
 class Expanded:
-    """A model with everything put in.
+    """A model with everything put in."""
 
-    Attributes:
-        model: as it was read.
-        root: a node without a block of its own, whose children are the model's blocks.
-        findings: problems met so far.
-        libraries: the files that were taken in.
-        nodes: its blocks on all levels, except those of ``left_out``.
-        left_out: blocks that take no part, by path: their type, and why.
-    """
-
-    model: Model
-    root: Node
-    findings: Findings
-    libraries: Libraries
-    nodes: list[Node] = field(default_factory=list)
+    model: Model  # as it was read
+    root: Node  # a node without a block of its own, whose children are the model's blocks
+    findings: Findings  # problems met so far
+    libraries: Libraries  # the files that were taken in
+    nodes: list[Node] = field(default_factory=list)  # its blocks on all levels, except those of ``left_out``
     left_out: dict[str, tuple[str, str]] = field(default_factory=dict)
+    """Blocks that take no part, by path: their type, and why."""
 
     def leave_out(self, path: str, block: SimulinkBlock, why: str) -> None:
         """Note a block that takes no part, and all that is in it."""

@@ -12,33 +12,21 @@ from simrob_drake.importer.options import EntryKind
 
 
 class Port(NamedTuple):
-    """A port of a block within its system.
+    """A port of a block within its system."""
 
-    Attributes:
-        block: the block's identifier in its system (SID).
-        side: ``in``, ``out``, ``lconn`` or ``rconn`` (physical, left and right), or ``enable``, ``trigger`` ...
-        number: from 1.
-    """
-
-    block: str
-    side: str
-    number: int
+    block: str  # the block's identifier in its system (SID)
+    side: str  # ``in``, ``out``, ``lconn`` or ``rconn`` (physical, left and right), or ``enable``, ``trigger`` ...
+    number: int  # from 1
 
 
 @dataclass(frozen=True)
 class MaskParameter:
-    """A parameter of a mask.
+    """A parameter of a mask."""
 
-    Attributes:
-        name, value: its variable, and the expression that gives its value.
-        evaluated: whether the value is an expression, or text as it stands.
-        kind: of its field: ``edit``, ``popup``, ``checkbox`` ...
-    """
-
-    name: str
-    value: str
-    evaluated: bool = True
-    kind: str = "edit"
+    name: str  # its variable
+    value: str  # the expression that gives its value
+    evaluated: bool = True  # whether the value is an expression, or text as it stands
+    kind: str = "edit"  # of its field: ``edit``, ``popup``, ``checkbox`` ...
     choices: tuple[str, ...] = ()
 
 
@@ -52,24 +40,15 @@ class Mask:
 
 @dataclass
 class SimulinkBlock:
-    """A block.
+    """A block."""
 
-    Attributes:
-        sid, name: identifier in its system, and name on one line.
-        kind: its ``BlockType``, or for a link into a library its source, such as ``sm_lib/Joints/Revolute Joint``.
-        linked: whether ``kind`` is a place in a library.
-        parameters: as they are written.
-        mask: of its own.
-        system: what is in a subsystem.
-    """
-
-    sid: str
-    name: str
-    kind: str
-    linked: bool = False
-    parameters: dict[str, str] = field(default_factory=dict)
-    mask: Mask | None = None
-    system: System | None = None
+    sid: str  # identifier in its system
+    name: str  # on one line
+    kind: str  # its ``BlockType``, or for a link into a library its source, such as ``sm_lib/Joints/Revolute Joint``
+    linked: bool = False  # whether ``kind`` is a place in a library
+    parameters: dict[str, str] = field(default_factory=dict)  # as they are written
+    mask: Mask | None = None  # of its own
+    system: System | None = None  # what is in a subsystem
 
     @property
     def commented(self) -> str:
@@ -79,44 +58,28 @@ class SimulinkBlock:
 
 @dataclass
 class System:
-    """The blocks of one level, and the lines between them.
+    """The blocks of one level, and the lines between them."""
 
-    Attributes:
-        blocks: by identifier.
-        wires: signal lines, from an ``out`` port to the ports it feeds.
-        signals: names of lines, by the ports they come from.
-        nets: physical lines: ports that are one node.
-    """
-
-    blocks: dict[str, SimulinkBlock] = field(default_factory=dict)
+    blocks: dict[str, SimulinkBlock] = field(default_factory=dict)  # by identifier
     wires: list[tuple[Port, list[Port]]] = field(default_factory=list)
-    signals: dict[Port, str] = field(default_factory=dict)
-    nets: list[list[Port]] = field(default_factory=list)
+    """Signal lines, from an ``out`` port to the ports it feeds."""
+    signals: dict[Port, str] = field(default_factory=dict)  # names of lines, by the ports they come from
+    nets: list[list[Port]] = field(default_factory=list)  # physical lines: ports that are one node
 
 
 @dataclass
 class Model:
-    """A model file.
+    """A model file."""
 
-    Attributes:
-        path: the file.
-        kind: ``Model``, ``Library`` or ``Subsystem``.
-        system: its outermost level.
-        mask: of a subsystem file as a whole.
-        code: of the model workspace, MATLAB assignments.
-        callbacks: names of callbacks that MATLAB would run, with their code.
-        stop_time: when a run ends, an expression [s].
-        notes: what the report is to say of its making: level, element and text.
-    """
-
-    path: Path
-    kind: str
-    system: System
-    mask: Mask | None = None
-    code: str = ""
-    callbacks: dict[str, str] = field(default_factory=dict)
-    stop_time: str = "10"
+    path: Path  # the file
+    kind: str  # ``Model``, ``Library`` or ``Subsystem``
+    system: System  # its outermost level
+    mask: Mask | None = None  # of a subsystem file as a whole
+    code: str = ""  # of the model workspace, MATLAB assignments
+    callbacks: dict[str, str] = field(default_factory=dict)  # names of callbacks that MATLAB would run, with their code
+    stop_time: str = "10"  # when a run ends, an expression [s]
     notes: list[tuple[EntryKind, str, str]] = field(default_factory=list)
+    """What the report is to say of its making: level, element and text."""
 
     @property
     def name(self) -> str:

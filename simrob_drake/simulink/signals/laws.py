@@ -39,18 +39,13 @@ AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
 
 @dataclass
 class Law:
-    """What drives a joint.
+    """What drives a joint."""
 
-    Attributes:
-        net: its torque as a sum; 0 of a servo, and of a joint that a motion drives.
-        reference: the position over time of a motion, or of the joint's reference where an input of the model says it;
-            None where nothing does.
-        kp, ki, kd, limit: of a servo, sat(kp (reference - q) + ki ∫ (reference - q) - kd w).
-    """
-
-    net: Value = 0.0
+    net: Value = 0.0  # its torque as a sum; 0 of a servo, and of a joint that a motion drives
+    # the position over time of a motion, or of the joint's reference where an input of the model says it; None where
+    # nothing does
     reference: Value | None = None
-    kp: float = 0.0
+    kp: float = 0.0  # of a servo, sat(kp (reference - q) + ki ∫ (reference - q) - kd w)
     ki: float = 0.0
     kd: float = 0.0
     limit: float = inf
@@ -214,23 +209,16 @@ def of_time(value: Value) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class ExternalForce:
-    """What one block applies.
-
-    Attributes:
-        node: the block.
-        body, pose: on which it acts, and its frame in the first one of that.
-        force, torque: along the axes of its frame, each of 3 [N, N·m].
-        senses: whether it acts along the axes of the world, so that the orientation of its frame is measured.
-        ends: the blocks on whose frames what it senses is, and from where that is seen; its own unless given.
-    """
+    """What one block applies."""
 
     node: Node
-    body: RigidPart
-    pose: RigidTransform
-    force: list[Value]
+    body: RigidPart  # on which it acts
+    pose: RigidTransform  # of its frame in the first one of the body
+    force: list[Value]  # along the axes of its frame, each of 3 [N, N·m]
     torque: list[Value]
-    senses: bool
+    senses: bool  # whether it acts along the axes of the world, so that the orientation of its frame is measured
     ends: tuple[Node, Node] | None = None
+    """The blocks on whose frames what it senses is, and from where that is seen; its own unless given."""
 
 
 def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:

@@ -23,18 +23,12 @@ _ODD = r"""[^ !#-&(-[\]-~]"""
 
 @dataclass(frozen=True)
 class Element:
-    """One number of a port.
+    """One number of a port."""
 
-    Attributes:
-        name: ``<port>.<element>``, as :func:`legal` has it; ``<port>`` alone where it is the only one.
-        port, index: where it is.
-        unit: of SI.
-    """
-
-    name: str
+    name: str  # ``<port>.<element>``, as :func:`legal` has it; ``<port>`` alone where it is the only one
     port: str
-    index: int
-    unit: str
+    index: int  # in the port
+    unit: str  # of SI
 
 
 def legal(name: str) -> str:

@@ -26,19 +26,12 @@ _LONGEST = 9
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of a station's file.
+    """A number of a station's file."""
 
-    Attributes:
-        name: by its key, as ``servo.kp.joint_1`` or ``forces.push.force[1]``, as FMI has names.
-        way: to it in the station's file.
-        start: its value where it is not set.
-        unit: of SI, or ``deg``.
-    """
-
-    name: str
-    way: tuple[str, ...]
-    start: float
-    unit: str
+    name: str  # by its key, as ``servo.kp.joint_1`` or ``forces.push.force[1]``, as FMI has names
+    way: tuple[str, ...]  # to it in the station's file
+    start: float  # its value where it is not set
+    unit: str  # of SI, or ``deg``
 
 
 def parameters_of(config: StationConfig) -> dict[str, Parameter]:

@@ -188,15 +188,10 @@ Lookup = Callable[[str], Any]
 
 @dataclass(frozen=True)
 class Algebra:
-    """What an expression is computed with.
+    """What an expression is computed with."""
 
-    Attributes:
-        operators: elementwise, on two matrices.
-        functions: by name, on matrices.
-    """
-
-    operators: Mapping[str, Callable[[Vector, Vector], Any]]
-    functions: Mapping[str, Callable[..., Any]]
+    operators: Mapping[str, Callable[[Vector, Vector], Any]]  # elementwise, on two matrices
+    functions: Mapping[str, Callable[..., Any]]  # by name, on matrices
 
 
 class UndefinedVariable(LookupError):

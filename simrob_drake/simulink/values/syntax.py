@@ -12,15 +12,12 @@ class NotUnderstood(ValueError):
 
 
 class Expression(NamedTuple):
-    """An expression, or a part of one.
+    """An expression, or a part of one."""
 
-    Attributes:
-        kind, parts: what it is, and what of: ``number`` and ``text`` (value), ``name`` (name), ``call`` (target,
-            arguments) for an index or a function, ``field`` (target, name), ``unary`` (operator, operand) with ``'``
-            behind it, ``binary`` (operator, left, right), ``range`` (start, step or None, stop), ``matrix`` (rows),
-            ``colon`` for a lone one, all of a dimension, and ``end`` in an index.
-    """
-
+    # what it is, and what of: ``number`` and ``text`` (value), ``name`` (name), ``call`` (target, arguments) for an
+    # index or a function, ``field`` (target, name), ``unary`` (operator, operand) with ``'`` behind it, ``binary``
+    # (operator, left, right), ``range`` (start, step or None, stop), ``matrix`` (rows), ``colon`` for a lone one, all
+    # of a dimension, and ``end`` in an index
     kind: str
     parts: tuple[Any, ...] = ()
 

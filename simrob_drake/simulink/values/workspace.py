@@ -219,25 +219,16 @@ def _run(program: str, code: str, variables: dict[str, Any], folder: Path) -> di
 
 @dataclass
 class Variables:
-    """Variables of one level.
+    """Variables of one level."""
 
-    Attributes:
-        name: of the mask or model, for messages.
-        variables: those that are known.
-        outer: where others are looked up.
-        pending: those that are computed when they are first asked for.
-        unknown: names that code outside the subset sets.
-        code: what sets further variables, once one is asked for that is not known.
-        octave: what runs code outside the subset; that of the outer levels unless given.
-    """
-
-    name: str = ""
-    variables: dict[str, Any] = field(default_factory=dict)
-    outer: Variables | None = None
+    name: str = ""  # of the mask or model, for messages
+    variables: dict[str, Any] = field(default_factory=dict)  # those that are known
+    outer: Variables | None = None  # where others are looked up
     pending: dict[str, Callable[[], Any]] = field(default_factory=dict)
-    unknown: set[str] = field(default_factory=set)
-    code: str = ""
-    octave: Octave | None = None
+    """Those that are computed when they are first asked for."""
+    unknown: set[str] = field(default_factory=set)  # names that code outside the subset sets
+    code: str = ""  # what sets further variables, once one is asked for that is not known
+    octave: Octave | None = None  # what runs code outside the subset; that of the outer levels unless given
 
     def lookup(self, name: str) -> Any:
         """Return a variable's value.

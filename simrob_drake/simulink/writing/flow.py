@@ -31,15 +31,12 @@ _MOST_SIGNALS = 60
 
 @dataclass
 class OpenBlock:
-    """A block of the model that a station leaves open.
-
-    Attributes:
-        outputs: the inputs of the station that it would drive, by the element of its outputs.
-        inputs: the outputs of the station that hold what it takes, each with its size.
-    """
+    """A block of the model that a station leaves open."""
 
     outputs: dict[int, str] = field(default_factory=dict)
+    """The inputs of the station that it would drive, by the element of its outputs."""
     inputs: dict[str, int] = field(default_factory=dict)
+    """The outputs of the station that hold what it takes, each with its size."""
 
 
 class FlowWriter:
@@ -277,15 +274,10 @@ _VECTORS = (0, 7, 10)
 
 @dataclass
 class FrameSensors:
-    """What is written of them.
+    """What is written of them."""
 
-    Attributes:
-        sections: by name.
-        measured: what their terms are in the station, as sums of signals.
-    """
-
-    sections: dict[str, dict[str, Any]]
-    measured: dict[Term, dict[str, float]]
+    sections: dict[str, dict[str, Any]]  # by name
+    measured: dict[Term, dict[str, float]]  # what their terms are in the station, as sums of signals
 
 
 def frame_sensors(model: SimulinkModel, files: StationFiles, turn: RigidTransform, names: UniqueNames) -> FrameSensors:

@@ -32,21 +32,13 @@ RATE = 200.0
 
 @dataclass
 class JointMotions:
-    """Where the joints of a robot are asked to be.
+    """Where the joints of a robot are asked to be."""
 
-    Attributes:
-        axes: names by degree of freedom.
-        values: positions [rad or m]; None of what nothing drives.
-        start: where each axis is at the beginning, by name [rad or m].
-        duration: of the run [s].
-        table: the CSV file to write where positions change over time.
-    """
-
-    axes: dict[Freedom, str]
-    values: dict[Freedom, Value | None]
-    start: dict[str, float]
-    duration: float
-    table: Path
+    axes: dict[Freedom, str]  # names by degree of freedom
+    values: dict[Freedom, Value | None]  # positions [rad or m]; None of what nothing drives
+    start: dict[str, float]  # where each axis is at the beginning, by name [rad or m]
+    duration: float  # of the run [s]
+    table: Path  # the CSV file to write where positions change over time
 
     @property
     def moving(self) -> dict[Freedom, Form]:

@@ -64,29 +64,18 @@ _TINY = 1e-9
 
 @dataclass
 class RobotFile:
-    """A robot being written.
+    """A robot being written."""
 
-    Attributes:
-        tree: what it is.
-        element: its URDF.
-        axes: names of its joints by degree of freedom.
-        links: names of its links by body.
-        frames: pose of each link's frame in its body's first frame.
-        tools: names of frames on it.
-        pushed: the tool at which an external force acts; empty without.
-        weightless: links that move and have no mass.
-        mass: of all that moves [kg].
-    """
-
-    tree: Tree
-    element: ET.Element
-    axes: dict[Freedom, str] = field(default_factory=dict)
-    links: dict[RigidPart, str] = field(default_factory=dict)
+    tree: Tree  # what it is
+    element: ET.Element  # its URDF
+    axes: dict[Freedom, str] = field(default_factory=dict)  # names of its joints by degree of freedom
+    links: dict[RigidPart, str] = field(default_factory=dict)  # names of its links by body
     frames: dict[RigidPart, RigidTransform] = field(default_factory=dict)
-    tools: dict[str, str] = field(default_factory=dict)
-    pushed: str = ""
-    weightless: list[str] = field(default_factory=list)
-    mass: float = 0.0
+    """Pose of each link's frame in its body's first frame."""
+    tools: dict[str, str] = field(default_factory=dict)  # names of frames on it
+    pushed: str = ""  # the tool at which an external force acts; empty without
+    weightless: list[str] = field(default_factory=list)  # links that move and have no mass
+    mass: float = 0.0  # of all that moves [kg]
 
     def by_axis(self, values: Mapping[Freedom, float], prefix: str) -> dict[str, float]:
         """Return values by the names of axes, each behind a prefix."""
