@@ -211,7 +211,7 @@ def _gather(edges: Edges, worlds: set[Place], bodies: Bodies, *, grounded: bool 
                     queue.append(place)
                 elif not body.frames[place].IsNearlyEqualTo(there, _SAME):
                     message = "closes a loop of rigid frames that does not fit: ways to one frame differ; one is taken"
-                    node.findings.report.add("lost", node.path, message)
+                    node.note("lost", message)
 
 
 def _attach(frames: _Frames, bodies: Bodies) -> None:
@@ -266,7 +266,7 @@ def read_contacts(network: Connections) -> list[ContactPair]:
             continue
         ends = [geometry.get(network.net(node, side)) for side in ("lconn", "rconn")]
         if ends[0] is None or ends[1] is None:
-            node.findings.report.add("lost", node.path, "the contact: one of its ends is no solid or plane")
+            node.note("lost", "the contact: one of its ends is no solid or plane")
             continue
         sensed = _DISTANCE_AFTER if node.is_on("SenseSeparationDistance") else 0
         contacts.append(ContactPair(node, (ends[0], ends[1]), _surface(node), sensed))

@@ -45,9 +45,7 @@ def read_pulls(node: Node) -> list[Pull]:
                 bound = node.number(f"{kind}{end}LimitBound", unit="m")
                 stops.append((bound, way, node.number(f"{kind}{end}LimitStiffness", "1e4", unit="N/m")))
         if stops:
-            node.findings.report.add(
-                "approximated", node.path, f"its stops along {kind[1]} are springs without dampers"
-            )
+            node.note("approximated", f"its stops along {kind[1]} are springs without dampers")
         if driven or stiffness or damping or stops:
             rest = node.number(f"{kind}EquilibriumPosition", unit="m") if stiffness else 0.0
             pulls.append(Pull(place, port if driven else 0, stiffness, rest, damping, tuple(stops)))
@@ -59,5 +57,5 @@ def read_pulls(node: Node) -> list[Pull]:
             pulls.append(Pull(3 + place, port if driven else 0, 0.0, 0.0, turning))
         port += driven
     if node.number("SphSpringStiffness", unit="N*m/rad"):
-        node.findings.report.add("lost", node.path, "its spring against turning")
+        node.note("lost", "its spring against turning")
     return pulls

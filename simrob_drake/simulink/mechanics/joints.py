@@ -293,7 +293,7 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
         )
     if freedom.lower >= freedom.upper and node.findings.assume and node.findings.undefined:
         freedom.lower, freedom.upper, freedom.stop = -inf, inf, None
-        node.findings.report.add("defaulted", node.path, "its limits are unknown: none are taken")
+        node.note("defaulted", "its limits are unknown: none are taken")
     if freedom.lower >= freedom.upper:
         raise node.refusal(f"its lower limit {freedom.lower:g} is not below its upper one, {freedom.upper:g}")
     return freedom
@@ -310,16 +310,14 @@ def _ask(node: Node, prefix: str, freedom: Freedom, quantity: str, value: float)
 
 def _ball(node: Node, prefix: str) -> list[Freedom]:
     """Return a ball joint as three turns about x, y and z."""
-    node.findings.report.add(
-        "approximated", node.path, "ball joint as three turns about x, y and z: singular where the middle one is at 90°"
-    )
+    node.note("approximated", "ball joint as three turns about x, y and z: singular where the middle one is at 90°")
     turns = [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
     damping = node.number(f"{prefix}DampingCoefficient", unit="N*m*s/rad")
     for freedom in turns if damping > 0 else ():
         freedom.damping = damping
     limited = [end for end in ("Lower", "Upper") if node.is_on(f"{prefix}{end}LimitSpecify")]
     if limited or node.number(f"{prefix}SpringStiffness", unit="N*m/rad"):
-        node.findings.report.add("lost", node.path, "the spring and limits of a ball joint")
+        node.note("lost", "the spring and limits of a ball joint")
     if node.is_on(f"{prefix}PositionTargetSpecify"):
         for freedom, angle in zip(turns, xyz_angles(rotation(node, f"{prefix}PositionTarget")), strict=True):
             freedom.start, freedom.start_counts = angle, _COUNTS["High"]

@@ -62,7 +62,7 @@ def _cut(tree: Tree, link: Link) -> list[Closing]:
     """Return what holds a loop together where a joint closes it."""
     node = link.joint.node
     if cuttable(link):
-        node.findings.report.add("read", node.path, "closes a loop: a coupling in its place")
+        node.note("read", "closes a loop: a coupling in its place")
         joined = link.base, link.follower, link.in_base, link.in_follower
         return [Closing(node, *joined, _CUT[node.kind])]
     whole, turned = (link.base, True) if link.follower.grounded else (link.follower, False)
@@ -72,7 +72,7 @@ def _cut(tree: Tree, link: Link) -> list[Closing]:
     base, follower = (half, link.follower) if turned else (link.base, half)
     own = Link(node, base, follower, link.in_base, link.in_follower, link.joint)
     tree.branches.append(BodyOnJoint(half, link.follower if turned else link.base, own, turned))
-    node.findings.report.add("read", node.path, "closes a loop: its body is two halves that are welded together")
+    node.note("read", "closes a loop: its body is two halves that are welded together")
     return [Closing(node, half, whole, RigidTransform(), RigidTransform(), "weld")]
 
 

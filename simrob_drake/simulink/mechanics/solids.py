@@ -89,7 +89,7 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
             if _weighs_by_shape(node, kind) and not node.findings.undefined:
                 raise
             message = str(problem).rpartition(f"{node.path}: ")[2]
-            node.findings.report.add("dropped", node.path, f"its shape: it {message}")
+            node.note("dropped", f"its shape: it {message}")
             even = NOTHING
     elif kind == "File Solid":
         file, scale = meshes.of(node)
@@ -290,8 +290,7 @@ def _on_extrusion(node: Node, feature: str) -> Vector | None:
     corners = extrusion_outline(node)
     if not side.isdecimal() or not 1 <= int(side) <= len(corners):
         return None
-    message = f"a frame on '{feature}': in the middle of side {side}, counted as its corners are"
-    node.findings.report.add("approximated", node.path, message)
+    node.note("approximated", f"a frame on '{feature}': in the middle of side {side}, counted as its corners are")
     return np.append((corners[int(side) - 1] + corners[int(side) % len(corners)]) / 2, 0.0)
 
 
@@ -302,14 +301,13 @@ def _on_revolution(node: Node, feature: str) -> Vector | None:
     if where in ("front", "back"):
         x, z = (integral(outline, axis) / area(outline) for axis in (lambda x, _: x, lambda _, z: z))
         turn = angle / 2 if where == "front" else -angle / 2
-        node.findings.report.add("approximated", node.path, f"a frame on '{feature}': on the side of the larger angle")
+        node.note("approximated", f"a frame on '{feature}': on the side of the larger angle")
         return np.array([x * np.cos(turn), x * np.sin(turn), z])
     side = number.rpartition(" ")[2]
     if where != "side" or not side.isdecimal() or not 1 <= int(side) <= len(outline):
         return None
     ends = outline[[int(side) - 1, int(side) % len(outline)]]
-    message = f"a frame on '{feature}': on the axis, counted as its corners are"
-    node.findings.report.add("approximated", node.path, message)
+    node.note("approximated", f"a frame on '{feature}': on the axis, counted as its corners are")
     return np.array([0.0, 0.0, ends[:, 1].mean()])
 
 

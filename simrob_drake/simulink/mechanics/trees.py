@@ -116,8 +116,7 @@ def grow(bodies: Bodies, cuttable: Callable[[Link], bool]) -> tuple[RigidPart | 
         trees = _grown(bodies, world, _spanning(bodies.links, cuttable))
     for link in bodies.links:
         if link.joint.floating and link.base is not world:
-            message = "starts from the world: its base is no part of it"
-            link.joint.node.findings.report.add("approximated", link.joint.node.path, message)
+            link.joint.node.note("approximated", "starts from the world: its base is no part of it")
     return world, trees
 
 

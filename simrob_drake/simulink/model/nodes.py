@@ -10,7 +10,7 @@ import numpy as np
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
-from simrob_drake.importer.options import ImportReport
+from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Mask, MaskParameter, Model, SimulinkBlock, System
 from simrob_drake.simulink.reading.model_file import BUILT_IN, Libraries
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
@@ -77,7 +77,7 @@ class Node:
             self.findings.missing(problem, f"{self.path}: {name}")
             if self.findings.assume:
                 taken = unknown or default
-                self.findings.report.add("defaulted", self.path, f"{name} = {text} is unknown: {taken} is taken")
+                self.note("defaulted", f"{name} = {text} is unknown: {taken} is taken")
             return self.workspace.value(unknown or default)
         except NotUnderstood as problem:
             raise self.refusal(f"{name} = {text[:60]} {problem}") from problem
@@ -131,10 +131,14 @@ class Node:
         except UnknownUnit as problem:
             raise self.refusal(f"{name}: {problem}") from problem
 
+    def note(self, kind: EntryKind, text: str) -> None:
+        """Note in the report what became of the block."""
+        self.findings.report.add(kind, self.path, text)
+
     def lose(self, problem: InvalidModel, instead: str = "") -> None:
         """Note that what the block does to the motion is lost, and why."""
         message = str(problem).rpartition(f"{self.path}: ")[2]
-        self.findings.report.add("lost", self.path, message + instead)
+        self.note("lost", message + instead)
 
     def refusal(self, problem: str) -> InvalidModel:
         """Return the error for what this block cannot be."""
@@ -313,7 +317,7 @@ def _first_variant(variant: Node) -> Node | None:
         return None
     controls = ", ".join(child.text("VariantControl") or child.block.name for child in choices)
     variant.findings.missing(UndefinedVariable(controls), f"{variant.path}: which variant it is")
-    variant.findings.report.add("defaulted", variant.path, f"the variant {choices[0].block.name}, of {controls}")
+    variant.note("defaulted", f"the variant {choices[0].block.name}, of {controls}")
     variant.block.parameters["LabelModeActiveChoice"] = choices[0].text("VariantControl")
     return choices[0]
 

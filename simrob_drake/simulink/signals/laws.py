@@ -118,7 +118,7 @@ def _first(tracer: Tracer, joint: Joint, number: int, how: str, effort: Signal |
         "comes from a port of the model" if outside else "has no elements" if effort is not None else "is not connected"
     )
     deed: EntryKind = "defaulted" if outside else "lost"
-    joint.node.findings.report.add(deed, joint.node.path, f"its {how} input {message}: nothing drives it")
+    joint.node.note(deed, f"its {how} input {message}: nothing drives it")
     return 0.0
 
 
@@ -190,8 +190,7 @@ def _without_pid(law: Law, terms: dict[Term, float]) -> dict[Term, float]:
                 law.ki -= own * factor * parameters.get("i", 0.0)
                 law.kd -= own * factor * parameters.get("d", 0.0)
         if node is not None and parameters.get("d"):
-            message = "its derivative acts on measured speed alone, unfiltered"
-            node.findings.report.add("approximated", node.path, message)
+            node.note("approximated", "its derivative acts on measured speed alone, unfiltered")
     return total
 
 
@@ -231,8 +230,7 @@ def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
                 pushes.append(push)
                 body.marks.remove((node, pose))
             else:
-                message = "it is the port external_force or external_torque of the station, at this frame"
-                node.findings.report.add("read", node.path, message)
+                node.note("read", "it is the port external_force or external_torque of the station, at this frame")
     for coupling in bodies.couplings:
         if coupling.node.kind == BETWEEN:
             pushes += _apart(tracer, coupling)
@@ -253,7 +251,7 @@ def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
         if pull.port and (values := tracer.physical(node, "lconn", pull.port)) is not None:
             wrench[pull.place] += values.ravel()[0]
         elif pull.port:
-            node.findings.report.add("lost", node.path, "its force input is not connected: nothing drives it")
+            node.note("lost", "its force input is not connected: nothing drives it")
         wrench[pull.place] -= pull.stiffness * (place - pull.rest) + pull.damping * speed
         for bound, way, stiffness in pull.stops:
             wrench[pull.place] += way * stiffness * applied("max", 0.0, way * (bound - place))
@@ -279,7 +277,7 @@ def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
     if values is None:
         values = tracer.physical(node, "rconn", 2)
     if values is None:
-        node.findings.report.add("lost", node.path, "its force input is not connected: nothing drives it")
+        node.note("lost", "its force input is not connected: nothing drives it")
         return []
     line = [_sensed(node, index) for index in range(_PLACES)]
     length = applied("sqrt", sum((part * part for part in line), start=0.0))
@@ -305,7 +303,7 @@ def _push(tracer: Tracer, node: Node, body: RigidPart, pose: RigidTransform) -> 
                 vector = vector + widened(values.ravel(), _PLACES)
             elif values is not None:
                 message = f"its {what.lower()} input has {values.size} elements, not {_PLACES}: nothing drives it"
-                node.findings.report.add("lost", node.path, message)
+                node.note("lost", message)
         if node.text(f"{what}ResolutionFrame", "AttachedFrame") == "World" and any(vector):
             senses, vector = True, orientation(node).T.dot(vector)
         parts.append(list(vector))

@@ -170,7 +170,7 @@ def _stored(reader: SignalReader, node: Node, _: int) -> Signal | None:
     same = {kind: [one for one in nodes if one.kind == kind and one.text("DataStoreName", "A") == name] for kind in
             ("DataStoreWrite", "DataStoreMemory")}  # fmt: skip
     if len(same["DataStoreWrite"]) == 1:
-        node.findings.report.add("approximated", node.path, f"the data store {name} holds what is written at that time")
+        node.note("approximated", f"the data store {name} holds what is written at that time")
         return reader.input(same["DataStoreWrite"][0])
     if same["DataStoreWrite"] or not same["DataStoreMemory"]:
         return None
@@ -236,7 +236,7 @@ def conditional(reader: SignalReader, node: Node, number: int) -> Signal | None:
         other = signal(float(one) for one in start)
     if port is not None and port.text("OutputWhenDisabled", "held") == "held":
         message = "while its condition fails its outputs are what they begin with, and not held; its states go on"
-        node.findings.report.add("approximated", node.path, message)
+        node.note("approximated", message)
     return mapped(partial(chosen, condition), *fitted(node, values, other))
 
 

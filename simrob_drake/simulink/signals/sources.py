@@ -101,7 +101,7 @@ def _generator(_: SignalReader, node: Node, __: int) -> Signal:
         "sawtooth": 2.0 * phase - 1.0,
     }
     if wave not in made:
-        node.findings.report.add("approximated", node.path, f"its {wave} noise is 0, its mean")
+        node.note("approximated", f"its {wave} noise is 0, its mean")
     return signal([node.number("Amplitude", "1") * made.get(wave, 0.0)])
 
 
@@ -173,7 +173,7 @@ def _workspace(_: SignalReader, node: Node, __: int) -> Signal:
 def _noise(_: SignalReader, node: Node, __: int) -> Signal:
     mean = 0.5 * sum(node.number(name, value) for name, value in (("Minimum", "-1"), ("Maximum", "1")))
     mean = {"UniformRandomNumber": mean, "RandomNumber": node.number("Mean", "0")}.get(node.kind, 0.0)
-    node.findings.report.add("approximated", node.path, f"its noise is left out: it is {mean:g}, its mean")
+    node.note("approximated", f"its noise is left out: it is {mean:g}, its mean")
     return signal([mean])
 
 

@@ -34,7 +34,7 @@ def forces_of_contacts(contacts: Iterable[ContactPair], bodies: Bodies) -> dict[
             continue
         force, torque = _wrench(contact.node, contact.surface, solid.shape.size[0])
         found[contact] = ExternalForce(contact.node, body, solid.pose, force, torque, True, (sphere, plane))
-        contact.node.findings.report.add("read", contact.node.path, "by its own law, as forces on the sphere")
+        contact.node.note("read", "by its own law, as forces on the sphere")
     return found
 
 

@@ -99,7 +99,7 @@ class Tracer:
             source = self.network.source(node, number)
             found = None if source is None else self.output(*source)
         if found is None:
-            node.findings.report.add("defaulted", node.path, f"input {number} is not connected: it is 0")
+            node.note("defaulted", f"input {number} is not connected: it is 0")
             return signal([0.0])
         return found
 
@@ -185,7 +185,7 @@ class Tracer:
             return _one(Term("open", node))
         way = [one.path for one, _ in self._under_way]
         loop = " → ".join([*way[way.index(node.path) :], node.path])
-        node.findings.report.add("approximated", node.path, f"an algebraic loop, late by {LAG:g} s: {loop}")
+        node.note("approximated", f"an algebraic loop, late by {LAG:g} s: {loop}")
         shape = self._shape_of(node, number)
 
         def late(index: int) -> Primitive:

@@ -134,7 +134,7 @@ class FlowWriter:
             if sums or block.kind != "step":
                 self.blocks[name]["of"] = sums[0] if len(sums) == 1 else sums
             if (problem := _problem(name, self.blocks[name])) is not None and block.node is not None:
-                self._report.add("open", block.node.path, f"{problem}: it is left open, at 0")
+                block.node.note("open", f"{problem}: it is left open, at 0")
                 self.blocks[name] = {"kind": "input"}
                 outputs[:] = [name] * block.size
         return self._known[block]
@@ -245,7 +245,7 @@ def _force(writer: FlowWriter, push: ExternalForce, files: StationFiles, turn: R
     """Return what a block applies, along the axes of the link or piece that it acts on; nothing of what cannot move."""
     named = files.named(push.body, turn)
     if named is None or push.body.grounded:
-        push.node.findings.report.add("dropped", push.node.path, "a force on what stands fixed")
+        push.node.note("dropped", "a force on what stands fixed")
         return {}
     place, own = named
     pose = own @ push.pose
@@ -254,7 +254,7 @@ def _force(writer: FlowWriter, push: ExternalForce, files: StationFiles, turn: R
     for what, vector in (("force", push.force), ("torque", push.torque)):
         if any(vector):
             section[what] = [writer.sum(part) for part in axes.dot(signal(vector))]
-    push.node.findings.report.add("read", push.node.path, f"it acts on {place}, by {writer.name}")
+    push.node.note("read", f"it acts on {place}, by {writer.name}")
     return section
 
 
@@ -308,7 +308,7 @@ def _take(
         body = model.bodies.by_place[place]
         named = files.named(body, turn)
         if named is None:
-            model.report.add("dropped", node.path, f"{node.kind}: its {end} is on no robot or piece")
+            node.note("dropped", f"{node.kind}: its {end} is on no robot or piece")
             return
         poses.append((named[0], pose_list(named[1] @ body.frames[place])))
     (frame, offset), (base, base_offset) = *poses, *([] if len(poses) > 1 else [(WORLD, pose_list(turn))])
@@ -324,7 +324,7 @@ def _take(
     rotation = turn.rotation().matrix() if axes == "world" else RigidTransform().rotation().matrix()
     for index in range(len(PARTS)):
         found.measured[Term("sensed", node, index)] = _part(name, index, rotation)
-    model.report.add("read", node.path, f"{node.kind}: the sensor {name}, with the signals frame.{name}.*")
+    node.note("read", f"{node.kind}: the sensor {name}, with the signals frame.{name}.*")
 
 
 def _part(name: str, index: int, rotation: Vector) -> dict[str, float]:

@@ -95,8 +95,7 @@ def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
     while len(taken) < min(_MOST_POINTS, len(points)) and away.max() > 0:
         taken.append(int(away.argmax()))
         away = np.minimum(away, np.linalg.norm(points - points[taken[-1]], axis=1))
-    message = f"{len(taken)} of its {len(points)} points touch, as spheres of {_POINT:g} m"
-    node.findings.report.add("approximated", node.path, message)
+    node.note("approximated", f"{len(taken)} of its {len(points)} points touch, as spheres of {_POINT:g} m")
     sphere, grey = Shape("sphere", (_POINT,)), (0.5, 0.5, 0.5, 1.0)
     places = [pose @ RigidTransform(points[place]) for place in taken]
     return [SolidBody(node, NOTHING, sphere, grey, visible=False, pose=place) for place in places]

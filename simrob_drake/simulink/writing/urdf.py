@@ -202,7 +202,7 @@ class UrdfWriter:
         try:
             mesh = load_mesh(solid.file)
         except UnreadableMesh as problem:
-            self._report.add("dropped", solid.node.path, f"the mesh {solid.file.name} {problem}")
+            solid.node.note("dropped", f"the mesh {solid.file.name} {problem}")
             return None
         folder.mkdir(exist_ok=True)
         name = f"meshes/{self._meshes.give(solid.file.stem)}.obj"
