@@ -1,13 +1,34 @@
-"""A call of an instruction or a function: its arguments, worked out as types that are asked for."""
+"""A call of a routine: its arguments, worked out as types that are asked for; and the functions that need no more."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+
+from simrob_drake.frames import three_point_frame
 from simrob_drake.rapid.syntax import Node
-from simrob_drake.rapid.values import SignalName, Value, WrongType
+from simrob_drake.rapid.values import (
+    RecordValue,
+    SignalName,
+    Value,
+    WrongType,
+    number_text,
+    orient_of,
+    place_of,
+    pos_of,
+    pose_of,
+    rotation_of,
+    texted,
+    transform_of,
+)
+
+if TYPE_CHECKING:
+    from simrob_drake.rapid.calls import Call
 
 
 @dataclass(frozen=True)
@@ -100,3 +121,156 @@ class Call:
     def remark(self, text: str, *, lost: bool = True) -> None:
         """Tell something about its line."""
         self.task.remark(self.node, text, lost=lost)
+
+
+_DECIMALS = 6  # of numbers as texts, unless asked for
+
+
+def _of_numbers(function: Callable[..., float]) -> Callable[[Call], Value]:
+    def result(call: Call) -> Value:
+        return float(function(*(call.value(index, "num") for index in range(call.count))))
+
+    return result
+
+
+def _degrees(function: Callable[..., float]) -> Callable[..., float]:
+    return lambda *values: math.degrees(function(*values))
+
+
+def _of_degrees(function: Callable[[float], float]) -> Callable[[float], float]:
+    return lambda angle: function(math.radians(angle))
+
+
+def _offs(call: Call) -> Value:
+    target, offset = call.value(0, "robtarget"), [call.value(index, "num") for index in (1, 2, 3)]
+    return _moved(target, RigidTransform(np.array(offset) / 1e3) @ transform_of(target))
+
+
+def _rel_tool(call: Call) -> Value:
+    target, offset = call.value(0, "robtarget"), [call.value(index, "num") for index in (1, 2, 3)]
+    turn = [math.radians(call.option(name, "num", 0.0)) for name in ("rx", "ry", "rz")]
+    rotation = RotationMatrix.MakeXRotation(turn[0]) @ RotationMatrix.MakeYRotation(turn[1])
+    tool = RigidTransform(rotation @ RotationMatrix.MakeZRotation(turn[2]), np.array(offset) / 1e3)
+    return _moved(target, transform_of(target) @ tool)
+
+
+def _moved(target: RecordValue, transform: RigidTransform) -> RecordValue:
+    return RecordValue("robtarget", {**target.parts, **pose_of(transform).parts})
+
+
+def _rounded(how: Callable[[float], float]) -> Callable[[Call], Value]:
+    def result(call: Call) -> Value:
+        scale = 10.0 ** call.option("dec", "num", 0.0)
+        return float(how(call.value(0, "num") * scale) / scale)
+
+    return result
+
+
+def _half_up(value: float) -> float:
+    return math.copysign(math.floor(abs(value) + 0.5), value)
+
+
+def _euler_zyx(call: Call) -> Value:
+    roll_pitch_yaw = RollPitchYaw(rotation_of(call.value(0, "orient"))).vector()
+    return math.degrees(roll_pitch_yaw[next(index for index, axis in enumerate("xyz") if call.has(axis))])
+
+
+def _orient_zyx(call: Call) -> Value:
+    yaw, pitch, roll = (math.radians(call.value(index, "num")) for index in range(3))
+    return orient_of(RollPitchYaw(roll, pitch, yaw).ToRotationMatrix())
+
+
+def _pose_mult(call: Call) -> Value:
+    return pose_of(transform_of(call.value(0, "pose")) @ transform_of(call.value(1, "pose")))
+
+
+def _pose_vect(call: Call) -> Value:
+    return pos_of(1e3 * (transform_of(call.value(0, "pose")) @ place_of(call.value(1, "pos"))))
+
+
+def _def_frame(call: Call) -> Value:
+    points = [place_of(call.value(index, "robtarget")["trans"]) for index in range(3)]
+    return pose_of(three_point_frame(*points))
+
+
+def _of_positions(function: Callable[..., Any]) -> Callable[[Call], Value]:
+    def result(call: Call) -> Value:
+        return float(function(*(np.array(call.value(index, "pos").flat()) for index in range(call.count))))
+
+    return result
+
+
+def _num_to_str(call: Call) -> Value:
+    return f"{call.value(0, 'num'):.{int(call.value(1, 'num'))}{'e' if call.has('exp') else 'f'}}"
+
+
+def _val_to_str(call: Call) -> Value:
+    value = call.value(0)
+    return number_text(float(f"{value:.{_DECIMALS}g}")) if isinstance(value, float) else texted(value).strip('"')
+
+
+def _str_part(call: Call) -> Value:
+    begin = int(call.value(1, "num")) - 1
+    return str(call.value(0, "string"))[begin : begin + int(call.value(2, "num"))]
+
+
+def _str_find(call: Call) -> Value:
+    text, begin = call.value(0, "string"), int(call.value(1, "num")) - 1
+    places = (place + 1 for place in range(begin, len(text)) if text[place] in call.value(2, "string"))
+    return float(next(places, len(text) + 1))
+
+
+def _dim(call: Call) -> Value:
+    array = call.value(0)
+    for _ in range(int(call.value(1, "num")) - 1):
+        array = array[0]
+    return float(len(array))
+
+
+FUNCTIONS: Mapping[str, Callable[[Call], Value]] = {
+    "abs": _of_numbers(abs),
+    "sqrt": _of_numbers(math.sqrt),
+    "pow": _of_numbers(math.pow),
+    "exp": _of_numbers(math.exp),
+    "sin": _of_numbers(_of_degrees(math.sin)),
+    "cos": _of_numbers(_of_degrees(math.cos)),
+    "tan": _of_numbers(_of_degrees(math.tan)),
+    "asin": _of_numbers(_degrees(math.asin)),
+    "acos": _of_numbers(_degrees(math.acos)),
+    "atan": _of_numbers(_degrees(math.atan)),
+    "atan2": _of_numbers(_degrees(math.atan2)),
+    "round": _rounded(_half_up),
+    "trunc": _rounded(math.trunc),
+    "bitand": _of_numbers(lambda one, other: int(one) & int(other)),
+    "bitor": _of_numbers(lambda one, other: int(one) | int(other)),
+    "numtodnum": _of_numbers(float),
+    "dnumtonum": _of_numbers(float),
+    "offs": _offs,
+    "reltool": _rel_tool,
+    "eulerzyx": _euler_zyx,
+    "orientzyx": _orient_zyx,
+    "norient": lambda call: orient_of(rotation_of(call.value(0, "orient"))),
+    "posemult": _pose_mult,
+    "poseinv": lambda call: pose_of(transform_of(call.value(0, "pose")).inverse()),
+    "posevect": _pose_vect,
+    "defframe": _def_frame,
+    "distance": _of_positions(lambda one, other: np.linalg.norm(one - other)),
+    "dotprod": _of_positions(np.dot),
+    "vectmagn": _of_positions(np.linalg.norm),
+    "numtostr": _num_to_str,
+    "dnumtostr": _num_to_str,
+    "valtostr": _val_to_str,
+    "strlen": lambda call: float(len(call.value(0, "string"))),
+    "strpart": _str_part,
+    "strfind": _str_find,
+    "bytetostr": lambda call: f"{int(call.value(0, 'num'))}",
+    "dim": _dim,
+    "present": lambda call: call.has_parameter(0),
+    "opmode": lambda call: 1.0,
+    "runmode": lambda call: 1.0,
+    "robos": lambda call: False,
+    "cdate": lambda call: "2000-01-01",
+    "ctime": lambda call: "00:00:00",
+    "gettime": lambda call: 0.0,
+}
+"""By name in lower case, from a call to its value."""

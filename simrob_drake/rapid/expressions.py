@@ -8,10 +8,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from simrob_drake.errors import SimrobError, nearest
-from simrob_drake.rapid.calls import Call, Location
-from simrob_drake.rapid.declarations import Datum, Routine, Scope, declared
-from simrob_drake.rapid.functions import FUNCTIONS
-from simrob_drake.rapid.syntax import Module, Node, RapidError, Remark
+from simrob_drake.rapid.calls import FUNCTIONS, Call, Location
+from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Remark, Routine, Scope, declared
 from simrob_drake.rapid.values import RecordValue, SignalName, Value, WrongType, shape
 
 _LONGEST = 1000  # letters of a string

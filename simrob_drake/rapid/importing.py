@@ -10,13 +10,12 @@ from pathlib import Path
 from simrob_drake.arguments import as_path
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.program import Program
+from simrob_drake.rapid.calls import FUNCTIONS
 from simrob_drake.rapid.controller import Controller
-from simrob_drake.rapid.declarations import Datum, Routine, declared
-from simrob_drake.rapid.functions import FUNCTIONS
 from simrob_drake.rapid.instructions import FUNCTIONS_OF_CONTROLLER, INSTRUCTIONS
 from simrob_drake.rapid.interpreter import Interpreter
 from simrob_drake.rapid.signals import Signals
-from simrob_drake.rapid.syntax import Module, RapidError, Remark, nodes, read_modules
+from simrob_drake.rapid.syntax import Datum, Module, RapidError, Remark, Routine, declared, nodes, read_modules
 from simrob_drake.stations.station import StationLike
 
 

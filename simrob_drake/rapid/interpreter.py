@@ -7,9 +7,8 @@ from typing import Any, TypeAlias
 
 from simrob_drake.errors import nearest
 from simrob_drake.rapid.calls import Call, Location
-from simrob_drake.rapid.declarations import Datum, Routine, RoutineParameter
 from simrob_drake.rapid.expressions import Expressions
-from simrob_drake.rapid.syntax import Module, Node, RapidError
+from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Routine, RoutineParameter
 from simrob_drake.rapid.values import Value, WrongType
 
 _DEEPEST = 40  # routines that wait for each other

@@ -12,8 +12,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import built
 from simrob_drake.results.record.state import State
-from simrob_drake.simulink.stepping.elements import elements
-from simrob_drake.simulink.stepping.parameters import parameters_of, with_parameters
+from simrob_drake.simulink.stepping.parameters import elements, parameters_of, with_parameters
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solver_config import ContinuousSolver
 from simrob_drake.stations.station import StationLike, config_of
