@@ -26,8 +26,8 @@ from simrob_drake.programs.moves.move_l import MoveL
 from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.programs.plan import Plan
-from simrob_drake.rapid.calls import Call
 from simrob_drake.rapid.configuration import configuration, has_configuration, postures_like
+from simrob_drake.rapid.expressions import Call
 from simrob_drake.rapid.signals import Signals
 from simrob_drake.rapid.syntax import RapidError
 from simrob_drake.rapid.values import RecordValue, WrongType, transform_of

@@ -5,10 +5,10 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 from simrob_drake.errors import SimrobError, nearest
-from simrob_drake.rapid.calls import FUNCTIONS, Call, Location
 from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Remark, Routine, Scope, declared
 from simrob_drake.rapid.values import RecordValue, SignalName, Value, WrongType, shape
 
@@ -25,6 +25,76 @@ _OPERATORS: Mapping[str, Callable[[Any, Any], Any]] = {
     "mod": lambda one, other: one - other * float(int(one / other)),
 }
 _LOGIC: Mapping[str, Callable[[Any, Any], Any]] = {"and": operator.and_, "or": operator.or_, "xor": operator.xor}
+
+
+@dataclass(frozen=True)
+class Location:
+    """Where a value is kept that can be assigned to: data, a component or an element."""
+
+    kind: str
+    dimensions: int
+    get: Callable[[], Value]
+    set: Callable[[Value], None]
+
+
+@dataclass(frozen=True)
+class Call:
+    """A call with its arguments, those in order and the optional ones by name in lower case, switches as None."""
+
+    task: Expressions
+    name: str
+    node: Node
+    arguments: tuple[Node, ...]
+    options: dict[str, Node | None]
+
+    @property
+    def count(self) -> int:
+        """How many arguments are given in order."""
+        return len(self.arguments)
+
+    def argument(self, index: int) -> Node:
+        """Return an argument as it is written.
+
+        Raises:
+            WrongType: so many are not given.
+        """
+        if index >= len(self.arguments):
+            raise WrongType(f"{self.name} with {self.count} arguments, of which {index + 1} or more are needed,")
+        return self.arguments[index]
+
+    def value(self, index: int, kind: str = "") -> Any:
+        """Return an argument, as a value of a type if one is named."""
+        node = self.argument(index)
+        return self.task.typed(node, kind) if kind else self.task.value(node)
+
+    def has(self, *names: str) -> bool:
+        """Tell whether an option is given."""
+        return any(name in self.options for name in names)
+
+    def option(self, name: str, kind: str, otherwise: Any = None) -> Any:
+        """Return the value of an option, if it is given."""
+        node = self.options.get(name)
+        return otherwise if node is None else self.task.typed(node, kind)
+
+    def place(self, index: int) -> Location:
+        """Return the place that an argument names."""
+        return self.task.place(self.argument(index))
+
+    def signal(self, index: int = 0) -> str:
+        """Return the name of the signal that an argument is."""
+        return self.task.signal(self.argument(index)).name
+
+    def has_parameter(self, index: int) -> bool:
+        """Tell whether an argument names an optional parameter that was given."""
+        try:
+            self.place(index)
+        except WrongType:
+            return False
+        return True
+
+    def remark(self, text: str, *, lost: bool = True) -> None:
+        """Tell something about its line."""
+        self.task.remark(self.node, text, lost=lost)
 
 
 class Expressions:
@@ -45,10 +115,10 @@ class Expressions:
 
         Args:
             modules: of the program.
-            functions: those that depend on more than their arguments, by name in lower case.
+            functions: by name in lower case.
             signal: gives the value of a signal, or None if there is no such.
         """
-        self._functions, self._signal = {**FUNCTIONS, **functions}, signal
+        self._functions, self._signal = functions, signal
         found = declared(modules, self._datum)
         self.remarks: list[Remark] = []
         self.types, self._shared, self._faults = found.types, found.shared, found.faults

@@ -10,8 +10,8 @@ from pathlib import Path
 from simrob_drake.arguments import as_path
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.program import Program
-from simrob_drake.rapid.calls import FUNCTIONS
 from simrob_drake.rapid.controller import Controller
+from simrob_drake.rapid.functions import FUNCTIONS
 from simrob_drake.rapid.instructions import FUNCTIONS_OF_CONTROLLER, INSTRUCTIONS
 from simrob_drake.rapid.interpreter import Interpreter
 from simrob_drake.rapid.signals import Signals

@@ -17,9 +17,9 @@ from simrob_drake.programs.moves.move_c import MoveC
 from simrob_drake.programs.moves.move_j import MoveJ
 from simrob_drake.programs.moves.move_l import MoveL
 from simrob_drake.programs.timing import ACCELERATION
-from simrob_drake.rapid.calls import Call
 from simrob_drake.rapid.configuration import configuration, has_configuration
 from simrob_drake.rapid.controller import Controller, Motion
+from simrob_drake.rapid.expressions import Call
 from simrob_drake.rapid.values import (
     FREE_AXES,
     RecordValue,

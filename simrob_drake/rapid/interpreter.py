@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
 from simrob_drake.errors import nearest
-from simrob_drake.rapid.calls import Call, Location
-from simrob_drake.rapid.expressions import Expressions
+from simrob_drake.rapid.expressions import Call, Expressions, Location
+from simrob_drake.rapid.functions import FUNCTIONS
 from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Routine, RoutineParameter
 from simrob_drake.rapid.values import Value, WrongType
 
@@ -47,11 +47,11 @@ class Interpreter(Expressions):
         Args:
             modules: of the program.
             instructions: what each does, by name in lower case.
-            functions: as :class:`Expressions` takes them.
+            functions: those that depend on more than their arguments, by name in lower case.
             signal: likewise.
             cycles: how often a loop WHILE TRUE is done.
         """
-        super().__init__(modules, functions, signal)
+        super().__init__(modules, {**FUNCTIONS, **functions}, signal)
         self._instructions = {**instructions, "goto": self._goto, "exit": self._end, "exitcycle": self._end}
         self._cycles, self._depth, self._done = cycles, 0, 0
 
