@@ -134,7 +134,8 @@ class ExportedProgram:
         for number, (pose, posture, via, time) in enumerate(zip(rows, postures, arcs, times, strict=True), 1):
             yield TargetMove(
                 key=move.key, pose=RigidTransform(pose), posture=posture, via=via, wobj=wobj, tool=tool,
-                length=_length(before[:3, 3], via, pose[:3, 3]),
+                length=float(np.linalg.norm(pose[:3, 3] - before[:3, 3])) if via is None
+                else Arc.through(before[:3, 3], via, pose[:3, 3], "the arc").length,
                 speed=how["speed"] if cruises else None, time=float(time), turn=turned_by(before[:3, :3], pose[:3, :3]),
                 zone=zone if number < len(rows) else 0.0, acceleration=how.get("acceleration"),
             )  # fmt: skip
@@ -151,10 +152,6 @@ class ExportedProgram:
             self.remarks.append(tell("a zone with a duration: each target has its time"))
         if count > 1 and not zone and hasattr(move, "stop") and not move.stop:
             self.remarks.append(tell("passes its targets smoothly here, rests at each there; give it a zone"))
-
-
-def _length(begin: Vector, via: Vector | None, end: Vector) -> float:
-    return float(np.linalg.norm(end - begin)) if via is None else Arc.through(begin, via, end, "the arc").length
 
 
 _MOST_AXES = 6

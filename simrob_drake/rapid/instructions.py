@@ -99,10 +99,6 @@ def _axes(controller: Controller, target: RecordValue) -> list[float]:
     return [float(value) for value in np.where(model.user_units == 1.0, values / 1e3, np.deg2rad(values))]
 
 
-def _wait_time(controller: Controller, call: Call) -> None:
-    controller.wait(call.value(0, "num"))
-
-
 def _set_to(value: float) -> Instruction:
     return lambda controller, call: controller.put(call, call.signal(), value)
 
@@ -115,10 +111,6 @@ def _set(controller: Controller, call: Call) -> None:
 def _pulse(controller: Controller, call: Call) -> None:
     for value in (1.0, 0.0):
         controller.put(call, call.signal(), value)
-
-
-def _invert(controller: Controller, call: Call) -> None:
-    controller.put(call, call.signal(), 1.0 - controller.read(call, call.signal()))
 
 
 def _wait_signal(controller: Controller, call: Call) -> None:
@@ -303,12 +295,14 @@ INSTRUCTIONS: Mapping[str, Instruction] = {
     "movejdo": _move(MoveJ, signal=True),
     "moveldo": _move(MoveL, signal=True),
     "movecdo": _move(MoveC, signal=True),
-    "waittime": _wait_time,
+    "waittime": lambda controller, call: controller.wait(call.value(0, "num")),
     "set": _set_to(1.0),
     "reset": _set_to(0.0),
     **dict.fromkeys(("setdo", "setgo", "setao"), _set),
     "pulsedo": _pulse,
-    "invertdo": _invert,
+    "invertdo": lambda controller, call: controller.put(
+        call, call.signal(), 1.0 - controller.read(call, call.signal())
+    ),
     **dict.fromkeys(("waitdi", "waitdo", "waitgi", "waitai"), _wait_signal),
     "waituntil": _wait_condition,
     "raise": _raise,

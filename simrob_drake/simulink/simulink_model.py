@@ -116,15 +116,12 @@ def undefined_variables(model: SimulinkModel) -> InvalidModel | None:
     missing = model.findings.undefined
     if not missing:
         return None
-    listed = "; ".join(f"{name} ({places[0]}{_more(places)})" for name, places in list(missing.items())[:8])
+    others = {name: f" and {len(places) - 1} more" if len(places) > 1 else "" for name, places in missing.items()}
+    listed = "; ".join(f"{name} ({places[0]}{others[name]})" for name, places in list(missing.items())[:8])
     more = f", and {len(missing) - 8} more" if len(missing) > 8 else ""
     first = next(iter(missing)).partition(" ")[0]
     remedy = f"give them with --set {first}=VALUE or --variables FILE.mat, or take defaults with --assume"
     return InvalidModel(model.path, "", f"variables that only MATLAB knows: {listed}{more}; {remedy}")
-
-
-def _more(places: list[str]) -> str:
-    return f" and {len(places) - 1} more" if len(places) > 1 else ""
 
 
 def _gravity(expanded: Expanded) -> Vector | None:

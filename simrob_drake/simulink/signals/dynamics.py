@@ -152,10 +152,6 @@ def _each(node: Node, kind: str, parameters: Sequence[Parameters], values: Signa
     return signal(made).reshape(values.shape, order="F")
 
 
-def _derivative(reader: SignalReader, node: Node, _: int) -> Signal:
-    return mapped(lambda value: rate_of(node, value), reader.input(node))
-
-
 def _transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | None:
     sampled = _sampled(reader, node, "Discrete" in node.kind)
     several = any(len(node.matrix(name, "1")) > 1 for name in ("Numerator", "Denominator"))
@@ -332,7 +328,7 @@ def _pid_parameters(reader: SignalReader, node: Node, letters: str) -> Parameter
 DYNAMICS: dict[str, Rule] = {
     "Integrator": _integrator,
     "DiscreteIntegrator": _discrete_integrator,
-    "Derivative": _derivative,
+    "Derivative": lambda reader, node, _: mapped(lambda value: rate_of(node, value), reader.input(node)),
     **dict.fromkeys(
         ("TransferFcn", "ZeroPole", "DiscreteTransferFcn", "DiscreteZeroPole", "DiscreteFilter", "DiscreteFir",
          "Discrete Derivative"), _transfer_function,

@@ -300,19 +300,16 @@ def _matlab_function(reader: SignalReader, node: Node, number: int) -> Signal | 
     def translated() -> list[Signal]:
         functions = functions_of(code)
         (main, *_) = functions.values()
-        ports = {child.block.name: child for child in block.children.values() if child.kind == "Inport"}
+        inports = [child for child in block.children.values() if child.kind == "Inport"]
+        ports = {child.block.name: int(child.text("Port", "1") or "1") for child in inports}
         arguments = [
-            _columns(reader.input(node, _place(ports[name]))) if name in ports else block.workspace.lookup(name)
+            _columns(reader.input(node, ports[name])) if name in ports else block.workspace.lookup(name)
             for name in main.inputs
         ]
         return [_as_signal(value) for value in Translation({}, _unknown, functions).called(main, arguments)]
 
     outputs = _understood(block, lambda: reader.once(node, translated))
     return outputs[number - 2] if 0 <= number - 2 < len(outputs) else None
-
-
-def _place(port: Node) -> int:
-    return int(port.text("Port", "1") or "1")
 
 
 def _unknown(name: str) -> Any:

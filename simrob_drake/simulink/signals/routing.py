@@ -38,14 +38,6 @@ def _inport(_: SignalReader, node: Node, __: int) -> Signal:
     return signal(Form({Term("input", node, index): 1.0}) for index in range(max(1, min(size, MOST_ELEMENTS))))
 
 
-def _pass(reader: SignalReader, node: Node, _: int) -> Signal:
-    return reader.input(node)
-
-
-def _mux(reader: SignalReader, node: Node, _: int) -> Signal:
-    return signal(value for part in inputs_of(reader, node) for value in flat(part))
-
-
 def _concatenated(reader: SignalReader, node: Node, _: int) -> Signal:
     parts = inputs_of(reader, node)
     if node.text("Mode", "Vector") == "Vector" and all(part.ndim == 1 for part in parts):
@@ -177,10 +169,6 @@ def _stored(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return signal(float(value) for value in same["DataStoreMemory"][0].numbers("InitialValue", "0"))
 
 
-def _manual_switch(reader: SignalReader, node: Node, _: int) -> Signal:
-    return reader.input(node, 1 if node.text("sw", "1") == "1" else 2)
-
-
 def _multiport_switch(reader: SignalReader, node: Node, _: int) -> Signal | None:
     if node.text("DataPortOrder", "One-based contiguous") not in ("One-based contiguous", "Zero-based contiguous"):
         return None
@@ -204,16 +192,18 @@ PASSING = {
 """Blocks whose output is their input."""
 
 ROUTING: dict[str, Rule] = {
-    **dict.fromkeys(PASSING, _pass),
+    **dict.fromkeys((*PASSING, "BusAssignment"), lambda reader, node, _: reader.input(node)),
     **dict.fromkeys(("Inport", "InportShadow"), _inport),
-    **dict.fromkeys(("Mux", "BusCreator"), _mux),
+    **dict.fromkeys(
+        ("Mux", "BusCreator"),
+        lambda reader, node, _: signal(value for part in inputs_of(reader, node) for value in flat(part)),
+    ),
     "Concatenate": _concatenated,
     "Demux": _demux,
     "Selector": _selector,
     "Reshape": _reshape,
     "BusSelector": _bus_selector,
-    "BusAssignment": _pass,
-    "ManualSwitch": _manual_switch,
+    "ManualSwitch": lambda reader, node, _: reader.input(node, 1 if node.text("sw", "1") == "1" else 2),
     "MultiPortSwitch": _multiport_switch,
     "Bias": _bias,
     "DataStoreRead": _stored,
@@ -272,4 +262,4 @@ def _merge(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return merged
 
 
-CONDITIONAL: dict[str, Rule] = {"Merge": _merge}
+ROUTING["Merge"] = _merge

@@ -26,11 +26,11 @@ from simrob_drake.simulink.signals.forms import (
 )
 from simrob_drake.simulink.signals.frame_sensing import SENSOR, sensed
 from simrob_drake.simulink.signals.matlab import MATLAB
-from simrob_drake.simulink.signals.routing import CONDITIONAL, ROUTING, conditional
+from simrob_drake.simulink.signals.routing import ROUTING, conditional
 from simrob_drake.simulink.signals.sources import PHYSICAL, SOURCES, out_of_physics
 
 RULES: dict[str, Rule] = {
-    **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **MATLAB, **CONDITIONAL, **PHYSICAL,
+    **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **MATLAB, **PHYSICAL,
     "PS-Simulink Converter": out_of_physics,
 }  # fmt: skip
 """What each type of block gives."""

@@ -169,7 +169,8 @@ class SteppedStation:
                 self._begun = True
             status = self._simulator.AdvanceTo(time)
         except (RuntimeError, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
-            raise StepFailed(f"{self.config.name} diverged before {time:.6g} s: {_sentence(problem)}") from problem
+            sentence = " ".join(str(problem).split()).split(". ")[0][:200]
+            raise StepFailed(f"{self.config.name} diverged before {time:.6g} s: {sentence}") from problem
         if status.reason() == SimulatorStatus.ReturnReason.kReachedTerminationCondition:
             self.stopped = status.message()
 
@@ -200,10 +201,6 @@ class SteppedStation:
         self._values.clear()
         self._simulator.Initialize()
         self._begun = True
-
-
-def _sentence(problem: BaseException) -> str:
-    return " ".join(str(problem).split()).split(". ")[0][:200]
 
 
 def with_fixed_steps(config: StationConfig, step: float) -> StationConfig:

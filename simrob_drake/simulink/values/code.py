@@ -71,7 +71,7 @@ class CodeRun:
 
     def _statement(self, keyword: str, part: list[str]) -> None:
         if keyword == "if":
-            self._if(part)
+            self._choose(branches(part[:-1], ("if", "elseif", "else")))
         elif keyword == "switch":
             self._switch(part)
         elif keyword == "for":
@@ -135,9 +135,6 @@ class CodeRun:
         if places.size == 0 or places.min() < 0 or places.max() > 100_000:
             raise NotUnderstood(word)
         return places
-
-    def _if(self, part: list[str]) -> None:
-        self._choose(branches(part[:-1], ("if", "elseif", "else")))
 
     def _switch(self, part: list[str]) -> None:
         head, *ways = branches(part[:-1], ("switch", "case", "otherwise"))

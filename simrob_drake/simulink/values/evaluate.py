@@ -77,20 +77,12 @@ def _diag(value: Any) -> Vector:
     return np.diag(array.reshape(-1)) if 1 in array.shape else matrix(np.diag(array)).T
 
 
-def _linspace(start: Any, stop: Any, number: Any = 100) -> Vector:
-    return matrix(np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(number)))
-
-
 def _repmat(value: Any, *times: Any) -> Vector:
     rows, columns = _shape(times)
     array = matrix(value)
     if array.size * rows * columns > LARGEST:
         raise NotUnderstood(f"makes a matrix of more than {LARGEST} elements")
     return np.tile(array, (rows, columns))
-
-
-def _reshape(value: Any, *sizes: Any) -> Vector:
-    return matrix(value).reshape(_shape(sizes), order="F")
 
 
 def _size(value: Any, axis: Any = None) -> Vector:
@@ -165,9 +157,9 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "inv": lambda value: np.linalg.inv(matrix(value)),
     "trace": lambda value: np.trace(matrix(value)),
     "transpose": lambda value: matrix(value).T,
-    "linspace": _linspace,
+    "linspace": lambda start, stop, number=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(number)),
     "repmat": _repmat,
-    "reshape": _reshape,
+    "reshape": lambda value, *sizes: matrix(value).reshape(_shape(sizes), order="F"),
     "size": _size,
     "numel": lambda value: matrix(value).size,
     "length": lambda value: max(matrix(value).shape) if matrix(value).size else 0,
