@@ -19,10 +19,10 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import closure, terms_of
+from simrob_drake.simulink.signals.forms import Term, closure, terms_of
 from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
-from simrob_drake.simulink.writing.flow import FrameSensors, flows_of, frame_sensors
+from simrob_drake.simulink.writing.flow import Sum, flows_of, frame_sensors
 from simrob_drake.simulink.writing.references import JointMotions, coupling_sections, start_state
 from simrob_drake.simulink.writing.touching import ContactSections, StationFiles, feet_of, read_touching
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
@@ -151,9 +151,9 @@ class StationWriter:
         if self._touching.ends and not kinematic:
             sections = ContactSections(self._touching, self._files, self._model, self._gravity, self._names)
             content |= {"contact": sections.contact(), **sections.sensors()}
-        seen = frame_sensors(model, self._files, self._turn, self._names)
-        if seen.sections:
-            content["sensors"] = {**content.get("sensors", {}), **seen.sections}
+        seen, measured = frame_sensors(model, self._files, self._turn, self._names)
+        if seen:
+            content["sensors"] = {**content.get("sensors", {}), **seen}
         content["gravity"] = self._gravity
         if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
             content["inputs"] = self._pushes()
@@ -162,7 +162,7 @@ class StationWriter:
                 "dropped", push.node.path, "a force, in a station without forces: what moves is prescribed"
             )
         content |= coupling_sections(model, self._files, self._turn, self._names, kinematic=kinematic)
-        content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}), seen)
+        content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}), measured)
         content["duration"] = duration
         return content
 
@@ -174,9 +174,9 @@ class StationWriter:
         pulls = any(node.is_on(f"EnableForce{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
         return [*(["external_force"] if pulls or not turns else []), *(["external_torque"] if turns else [])]
 
-    def _dynamics(self, robots: dict[str, Any], sensors: dict[str, Any], seen: FrameSensors) -> dict[str, Any]:
+    def _dynamics(self, robots: dict[str, Any], sensors: dict[str, Any], measured: dict[Term, Sum]) -> dict[str, Any]:
         """Return what only a station of torques has: its solver, laws that are no servos, and speeds at the start."""
-        flows, _ = flows_of(self._model, self._files, sensors, seen.measured, self._turn)
+        flows = flows_of(self._model, self._files, sensors, measured, self._turn)
         content: dict[str, Any] = {"controllers": flows} if flows else {}
         content["solver"] = self._solver(robots)
         moved = any(map(_is_moved, self._files.robots.values()))
