@@ -156,7 +156,6 @@ def _source_root(source: Path) -> Path:
 
 
 def _check_apart(source: Path, folder: Path) -> None:
-    """Check that nothing is written into the source."""
     root, target = _source_root(source), folder.resolve()
     if target.is_relative_to(root) or root.is_relative_to(target):
         example = root.parent / f"{source.stem}_imported"
@@ -164,7 +163,6 @@ def _check_apart(source: Path, folder: Path) -> None:
 
 
 def _description(described: RobotModel | None, file: Path, base: Base, notes: Notes, report: ImportReport) -> str:
-    """Return the ``robot.yaml``: the source's own, or a draft."""
     if described is None:
         return draft(load_robot_from_urdf(file).model_copy(update={"base": base}), notes, report)
     if described.base == base:
@@ -248,7 +246,6 @@ def import_summary(robot: RobotModel) -> str:
 
 
 def _summary(folder: Path) -> str:
-    """Return the summary of an import's report; empty without one that is whole."""
     try:
         return str(parse_json(text_of(folder / REPORT_FILE, LARGEST_URDF), folder)["summary"])
     except (NotRead, InvalidConfig, LookupError, TypeError):
@@ -350,5 +347,4 @@ def _load(robot: RobotModel) -> _Load:
 
 
 def _rounded(values: Vector) -> Vector:
-    """Return two significant digits of positive numbers."""
     return np.array([float(f"{value:.2g}") for value in values])

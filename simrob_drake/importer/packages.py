@@ -211,7 +211,6 @@ class Border:
     _packages: dict[str, Path | None] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
-        """Know the folders in which all is looked for."""
         self.root = package_root(self.source)
         self.mesh_path = tuple(dict.fromkeys(resolved(folder) for folder in (*self.mesh_path, *granted())))
 

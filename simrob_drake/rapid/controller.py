@@ -248,7 +248,6 @@ class Controller:
         return move, move.plan(self.arm)
 
     def _turn(self, group: Group) -> float:
-        """Return how far the tool turns on its way [rad]."""
         rows = group.poses or [self.arm.chain.forward(posture)[0] for posture in group.postures]
         turns = [self.arm.pose[:3, :3], *(pose[:3, :3] for pose in rows)]
         return float(sum(turned_by(one, other) for one, other in pairwise(turns)))
@@ -331,7 +330,6 @@ def _numbers(pose: RigidTransform) -> tuple[float, ...]:
 
 
 def _in_time(keys: dict[str, Any], duration: float) -> dict[str, Any]:
-    """Return the keys of a move that takes a time [s]."""
     kept = {key: value for key, value in keys.items() if key not in ("speed", "acceleration", "duration")}
     kept.pop("stop", None)
     return {**kept, "duration": max(duration, keys.get("duration", 0.0) * _SLOWER), "profile": "s_curve"}

@@ -175,7 +175,6 @@ class _Names:
     counts: dict[str, int] = field(default_factory=dict)
 
     def of(self, kind: str, stem: str, value: str, how: str = "CONST") -> str:
-        """Return the name of data with a value."""
         key = f"{kind} {value}"
         if key not in self.declared:
             self.counts[stem] = self.counts.get(stem, 0) + 1
@@ -253,7 +252,6 @@ def _move(leg: TargetMove, steps: ExportedProgram, names: _Names) -> str:
 
 
 def _speed(leg: TargetMove) -> str:
-    """Return the speed of a move, and its time where that counts."""
     if leg.speed is None:
         return rf"v100\T:={number_text(leg.time)}"
     speed, turning = 1e3 * leg.speed, np.rad2deg(leg.turn) / leg.time

@@ -177,7 +177,6 @@ class Expressions:
         return Location(base.kind, base.dimensions - 1, lambda: rows[row], lambda value: rows.__setitem__(row, value))
 
     def _datum(self, scope: Scope, declaration: tuple[Node, Node]) -> tuple[str, Datum]:
-        """Return the name and the data of an item of a declaration."""
         node, (name, sizes, first) = declaration[0], declaration[1].children
         kind, constant = str(node.children[2]).lower(), node.children[1].lower() == "const"
 
@@ -321,12 +320,10 @@ class Expressions:
         return Call(self, str(name), node, tuple(part for part in parts if part.data != "option"), options)
 
     def _called(self, routine: Routine, call: Call) -> Any:
-        """Do a routine as it is called, and return what it gives."""
         raise NotImplementedError
 
     @contextmanager
     def _in(self, scope: Scope, names: dict[str, Datum]) -> Iterator[None]:
-        """Go to another scope for a while."""
         before = self._scope, self._locals
         self._scope, self._locals = scope, names
         try:
@@ -336,7 +333,6 @@ class Expressions:
 
     @contextmanager
     def _naming_line(self, node: Node) -> Iterator[None]:
-        """Put the file and the line before what goes wrong in a statement."""
         try:
             yield
         except RapidError:

@@ -65,7 +65,6 @@ def _move(kind: type[ArmMotion], *, signal: bool = False) -> Instruction:
 
 
 def _go(controller: Controller, call: Call, motion: Motion, target: RecordValue, near: float) -> None:
-    """Take up a move to a robtarget."""
     here = transform_of(target)
     frame = controller.cell.frame(motion.wobj)
     more: dict[str, Any] = {"pose": (frame @ here).GetAsMatrix4()}
@@ -90,7 +89,6 @@ def _motion(
 
 
 def _axes(controller: Controller, target: RecordValue) -> list[float]:
-    """Return the posture of a jointtarget [rad or m]."""
     model = controller.cell.robot(controller.robot).model
     count = len(model.axes)
     if count > _SIX:
@@ -256,8 +254,6 @@ def _read(controller: Controller, call: Call) -> Value:
 
 
 def _told(text: str, *, unless: str = "") -> Instruction:
-    """Return what leaves a remark: something that a controller would do; nothing with the option ``unless``."""
-
     def tell(controller: Controller, call: Call) -> None:
         if not (unless and call.has(unless)):
             call.remark(f"{call.name} has no effect: {text}", lost=False)

@@ -230,7 +230,5 @@ class Interpreter(Expressions):
 
 
 class _Parts:
-    """The parts of a declaration inside a routine."""
-
     def __init__(self, parts: tuple[Node, ...]) -> None:
         self.children, self.line = parts, parts[2].line

@@ -28,7 +28,6 @@ class RapidError(SimrobError):
     """A module that cannot be understood or done; the message names the file and the line."""
 
     def __init__(self, where: str, problem: str) -> None:
-        """Say where and what."""
         super().__init__(f"{where}: {problem}")
 
 

@@ -111,7 +111,6 @@ def _of_parquet(file: Path) -> dict[str, Vector]:
 
 
 def _of_columns(columns: dict[str, Vector]) -> dict[str, LoggedSignal]:
-    """Return the signals of a table; none where no column is the times."""
     clock = next((name for name in columns if name.lower() in TIMES), None)
     if clock is None:
         return {}
@@ -173,7 +172,6 @@ def _in_matrix(name: str, value: Vector, clock: Vector | None) -> Iterator[tuple
 
 
 def _vector(value: Any) -> Vector | None:
-    """Return the numbers of a vector of two or more."""
     plain = isinstance(value, np.ndarray) and value.dtype.kind in "fiu" and value.size > 1
     return value.astype(float).reshape(-1) if plain and value.size == max(value.shape) else None
 
@@ -243,7 +241,6 @@ def _difference(name: str, logged: LoggedSignal, result: SimulationResult) -> Si
 
 
 def _in_si(name: str, logged: LoggedSignal, unit: str) -> Vector:
-    """Return the values of a logged signal in the unit that it has here."""
     if not np.all(np.isfinite(logged.values)):
         at = logged.times[~np.isfinite(logged.values)][0]
         raise InvalidParameter("--with", f"{name} without a number at {at:g} s", "finite numbers")

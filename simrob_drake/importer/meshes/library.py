@@ -206,7 +206,6 @@ def may_stay(data: bytes) -> bool:
 
 
 def _relabelled(data: bytes, library: str) -> bytes:
-    """Return an OBJ file that names its material library by our name, or none."""
     data = re.sub(rb"^[ \t]*mtllib\b.*$", f"mtllib {library}".encode(), data, flags=re.MULTILINE) if library else data
     if library:
         return re.sub(rb"^[ \t]*usemtl\b.*$", f"usemtl {_MATERIAL}".encode(), data, flags=re.MULTILINE)

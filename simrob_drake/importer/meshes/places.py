@@ -47,7 +47,6 @@ class MeshPlaces:
     _found: dict[str, Place] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
-        """Know the folders that every name is looked for in."""
         self.border = Border(self.source, self.mesh_path)
 
     def find(self, uri: str) -> Place:
@@ -143,7 +142,6 @@ def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> li
 
 
 def _named(uri: str) -> _Name:
-    """Take a name apart."""
     text = re.sub(r"^\$\(find ([\w.-]+)\)/*", r"package://\1/", uri.strip().replace("\\", "/"))
     scheme, found, rest = text.partition("://")
     scheme = scheme.lower()

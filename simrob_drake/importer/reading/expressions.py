@@ -115,7 +115,6 @@ class _Scope:
     own: Mapping[str, Any] = field(default_factory=dict)
 
     def value(self, node: ast.expr) -> Any:
-        """Return the value of a part of the expression."""
         if type(node) not in _RULES:
             raise NotAllowed(f"{type(node).__name__} is not allowed in an expression")
         return _RULES[type(node)](self, node)
@@ -253,7 +252,6 @@ def _under(owner: Any, key: str) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value of a kind that expressions may hold."""
     if not isinstance(value, (*_PLAIN, Function)):
         raise NotAllowed(f"a value of the kind {type(value).__name__} is not allowed in an expression")
     return value

@@ -134,14 +134,12 @@ class _Files:
         return self.texts[name]
 
     def _listed(self, pattern: str) -> list[str]:
-        """Return the files of one folder that a pattern names."""
         folder, name = os.path.split(pattern)
         names = fnmatch.filter(sorted_entries(self.border.readable(Path(folder))), name)
         return [os.path.join(folder, name) for name in names[:_MOST_LISTED]]
 
 
 def _arguments(options: ImportOptions, report: ImportReport) -> dict[str, str]:
-    """Return the values of a xacro's arguments by their names."""
     values = {}
     for text in options.xacro_arg:
         name, means, value = text.partition(":=")
@@ -237,7 +235,6 @@ def _without_comments(text: str) -> str:
 
 
 def _tags(text: str) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield the name and the attributes of each tag of xacro."""
     for tag in _TAG.finditer(text):
         yield tag[1], {name: html.unescape(one or other) for name, one, other in _ATTRIBUTE.findall(tag[2])}
 

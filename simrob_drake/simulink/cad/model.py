@@ -140,7 +140,6 @@ class _Writer:
                     self._transform(f"{instance.name} place", self._port(first), pose, self._port(instance))
 
     def _joint(self, tie: Tie, kind: str, base: RigidTransform, follower: RigidTransform) -> None:
-        """Add a joint between frames, given in the root assembly."""
         ends = []
         for end, frame, side in ((tie.base, base, "base"), (tie.follower, follower, "follower")):
             first = self._first.get(self._body(end.instance))
@@ -153,7 +152,6 @@ class _Writer:
             self._transform(f"{tie.name} {name}", self._port(first), pose, Port(sid, side, 1))
 
     def _targets(self, tie: Tie, kind: str, pose: RigidTransform) -> dict[str, str]:
-        """Return where a joint stands in the assembly, as its targets."""
         places = ("Px", "Py", "Pz", "Rx", "Ry", "Rz")
         values = dict(zip(places, (*pose.translation(), *xyz_angles(pose.rotation())), strict=True))
         primitives = PRIMITIVES[kind]

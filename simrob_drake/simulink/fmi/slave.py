@@ -34,7 +34,6 @@ class StepResult(NamedTuple):
     terminateSimulation: bool = False  # noqa: N815  # as FMI 3.0 calls it
 
     def __bool__(self) -> bool:
-        """Tell whether the step was taken."""
         return self.status == _OK
 
 

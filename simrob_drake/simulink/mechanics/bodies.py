@@ -136,7 +136,6 @@ class _Frames:
         self.attached: list[tuple[Node, Place]] = []
 
     def take(self, node: Node) -> None:
-        """Note what a block is."""
         if node.kind == "Rigid Transform":
             self._join(*self._ends(node), rigid_transform(node), node)
         elif node.kind == "Weld Joint":
@@ -274,7 +273,6 @@ def read_contacts(network: Connections) -> list[ContactPair]:
 
 
 def _geometry_ports(node: Node) -> Iterator[tuple[str, int]]:
-    """Return the ports that hand out a shape."""
     if node.kind in ("Infinite Plane", "Disk", CLOUD):
         yield "rconn", 1
     elif node.kind in SOLIDS:

@@ -40,7 +40,6 @@ def _unit(node: Node, vector: Vector, what: str) -> Vector:
 
 
 def _toward(direction: Vector, target: Vector) -> Vector:
-    """Return a direction or its opposite, whichever leads to a target."""
     return direction if direction @ target >= 0 else -direction
 
 

@@ -300,7 +300,6 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
 
 
 def _ask(node: Node, prefix: str, freedom: Freedom, quantity: str, value: float) -> None:
-    """Note a target of position or velocity, and how much it counts."""
     counts = _COUNTS.get(node.text(f"{prefix}{quantity}TargetPriority"), _COUNTS["High"])
     if quantity == "Position":
         freedom.start, freedom.start_counts = value, counts

@@ -59,7 +59,6 @@ def close(tree: Tree) -> None:
 
 
 def _cut(tree: Tree, link: Link) -> list[Closing]:
-    """Return what holds a loop together where a joint closes it."""
     node = link.joint.node
     if cuttable(link):
         node.note("read", "closes a loop: a coupling in its place")

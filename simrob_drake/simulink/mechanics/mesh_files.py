@@ -29,7 +29,6 @@ class MeshFiles:
     """Finds meshes below given folders only."""
 
     def __init__(self, folders: Iterable[Path]) -> None:
-        """Take the folders: the model's own and those of ``--mesh-path``."""
         self._folders = [folder.resolve() for folder in folders]
 
     def of(self, node: Node) -> tuple[Path | None, float]:

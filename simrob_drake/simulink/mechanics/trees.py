@@ -189,7 +189,6 @@ def _free_roots(bodies: Bodies, seen: set[RigidPart]) -> list[RigidPart]:
 
 
 def _free_tree(body: RigidPart, bodies: Bodies) -> Tree:
-    """Return the tree of a free root, where it begins."""
     for link in bodies.links:
         if link.joint.floating and link.follower is body:
             joint = link.in_base @ link.joint.start
@@ -209,7 +208,6 @@ def _seen_from_its_middle(body: RigidPart, first: RigidTransform) -> Tree:
 
 
 def _find_loops(bodies: Bodies, trees: list[Tree]) -> None:
-    """Give each tree the joints that are left over between its bodies."""
     used = {branch.link for tree in trees for branch in tree.branches}
     for link in bodies.links:
         if link in used or link.joint.floating:

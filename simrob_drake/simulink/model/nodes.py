@@ -266,7 +266,6 @@ def path_below(parent: Node, block: SimulinkBlock) -> str:
 
 
 def _own(block: SimulinkBlock) -> dict[str, str]:
-    """Return what a link sets itself, on top of its library block."""
     hidden = "SourceBlock", "SourceType", "LibraryVersion"
     return {name: value for name, value in block.parameters.items() if name not in hidden}
 
@@ -280,7 +279,6 @@ def _masked(name: str, mask: Mask, values: dict[str, str], outer: Variables) -> 
 
 
 def _reader(parameter: MaskParameter, text: str, outer: Variables) -> Callable[[], Any]:
-    """Return how a mask parameter's value is found."""
     if parameter.kind == "checkbox":
         return lambda: outer.value("1" if text == "on" else "0")
     if parameter.kind == "popup":

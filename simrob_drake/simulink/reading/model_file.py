@@ -150,7 +150,6 @@ def read_model(path: Path) -> Model:
 
 
 def _add_scripts(package: Package, system: System) -> None:
-    """Give the MATLAB Functions of a model their code, as a parameter."""
     for name in package.parts:
         for chart in _element(package, name).iter("chart") if name.startswith("simulink/stateflow") else ():
             parts = (parameter for parameter in chart.iter("P") if parameter.get("Name") == "script")
@@ -204,7 +203,6 @@ class Libraries:
     """
 
     def __init__(self, folders: Iterable[Path]) -> None:
-        """Take the folders; those right below them count, too."""
         self._folders = list(folders)
         self._models: dict[str, Model | None] = {}
         self.missing: set[str] = set()

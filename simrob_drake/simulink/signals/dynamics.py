@@ -113,7 +113,6 @@ def _integrator(reader: SignalReader, node: Node, _: int) -> Signal:
 
 
 def _limits(node: Node) -> Parameters:
-    """Return the finite limits of an output that may have them."""
     if not node.is_on("LimitOutput"):
         return {}
     sides = {"lower": ("LowerSaturationLimit", "-inf"), "upper": ("UpperSaturationLimit", "inf")}

@@ -154,7 +154,6 @@ def _servo(value: Value, freedom: Freedom) -> Law | None:
 
 
 def _take(law: Law, terms: dict[Term, float], freedom: Freedom) -> bool:
-    """Fill a servo in, and tell whether that is all there is to it."""
     terms = _without_pid(law, terms)
     q, w = Term("q", freedom), Term("w", freedom)
     law.kp, law.kd = -terms.pop(q, 0.0), law.kd - terms.pop(w, 0.0)
@@ -266,7 +265,6 @@ def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
 
 
 def _sensed(node: Node, part: int) -> Form:
-    """Return a part of what a frame sensor of a block measures."""
     return Form({Term("sensed", node, part): 1.0})
 
 

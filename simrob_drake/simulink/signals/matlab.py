@@ -39,7 +39,6 @@ class Translation(CodeRun):
     def __init__(
         self, variables: dict[str, Any], lookup: Callable[[str], Any], functions: Mapping[str, ScriptFunction]
     ) -> None:
-        """Take the variables that are there, where others are found, and the functions of the same script."""
         super().__init__(variables, lookup)
         self._functions, self._guards, self.depth = functions, list[Value](), 0
         own = {name: partial(self._first_of, function) for name, function in functions.items()}
@@ -270,7 +269,6 @@ def _merged(condition: Value, yes: Any, no: Any) -> Any:
 
 
 def _split(text: str) -> list[str]:
-    """Split arguments at their commas, and not at those within brackets."""
     parts, depth = [""], 0
     for letter in text:
         depth += (letter in "([{") - (letter in ")]}")

@@ -115,7 +115,6 @@ def _reshape(reader: SignalReader, node: Node, _: int) -> Signal:
 
 
 def _bus_selector(reader: SignalReader, node: Node, number: int) -> Signal | None:
-    """Return the signals that a selector takes by name out of a bus, the ``number``-th or all of them."""
     names = [name.strip() for name in node.text("OutputSignals").split(",")]
     sources = [
         _selected(reader, node, name) for name in (names if node.is_on("OutputAsBus") else names[number - 1 : number])

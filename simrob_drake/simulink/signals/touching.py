@@ -59,7 +59,6 @@ def _wrench(node: Node, surface: ContactParameters, radius: float) -> tuple[list
 
 
 def _friction(surface: ContactParameters) -> dict[str, object]:
-    """Return the coefficient of friction as a table over speed."""
     part = np.linspace(0.0, 1.0, 11)
     smooth = part * part * (3.0 - 2.0 * part)
     speeds = surface.speed * np.concatenate([part, 1.0 + 0.5 * part[1:]])

@@ -48,7 +48,6 @@ class Tracer:
     """
 
     def __init__(self, network: Connections, joints: list[Joint], contacts: list[ContactPair]) -> None:
-        """Note which physical signals come from where."""
         self.network = network
         self.fixed_step: float | None = None
         self.opened: dict[Node, str] = {}
@@ -174,7 +173,6 @@ class Tracer:
         return self._open(node, number, why) if found is None else found
 
     def _open(self, node: Node, number: int, why: str = "") -> Signal:
-        """Leave an output open: a block that is not understood, or parameters that cannot be."""
         if node not in self.opened:
             self.opened[node] = why
         return _one(Term("open", node, (number - 1) * MOST_ELEMENTS))

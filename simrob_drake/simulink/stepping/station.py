@@ -64,7 +64,6 @@ class SteppedStation:
         return with_parameters(self.config, {self.parameters[name]: value for name, value in parameters.items()})
 
     def _build(self, config: StationConfig) -> None:
-        """Build the station at its start, and hold the inputs that are given."""
         builder = DiagramBuilder()
         ports = add_station(builder, config)
         for name, port in ports.inputs.items():
@@ -95,7 +94,6 @@ class SteppedStation:
             self._hold(name, value)
 
     def _ready(self) -> None:
-        """Build the station anew if parameters were set since."""
         if self._stale:
             self._build(self._with(self._changed))
 

@@ -32,7 +32,6 @@ class CodeRun:
     """
 
     def __init__(self, variables: dict[str, Any], lookup: Callable[[str], Any]) -> None:
-        """Take the variables that are there, changed in place, and where others are found."""
         self.variables = variables
         self.unknown: set[str] = set()
         self._outside = lookup
@@ -56,7 +55,6 @@ class CodeRun:
             place = self._next(lines, place)
 
     def _next(self, lines: list[str], place: int) -> int:
-        """Run the statement or section that begins at a line, and return the line behind it."""
         self._steps += 1
         if self._steps > MOST_STEPS:
             raise NotUnderstood(f"runs for more than {MOST_STEPS} statements")
@@ -171,7 +169,6 @@ class CodeRun:
             self._block(part[1:-1])
 
     def _pass_over(self, part: list[str], _: Exception) -> None:
-        """Go on behind a statement outside the subset."""
         for match in filter(None, map(_TARGETS.match, part)):
             names = {name for name in _NAME.findall(match[1]) if not _KEYWORD.fullmatch(name)}
             self.unknown |= names

@@ -343,7 +343,6 @@ class _Evaluation:
 
 
 def _written(node: Expression) -> str:
-    """Return a name with its fields as it is written."""
     if node.kind == "field":
         return f"{_written(node.parts[0])}.{node.parts[1]}"
     return str(node.parts[0]) if node.kind == "name" else "(…)"

@@ -98,8 +98,6 @@ def parse(text: str) -> Expression:
 
 
 class _Parser:
-    """Walks over tokens, tightest operators innermost."""
-
     def __init__(self, tokens: list[_Token]) -> None:
         self._tokens, self._place, self._depth = tokens, 0, 0
 

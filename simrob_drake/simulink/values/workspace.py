@@ -59,7 +59,6 @@ class _Scan:
         self._order, self._room, self._elements = order, LARGEST, _MOST_ELEMENTS
 
     def check(self, data: memoryview) -> None:
-        """Check all variables of a file, packed or not."""
         for kind, content in self._elements_of(data):
             packed = self._elements_of(memoryview(self._inflated(content))) if kind == _COMPRESSED else ()
             for inner, variable in packed or ((kind, content),):
@@ -188,7 +187,6 @@ def find_octave() -> Octave:
 
 
 def _names_needed(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
-    """Return the variables that are known of those that code names."""
     known = {}
     for name in dict.fromkeys(_NAME.findall(code)):
         try:
@@ -273,7 +271,6 @@ class Variables:
         return self.octave or (self.outer._octave() if self.outer is not None else None)
 
     def _lookup_before(self, name: str) -> Any:
-        """Look a variable up that its own code does not set."""
         if name in self.unknown:
             raise UndefinedVariable(name)
         return self.lookup(name)

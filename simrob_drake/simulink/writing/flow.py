@@ -111,7 +111,6 @@ class FlowWriter:
             self.shown.append(name)
 
     def _block(self, block: Primitive) -> list[str]:
-        """Return the names of a block's outputs, by element."""
         if block not in self._known:
             name = self._give(block)
             outputs = [f"{name}.{index}" for index in range(block.size)] if block.size > 1 else [name]
@@ -162,7 +161,6 @@ def _problem(name: str, block: dict[str, Any]) -> str | None:
 
 
 def _measured(model: SimulinkModel, files: StationFiles, sensors: Collection[str]) -> dict[Term, Sum]:
-    """Return joints, inputs and distances as signals of the station."""
     several = len(files.robots) > 1
     found: dict[Term, Sum] = {}
     for name, robot in files.robots.items():
@@ -244,7 +242,6 @@ def _force(writer: FlowWriter, push: ExternalForce, files: StationFiles, turn: R
 
 
 def _take_inputs(writer: FlowWriter, model: SimulinkModel) -> None:
-    """Add what open blocks take, and what is open on the way there."""
     done: set[Node] = set()
     while waiting := [node for node in writer.opened if node not in done]:
         for node in waiting:
@@ -291,7 +288,6 @@ def _ends(node: Node, ends: tuple[Node, Node] | None, network: Connections) -> l
 def _sensor(
     node: Node, places: list[Place], model: SimulinkModel, files: StationFiles, turn: RigidTransform
 ) -> dict[str, Any] | None:
-    """Return the section of a sensor; None, and a note, where one of its ends is on nothing of the station."""
     poses = []
     for place, end in zip(places, ("follower", "base"), strict=False):
         body = model.bodies.by_place[place]
@@ -310,7 +306,6 @@ def _sensor(
 
 
 def _part(name: str, index: int, rotation: Vector) -> dict[str, float]:
-    """Return one part of a sensor as the model's own axes tell it."""
     first = next((first for first in _VECTORS if first <= index < first + 3), None)
     if first is None:
         return {f"frame.{name}.{PARTS[index]}": 1.0}

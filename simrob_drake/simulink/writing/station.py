@@ -111,7 +111,6 @@ class StationWriter:
         return pieces
 
     def _piece(self, pieces: dict[str, Any], path: str, solids: list[SolidBody], entry: dict[str, Any]) -> str:
-        """Write a piece, and return its name; empty where there is nothing to it."""
         name = self._names.give(path)
         fixed = "free" not in entry
         if not fixed and sum(solid.weight.mass for solid in solids) <= 0:
@@ -319,7 +318,6 @@ def _home(tree: Tree) -> str:
 
 
 def _is_moved(robot: RobotFile) -> bool:
-    """Tell whether a motion is the input of one of its joints."""
     return any(freedom.driven == "motion" for freedom in robot.axes)
 
 
@@ -337,7 +335,6 @@ def _together(trees: list[Tree]) -> list[Tree]:
 
 
 def _robot_sections(robots: dict[str, Any]) -> dict[str, Any]:
-    """Return the robots as a station's file has them; one robot's servo and reference stand on top."""
     if len(robots) != 1:
         return {"robots": robots} if robots else {}
     (robot,) = robots.values()
@@ -358,7 +355,6 @@ def _servo(robot: RobotFile, laws: dict[Freedom, Law]) -> dict[str, Any]:
 
 
 def _stops(robot: RobotFile) -> dict[str, Any]:
-    """Return the stops of a robot's joints, if they are not a station's own."""
     found = {axis: freedom.stop for freedom, axis in robot.axes.items() if freedom.stop}
     usual = tuple(JointStops().model_dump().values())
     if all(np.allclose(stop, usual, rtol=1e-3) for stop in found.values()):
@@ -371,7 +367,6 @@ def _stops(robot: RobotFile) -> dict[str, Any]:
 
 
 def _at_once(values: dict[str, float]) -> dict[str, float] | float:
-    """Return one number where all axes have the same."""
     return next(iter(values.values())) if len(set(values.values())) == 1 else values
 
 

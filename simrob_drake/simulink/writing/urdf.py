@@ -31,7 +31,6 @@ class UniqueNames:
     """Gives names, and never the same twice."""
 
     def __init__(self, taken: tuple[str, ...] = ()) -> None:
-        """Take names that are not to be given."""
         self._taken = set(taken)
 
     def give(self, path: str) -> str:
@@ -86,7 +85,6 @@ class UrdfWriter:
     """Writes what is seen and weighed of one robot or piece, meshes into a folder of its own."""
 
     def __init__(self, folder: Path, report: ImportReport, names: UniqueNames) -> None:
-        """Take where to write; names of joints and links are given once in a model."""
         folder.mkdir(exist_ok=True)
         self._folder, self._report, self._names = folder, report, names
         self._meshes = UniqueNames()
@@ -270,7 +268,6 @@ def _weight_keys(weight: Weight, inertia: Vector) -> dict[str, Any]:
 
 
 def _shape(solid: SolidBody, collides: bool, writer: UrdfWriter) -> dict[str, Any] | None:
-    """Return a solid as a shape of a `piece.yaml`; None where nothing is seen of it and it does not touch."""
     if not solid.visible and not collides:
         return None
     entry: dict[str, Any] = {}
