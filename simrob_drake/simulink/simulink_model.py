@@ -21,8 +21,14 @@ from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Expanded, Findings, Node, expand
 from simrob_drake.simulink.reading.model_file import Libraries, read_model
 from simrob_drake.simulink.signals.forms import Value, flat, terms_of
-from simrob_drake.simulink.signals.laws import ExternalForce, Law, begin_on_motions, read_laws, read_pushes
-from simrob_drake.simulink.signals.touching import forces_of_contacts
+from simrob_drake.simulink.signals.laws import (
+    ExternalForce,
+    Law,
+    begin_on_motions,
+    forces_of_contacts,
+    read_laws,
+    read_pushes,
+)
 from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.values.workspace import find_octave
 
