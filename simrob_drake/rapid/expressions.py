@@ -177,11 +177,11 @@ class Expressions:
         return Location(base.kind, base.dimensions - 1, lambda: rows[row], lambda value: rows.__setitem__(row, value))
 
     def _datum(self, scope: Scope, declaration: tuple[Node, Node]) -> tuple[str, Datum]:
-        node, (name, sizes, first) = declaration[0], declaration[1].children
-        kind, constant = str(node.children[2]).lower(), node.children[1].lower() == "const"
+        parts, (name, sizes, first) = declaration[0], declaration[1].children
+        kind, constant = str(parts[2]).lower(), parts[1].lower() == "const"
 
         def value() -> Value:
-            with self._in(scope, self._locals if scope is self._scope else {}), self._naming_line(node):
+            with self._in(scope, self._locals if scope is self._scope else {}), self._naming_line(parts[2]):
                 counts = [int(self.typed(size, "num")) for size in sizes.children] if sizes else []
                 if first is None:
                     return self.types.default(kind, counts)
@@ -204,6 +204,8 @@ class Expressions:
         """Return what an expression is."""
         if node.data in ("component_of", "element"):
             return self.place(node).get()
+        if node.data in _VALUES:
+            return _VALUES[node.data](self, *node.children)
         result: Value = getattr(self, f"_value_{node.data}")(*node.children)
         return result
 
@@ -232,26 +234,6 @@ class Expressions:
         if found is not None or level is None:
             raise WrongType(f"there is no data '{name}'{self._hint(name)}")
         return level
-
-    def _value_number(self, text: str) -> Value:
-        based = text[:2].lower() in ("0x", "0b")
-        return float(int(text, 0)) if based else float(text)
-
-    def _value_string(self, text: str) -> Value:
-        return text[1:-1].replace('""', '"')
-
-    def _value_aggregate(self, *parts: Node) -> Value:
-        return [self.value(part) for part in parts if part is not None]
-
-    def _value_signed(self, sign: str, node: Node) -> Value:
-        value = self.value(node)
-        return value if sign == "+" else self._applied("*", -1.0, value)
-
-    def _value_negation(self, node: Node) -> Value:
-        return not self.typed(node, "bool")
-
-    def _value_and_not(self, one: Node, _: str, other: Node) -> Value:
-        return bool(self.typed(one, "bool") and not self.typed(other, "bool"))
 
     def _value_binary(self, one: Node, sign: str, other: Node) -> Value:
         key = sign.lower()
@@ -345,6 +327,17 @@ class Expressions:
             raise RapidError(self.where(node), "division by zero") from problem
         except (ArithmeticError, ValueError, TypeError, LookupError) as problem:
             raise RapidError(self.where(node), f"cannot be worked out: {problem}") from problem
+
+
+_VALUES: Mapping[str, Callable[..., Value]] = {
+    "number": lambda task, text: float(int(text, 0)) if text[:2].lower() in ("0x", "0b") else float(text),
+    "string": lambda task, text: text[1:-1].replace('""', '"'),
+    "aggregate": lambda task, *parts: [task.value(part) for part in parts if part is not None],
+    "signed": lambda task, sign, node: task.value(node) if sign == "+" else task._applied("*", -1.0, task.value(node)),
+    "negation": lambda task, node: not task.typed(node, "bool"),
+    "and_not": lambda task, one, _, other: bool(task.typed(one, "bool") and not task.typed(other, "bool")),
+}
+"""What simple expressions are, by their names in the grammar."""
 
 
 def _three(value: Value) -> list[Any]:

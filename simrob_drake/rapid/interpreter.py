@@ -93,7 +93,7 @@ class Interpreter(Expressions):
 
     def _do_data(self, *parts: Node) -> None:
         for item in parts[3:]:
-            name, datum = self._datum(self._scope, (_Parts(parts), item))
+            name, datum = self._datum(self._scope, (parts, item))
             if not self.types.known(datum.kind):
                 raise WrongType(f"the type {parts[2]} is not known")
             _ = datum.value
@@ -227,8 +227,3 @@ class Interpreter(Expressions):
             dimensions = 1 if isinstance(value, list) and routine.gives not in self.types.records else 0
             return self.types.fitted(routine.gives, value, dimensions)
         return None
-
-
-class _Parts:
-    def __init__(self, parts: tuple[Node, ...]) -> None:
-        self.children, self.line = parts, parts[2].line

@@ -255,7 +255,7 @@ def _declare_data(
         found.faults.append(Remark(scope.file, kind.line, f"the type {kind} is not known"))
         return
     for item in node.children[3:]:
-        name, datum = make(scope, (node, item))
+        name, datum = make(scope, (node.children, item))
         names[name.lower()] = datum
 
 

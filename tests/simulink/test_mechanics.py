@@ -112,7 +112,7 @@ def weight_of(kind, **parameters):
 
 
 def as_mesh(solid):
-    return trimesh.Trimesh(solid.shape.mesh.corners, solid.shape.mesh.faces, process=True)
+    return trimesh.Trimesh(solid.shape.mesh.vertices, solid.shape.mesh.faces, process=True)
 
 
 def test_primitives_weigh_what_their_formulas_say():

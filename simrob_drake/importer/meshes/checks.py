@@ -200,6 +200,8 @@ def _counted(data: bytes) -> tuple[bytes, list[str]]:
     return data, []
 
 
+_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
+_COLOUR_MAP = re.compile(rb"^[ \t]*map_kd[ \t]+([^\r\n]+)", re.MULTILINE | re.IGNORECASE)
 _SCANS: dict[str, Callable[[bytes], list[str]]] = {
     ".obj": lambda data: [_text(name) for name in _LIBRARY.findall(data)],
     ".mtl": lambda data: [_text(name) for name in _COLOUR_MAP.findall(data)],  # other maps change nothing that is shown
@@ -207,8 +209,6 @@ _SCANS: dict[str, Callable[[bytes], list[str]]] = {
     ".gltf": _uris,
     ".glb": _uris,
 }
-_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
-_COLOUR_MAP = re.compile(rb"^[ \t]*map_kd[ \t]+([^\r\n]+)", re.MULTILINE | re.IGNORECASE)
 _CHECKS: dict[str, Callable[[bytes], tuple[bytes, list[str]]]] = {
     ".stl": _stl,
     ".obj": _obj,

@@ -158,13 +158,13 @@ def _existing(path: Path) -> tuple[Path | None, bool]:
     for name in dict.fromkeys((str(path), unquote(str(path)))):  # a name may well hold %20 itself
         if isfile(Path(name)):
             return resolved(Path(name)), True
-        found = _in_any_case(Path(name))
+        found = in_any_case(Path(name))
         if found is not None:
             return resolved(found), False
     return None, False
 
 
-def _in_any_case(path: Path) -> Path | None:
+def in_any_case(path: Path) -> Path | None:
     """Return the file whose path differs in the case of letters only; the first of several in order."""
     folder = Path(path.anchor)
     for part in path.parts[1:]:

@@ -12,9 +12,10 @@ import numpy as np
 
 from simrob_drake.extras import lacking
 from simrob_drake.importer.meshes.checks import UnreadableMesh
-from simrob_drake.importer.meshes.parts import mend
+from simrob_drake.importer.meshes.parts import MeshPart, mend, plain
+from simrob_drake.importer.meshes.places import in_any_case
 from simrob_drake.importer.meshes.reading import read_mesh
-from simrob_drake.simulink.mechanics.shapes import Triangles, Weight
+from simrob_drake.simulink.mechanics.shapes import Weight
 from simrob_drake.simulink.model.nodes import Node
 
 STEP = (".step", ".stp")
@@ -62,7 +63,7 @@ class MeshFiles:
             raise node.refusal(f"its weight follows from the mesh {file.name}, which {problem}") from problem
         from trimesh.triangles import mass_properties
 
-        properties = mass_properties((mesh.corners * scale)[mesh.faces])
+        properties = mass_properties((mesh.vertices * scale)[mesh.faces])
         if not properties.volume > 0:
             raise node.refusal(f"its weight follows from the mesh {file.name}, which encloses no volume")
         return Weight(float(properties.volume), np.asarray(properties.center_mass), np.asarray(properties.inertia))
@@ -72,27 +73,13 @@ class MeshFiles:
         parts = [part for part in PureWindowsPath(name).parts if part not in ("..", "\\", "/") and ":" not in part]
         for folder in self._folders:
             for start in range(len(parts)):
-                found = _without_case(folder, parts[start:])
+                found = in_any_case(folder.joinpath(*parts[start:]))
                 if found is not None and found.resolve().is_relative_to(folder):
                     return found
         return None
 
 
-def _without_case(folder: Path, parts: list[str]) -> Path | None:
-    for part in parts:
-        if not folder.is_dir():
-            return None
-        exact = folder / part
-        if not exact.exists():
-            fitting = [child for child in folder.iterdir() if child.name.lower() == part.lower()]
-            if not fitting:
-                return None
-            exact = fitting[0]
-        folder = exact
-    return folder if folder.is_file() else None
-
-
-def load_mesh(file: Path) -> Triangles:
+def load_mesh(file: Path) -> MeshPart:
     """Return the triangles of a mesh; no file is read but this one.
 
     Raises:
@@ -103,13 +90,11 @@ def load_mesh(file: Path) -> Triangles:
     parts = [part for part in map(mend, read_mesh(file, {}).parts) if len(part.faces)]
     if not parts:
         raise UnreadableMesh("holds no triangle with an area")
-    before = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
-    faces = [part.faces + count for part, count in zip(parts, before, strict=True)]
-    return Triangles(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+    return plain(parts)
 
 
 @lru_cache(maxsize=8)  # a part is weighed, and then written
-def _from_step(file: Path, _changed: int) -> Triangles:
+def _from_step(file: Path, _changed: int) -> MeshPart:
     """Return the faces of a STEP file [m], made by a process of its own, which a damaged file may end."""
     if find_spec("cascadio") is None:
         raise UnreadableMesh(lacking("is STEP, which", "step"))
@@ -121,11 +106,11 @@ def _from_step(file: Path, _changed: int) -> Triangles:
             mesh = load_mesh(target)
         except (OSError, SubprocessError, UnreadableMesh) as problem:
             raise UnreadableMesh("holds no solid that can be read from STEP") from problem
-    return Triangles(mesh.corners @ _UPRIGHT.T, mesh.faces)
+    return MeshPart(mesh.vertices @ _UPRIGHT.T, mesh.faces)
 
 
-def write_obj(mesh: Triangles, target: Path) -> None:
+def write_obj(mesh: MeshPart, target: Path) -> None:
     """Write triangles as OBJ."""
-    lines = ["v {:.9g} {:.9g} {:.9g}".format(*corner) for corner in mesh.corners]
+    lines = ["v {:.9g} {:.9g} {:.9g}".format(*corner) for corner in mesh.vertices]
     lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]
     target.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector
+from simrob_drake.importer.meshes.parts import MeshPart
 from simrob_drake.simulink.model.nodes import Node
 
 _A, _B = 0.445948490915965, 0.091576213509771
@@ -43,35 +44,17 @@ def triangles(outline: Vector) -> Vector:
 
     For pictures: an outline that a Delaunay net does not follow is filled roughly.
     """
+    from matplotlib.path import Path
     from scipy.spatial import Delaunay, QhullError
 
     try:
         net = Delaunay(outline).simplices
     except (QhullError, ValueError):
         return np.zeros((0, 3), dtype=int)
-    middles = outline[net].mean(axis=1)
-    return np.asarray(net[_inside(outline, middles)])
-
-
-def _inside(outline: Vector, points: Vector) -> Vector:
-    """Tell which points lie inside an outline, by how often a ray to the right crosses it."""
-    start, stop = outline, np.roll(outline, -1, axis=0)
-    x, y = points[:, :1], points[:, 1:]
-    between = (start[:, 1] > y) != (stop[:, 1] > y)
-    rise = stop[:, 1] - start[:, 1]
-    crossing = start[:, 0] + (y - start[:, 1]) * (stop[:, 0] - start[:, 0]) / np.where(rise == 0, 1.0, rise)
-    return np.asarray((between & (x < crossing)).sum(axis=1) % 2 == 1)
+    return np.asarray(net[Path(outline).contains_points(outline[net].mean(axis=1))])
 
 
 _SEGMENTS = 48  # of a full turn in pictures
-
-
-@dataclass(frozen=True)
-class Triangles:
-    """Triangles of a shape that is no primitive: corners, shape (n, 3) [m], and their indices, shape (m, 3)."""
-
-    corners: Vector
-    faces: Vector
 
 
 @dataclass(frozen=True)
@@ -93,7 +76,7 @@ class Shape:
 
     kind: str  # ``box`` (sides), ``cylinder`` (radius, length; along z), ``sphere`` (radius), ``mesh`` or ``plane``
     size: tuple[float, ...] = ()  # of a primitive, in metres
-    mesh: Triangles | None = None  # of the others
+    mesh: MeshPart | None = None  # of the others
 
 
 NOTHING = Weight(0.0, np.zeros(3), np.zeros((3, 3)))
@@ -209,7 +192,7 @@ def _outline(node: Node, name: str) -> Vector:
     return outline if area(outline) > 0 else outline[::-1]
 
 
-def _drawn_out(outline: Vector, length: float) -> Triangles:
+def _drawn_out(outline: Vector, length: float) -> MeshPart:
     count, half = len(outline), length / 2
     corners = np.vstack([np.column_stack([outline, np.full(count, z)]) for z in (-half, half)])
     here = np.arange(count)
@@ -221,10 +204,10 @@ def _drawn_out(outline: Vector, length: float) -> Triangles:
         ]
     )
     caps = triangles(outline)
-    return Triangles(corners, np.vstack([sides, caps[:, ::-1], caps + count]))
+    return MeshPart(corners, np.vstack([sides, caps[:, ::-1], caps + count]))
 
 
-def _turned(outline: Vector, angle: float, scale: Vector) -> Triangles:
+def _turned(outline: Vector, angle: float, scale: Vector) -> MeshPart:
     full = angle > 2 * np.pi - 1e-6
     steps = max(3, int(np.ceil(_SEGMENTS * angle / (2 * np.pi))))
     turns = np.linspace(-angle / 2, angle / 2, steps + 1)
@@ -242,4 +225,4 @@ def _turned(outline: Vector, angle: float, scale: Vector) -> Triangles:
     if not full:
         caps = triangles(outline)
         faces += [caps, caps[:, ::-1] + steps * count]
-    return Triangles(np.vstack(rings) * scale, np.vstack(faces))
+    return MeshPart(np.vstack(rings) * scale, np.vstack(faces))

@@ -21,7 +21,7 @@ from simrob_drake.robots.urdf import add_colour, add_joint, add_motor, place, se
 from simrob_drake.simulink.mechanics.bodies import PUSH, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import load_mesh, write_obj
-from simrob_drake.simulink.mechanics.shapes import Triangles, Weight
+from simrob_drake.simulink.mechanics.shapes import Weight
 from simrob_drake.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
 from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Tree
 from simrob_drake.simulink.model.nodes import Node
@@ -204,7 +204,7 @@ class UrdfWriter:
             return None
         folder.mkdir(exist_ok=True)
         name = f"meshes/{self._meshes.give(solid.file.stem)}.obj"
-        write_obj(Triangles(mesh.corners * solid.scale, mesh.faces), self._folder / name)
+        write_obj(mesh.moved(np.diag([*[solid.scale] * 3, 1.0])), self._folder / name)
         return name
 
     def _add_tools(self, robot: RobotFile) -> None:
