@@ -202,7 +202,11 @@ class Controller:
             keys["via"] = group.via[0] if len(group.via) == 1 else group.via
         move, plan = self._planned(kind, keys, group)
         if kind in (MoveL, MoveC):
-            self._check_configuration(group, plan)
+            desired, chain = group.configuration, self.arm.chain
+            if self.configured["l"] and desired and has_configuration(chain):
+                found = str(list(configuration(chain, plan.end)))
+                if found != desired:
+                    group.call.remark(f"comes to its target with configuration {found}, not {desired}", lost=False)
         self._do(move, plan)
 
     def _keys(self, group: Group) -> dict[str, Any]:
@@ -276,13 +280,6 @@ class Controller:
         elif self.configured["j"]:
             call.remark("configurations mean nothing to this robot: the nearest posture is taken", lost=False)
         return np.asarray(require(arm.inverse(None).solve(pose[np.newaxis], start), "target")[0])
-
-    def _check_configuration(self, group: Group, plan: Plan) -> None:
-        desired, chain = group.configuration, self.arm.chain
-        if self.configured["l"] and desired and has_configuration(chain):
-            found = str(list(configuration(chain, plan.end)))
-            if found != desired:
-                group.call.remark(f"comes to its target with configuration {found}, not {desired}", lost=False)
 
     def _do(self, move: Move, plan: Plan | None = None) -> None:
         if len(self.moves) >= _MOST_MOVES:

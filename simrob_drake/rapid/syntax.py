@@ -231,7 +231,10 @@ def declared(modules: Iterable[Module], make: Callable[[Scope, Node], tuple[str,
         for node in module.declarations:
             names = scope.own if str(node.children[0] or "").lower() == "local" else shared
             if node.data in _ROUTINES:
-                routine = _routine(scope, node)
+                gives = str(node.children[1]).lower() if node.data == "function" else ""
+                name = node.children[2 if gives else 1]
+                parameters = tuple(one for part in nodes(node, "parameter") for one in _parameters(part))
+                routine = Routine(str(name), scope, parameters, node.children[-1], gives)
                 names[routine.name.lower()] = routine
             elif node.data == "data":
                 _declare_data(found, names, scope, node, make)
@@ -257,13 +260,6 @@ def _declare_data(
     for item in node.children[3:]:
         name, datum = make(scope, (node.children, item))
         names[name.lower()] = datum
-
-
-def _routine(scope: Scope, node: Node) -> Routine:
-    gives = str(node.children[1]).lower() if node.data == "function" else ""
-    name = node.children[2 if gives else 1]
-    parameters = tuple(one for part in nodes(node, "parameter") for one in _parameters(part))
-    return Routine(str(name), scope, parameters, node.children[-1], gives)
 
 
 def _parameters(node: Node) -> Iterable[RoutineParameter]:

@@ -169,10 +169,6 @@ def _transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | Non
         if node.kind in ("DiscreteFilter", "DiscreteFir"):  # powers of 1/z
             size = max(numerator.size, denominator.size)
             numerator, denominator = (np.append(one, np.zeros(size - one.size)) for one in (numerator, denominator))
-    return _linear(reader, node, numerator, denominator, sampled)
-
-
-def _linear(reader: SignalReader, node: Node, numerator: Vector, denominator: Vector, sampled: Parameters) -> Signal:
     parameters = {"numerator": _listed(numerator), "denominator": _listed(denominator), **sampled}
     if np.trim_zeros(numerator, "f").size < denominator.size:
         return with_states(reader, node, "transfer_function", parameters)

@@ -73,7 +73,10 @@ class CodeRun:
         elif keyword == "switch":
             self._switch(part)
         elif keyword == "for":
-            self._for(part)
+            name, _, values = part[0].removeprefix("for").strip().partition("=")
+            for column in matrix(self._value(values.strip().removesuffix(","))).T:
+                self.variables[name.strip(" (")] = matrix(column).T
+                self._block(part[1:-1])
         elif keyword in ("return", "end") or not part[0]:
             return
         elif keyword:
@@ -161,12 +164,6 @@ class CodeRun:
 
     def _split_by(self, condition: Any, yes: Callable[[], None], no: Callable[[], None]) -> None:
         (yes if condition else no)()
-
-    def _for(self, part: list[str]) -> None:
-        name, _, values = part[0].removeprefix("for").strip().partition("=")
-        for column in matrix(self._value(values.strip().removesuffix(","))).T:
-            self.variables[name.strip(" (")] = matrix(column).T
-            self._block(part[1:-1])
 
     def _pass_over(self, part: list[str], _: Exception) -> None:
         for match in filter(None, map(_TARGETS.match, part)):
