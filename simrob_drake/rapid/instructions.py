@@ -253,7 +253,7 @@ def _read(controller: Controller, call: Call) -> Value:
     return controller.read(call, call.signal())
 
 
-def _told(text: str, *, unless: str = "") -> Instruction:
+def _remarking(text: str, *, unless: str = "") -> Instruction:
     def tell(controller: Controller, call: Call) -> None:
         if not (unless and call.has(unless)):
             call.remark(f"{call.name} has no effect: {text}", lost=False)
@@ -275,15 +275,17 @@ _OF_UNITS = "there are no external axes, nor other mechanical units"
 
 INSTRUCTIONS: Mapping[str, Instruction] = {
     **dict.fromkeys(_WITHOUT_EFFECT, lambda controller, call: None),
-    "stop": _told("a controller stands still until somebody goes on; the program goes on here at once"),
-    **dict.fromkeys(("startmove", "clearpath"), _told("a path that was stopped is not kept; moves go on here at once")),
-    **dict.fromkeys(("eoffson", "eoffsoff", "eoffsset"), _told(f"it displaces external axes; {_OF_UNITS}")),
-    **dict.fromkeys(("actunit", "deactunit", "mechunitload"), _told(_OF_UNITS)),
-    "worldacclim": _told("acceleration in the world is not bounded by it; PathAccLim bounds that of the tool"),
-    "singarea": _told("the tool keeps its orientation near singularities", unless="off"),
-    "circpathmode": _told("the tool turns evenly along an arc", unless="pathframe"),
-    "motionsup": _told("no torque is watched, and no collision stops a move; monitors of a station can do that"),
-    "softdeact": _told("axes are as stiff as the station's servos"),
+    "stop": _remarking("a controller stands still until somebody goes on; the program goes on here at once"),
+    **dict.fromkeys(
+        ("startmove", "clearpath"), _remarking("a path that was stopped is not kept; moves go on here at once")
+    ),
+    **dict.fromkeys(("eoffson", "eoffsoff", "eoffsset"), _remarking(f"it displaces external axes; {_OF_UNITS}")),
+    **dict.fromkeys(("actunit", "deactunit", "mechunitload"), _remarking(_OF_UNITS)),
+    "worldacclim": _remarking("acceleration in the world is not bounded by it; PathAccLim bounds that of the tool"),
+    "singarea": _remarking("the tool keeps its orientation near singularities", unless="off"),
+    "circpathmode": _remarking("the tool turns evenly along an arc", unless="pathframe"),
+    "motionsup": _remarking("no torque is watched, and no collision stops a move; monitors of a station can do that"),
+    "softdeact": _remarking("axes are as stiff as the station's servos"),
     "moveabsj": _move(MoveAbsJ),
     "movej": _move(MoveJ),
     "movel": _move(MoveL),

@@ -187,8 +187,8 @@ def test_what_a_controller_would_do_and_is_not_done_is_told_with_its_line(done):
     lines = ["Stop;", "EOffsOn;", "SingArea\\Wrist;", "SingArea\\Off;", "WorldAccLim\\On:=3;", "TPErase;", "StartMove;"]
     moved = done("\n".join([*lines, "MoveAbsJ jHome,v500,fine,tool0;"]))
     first = 4 + DATA.count("\n")
-    told = [(remark.line - first, remark.text.partition(" ")[0]) for remark in moved.remarks]
-    assert told == [(0, "Stop"), (1, "EOffsOn"), (2, "SingArea"), (4, "WorldAccLim"), (6, "StartMove")]
+    remarks = [(remark.line - first, remark.text.partition(" ")[0]) for remark in moved.remarks]
+    assert remarks == [(0, "Stop"), (1, "EOffsOn"), (2, "SingArea"), (4, "WorldAccLim"), (6, "StartMove")]
     assert "until somebody goes on" in moved.remarks[0].text
     assert not moved.lost
 
