@@ -9,8 +9,8 @@ from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.every_branch import branches
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.rapid.configuration import configuration, has_configuration, postures_like
-from simrob_drake.rapid.importing import Imported, import_rapid, not_understood
-from simrob_drake.rapid.syntax import RapidError, modules_of
+from simrob_drake.rapid.importing import Imported, import_rapid
+from simrob_drake.rapid.syntax import RapidError
 from simrob_drake.rapid.values import robtarget_of, texted
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.load import bare_station
@@ -175,11 +175,10 @@ def test_what_is_not_known_is_left_out_and_named(done):
     moved = done('MoveAbsJ jHome,v500,fine,tool0;\nSocketSend s;\nTPWrite "at home";')
     assert [remark.text for remark in moved.lost] == ["SocketSend is not known, and left out"]
     assert [remark.text for remark in moved.remarks if not remark.lost] == ["says at home"]
-    modules = modules_of("MODULE A VAR odd x; PROC main() Odd Peculiar(2); ENDPROC ENDMODULE", "A.mod")
-    assert [remark.text for remark in not_understood(modules)] == [
+    moved = done("MoveAbsJ jHome,v500,fine,tool0;\nPeculiar 1;", f"{DATA} VAR odd x;")
+    assert [remark.text for remark in moved.lost] == [
         "the type odd is not known",
-        "Odd is not known",
-        "Peculiar is not known",
+        "Peculiar is not known, and left out",
     ]
 
 

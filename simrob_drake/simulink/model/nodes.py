@@ -163,52 +163,22 @@ class Expanded:
         for inner in block.system.blocks.values() if block.system else ():
             self.leave_out(f"{path}/{inner.name}", inner, why)
 
-
-def expand(
-    model: Model, libraries: Libraries, variables: dict[str, Any], findings: Findings, octave: Octave | None = None
-) -> Expanded:
-    """Return a model with libraries, referenced subsystems and chosen variants put in.
-
-    Raises:
-        InvalidModel: it has no end, or a library cannot be read.
-    """
-    written = Variables(name=model.name, code=model.code, octave=octave)
-    workspace = Variables(name="given", variables=variables, outer=written)
-    root = Node(
-        "",
-        SimulinkBlock("", model.name, "SubSystem", system=model.system),
-        workspace,
-        findings,
-        system=model.system,
-        home=model.name,
-    )
-    if model.mask is not None:
-        root.workspace = _masked(model.name, model.mask, {}, workspace)
-    expanded = Expanded(model, root, findings, libraries)
-    _Expansion(expanded).fill(root, 0)
-    return expanded
-
-
-class _Expansion:
-    def __init__(self, expanded: Expanded) -> None:
-        self._expanded = expanded
-        self._libraries = expanded.libraries
-
-    def fill(self, parent: Node, depth: int) -> None:
+    def fill(self, parent: Node, depth: int = 0) -> None:
+        """Put in all that is in a subsystem."""
         if depth > DEEPEST:
             raise parent.refusal("its libraries contain themselves")
         assert parent.system is not None
         for sid, block in parent.system.blocks.items():
             if block.commented == "on":
-                self._expanded.leave_out(path_below(parent, block), block, "commented out")
+                self.leave_out(path_below(parent, block), block, "commented out")
                 continue
             parent.children[sid] = self._node(parent, block)
         if parent.is_on("Variant"):
             for other in _drop_the_others(parent):
-                self._expanded.leave_out(other.path, other.block, "a variant that is not chosen")
+                self.leave_out(other.path, other.block, "a variant that is not chosen")
         for node in parent.children.values():
-            self._expanded.nodes.append(node)
-            if len(self._expanded.nodes) > MOST_BLOCKS:
+            self.nodes.append(node)
+            if len(self.nodes) > MOST_BLOCKS:
                 raise parent.refusal(f"the model has more than {MOST_BLOCKS} blocks with its libraries")
             if node.system is not None and node.block.commented != "through":
                 self.fill(node, depth + 1)
@@ -235,7 +205,7 @@ class _Expansion:
             named = (block.parameters.get(name, "") for name in ("ModelFile", "ModelNameDialog", "ModelName"))
             referenced = next(filter(None, named), "").removesuffix(".slx").removesuffix(".mdl")
         if referenced:
-            model = self._libraries.model(referenced)
+            model = self.libraries.model(referenced)
             if model is None:
                 self._note_missing(path, referenced, "referenced subsystem", moves=moves)
                 return block, None, None, home
@@ -248,7 +218,7 @@ class _Expansion:
             if source.startswith("$bdroot/"):
                 source = f"{home}/{source.removeprefix('$bdroot/')}"
             home = source.partition("/")[0]
-            found = self._libraries.block(source)
+            found = self.libraries.block(source)
             if found is None:
                 self._note_missing(path, home, f"library block {source}", moves=moves)
                 return block, None, None, home
@@ -257,7 +227,32 @@ class _Expansion:
 
     def _note_missing(self, path: str, name: str, what: str, *, moves: bool) -> None:
         message = f"{what}: the file {name}.slx is missing; give its folder with --library DIR"
-        self._expanded.findings.report.add("lost" if moves else "open", path, message)
+        self.findings.report.add("lost" if moves else "open", path, message)
+
+
+def expand(
+    model: Model, libraries: Libraries, variables: dict[str, Any], findings: Findings, octave: Octave | None = None
+) -> Expanded:
+    """Return a model with libraries, referenced subsystems and chosen variants put in.
+
+    Raises:
+        InvalidModel: it has no end, or a library cannot be read.
+    """
+    written = Variables(name=model.name, code=model.code, octave=octave)
+    workspace = Variables(name="given", variables=variables, outer=written)
+    root = Node(
+        "",
+        SimulinkBlock("", model.name, "SubSystem", system=model.system),
+        workspace,
+        findings,
+        system=model.system,
+        home=model.name,
+    )
+    if model.mask is not None:
+        root.workspace = _masked(model.name, model.mask, {}, workspace)
+    expanded = Expanded(model, root, findings, libraries)
+    expanded.fill(root)
+    return expanded
 
 
 def path_below(parent: Node, block: SimulinkBlock) -> str:

@@ -108,11 +108,12 @@ class Translation(CodeRun):
             self.variables[_ENDED] = 1.0
         super()._statement(keyword, part)
 
-    def _assign(self, text: str) -> None:
+    def assign(self, text: str) -> None:
+        """Do an assignment, of several outputs of a function, too."""
         several = _SEVERAL.fullmatch(text)
         call = _CALL.fullmatch(several[2]) if several else None
         if several is None:
-            super()._assign(text)
+            super().assign(text)
         elif call is None or call[1] not in self._functions:
             raise NotUnderstood(text[:60])
         else:

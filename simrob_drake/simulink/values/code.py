@@ -82,9 +82,10 @@ class CodeRun:
         elif keyword:
             raise NotUnderstood(keyword)
         else:
-            self._assign(part[0])
+            self.assign(part[0])
 
-    def _assign(self, text: str) -> None:
+    def assign(self, text: str) -> None:
+        """Do an assignment, of a field or element, too."""
         match = _ASSIGNMENT.fullmatch(text)
         if match is None:
             raise NotUnderstood(text)
@@ -97,7 +98,7 @@ class CodeRun:
             target = dict(self._known_structure(name))
             self.variables[name] = target
             for field in fields[:-1]:
-                target[field] = dict(target.get(field, {}))
+                target[field] = dict(target[field]) if isinstance(target.get(field), dict) else {}
                 target = target[field]
             target[fields[-1]] = value
         self.unknown.discard(name)

@@ -299,23 +299,13 @@ def variables_of(settings: Mapping[str, str], files: list[Path]) -> dict[str, An
                 ) from problem
     for name, text in settings.items():
         try:
-            value = evaluate(parse(text), lambda other: _known(run.variables, other))
+            run.assign(f"{name}={text}")
         except (NotUnderstood, UndefinedVariable) as problem:
             raise InvalidParameter(
                 f"--set {name}", text, f"an expression such as [0 0 1] or 30*pi/180: it {problem}"
             ) from problem
-        target, *fields = name.split(".")
-        here = run.variables
-        for part in [target, *fields][:-1]:
-            here[part] = dict(here[part]) if isinstance(here.get(part), dict) else {}
-            here = here[part]
-        here[name.split(".")[-1]] = value
     return run.variables
 
 
 def _undefined(name: str) -> Any:
     raise UndefinedVariable(name)
-
-
-def _known(variables: dict[str, Any], name: str) -> Any:
-    return variables[name] if name in variables else _undefined(name)

@@ -17,6 +17,7 @@ from simrob_drake.files import PIECE_FILE
 from simrob_drake.frames import Vector, pose_from_transform
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.options import ImportReport
+from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.robots.urdf import add_colour, add_joint, add_motor, place, set_inertia, text
 from simrob_drake.simulink.mechanics.bodies import PUSH, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
@@ -27,24 +28,14 @@ from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Tree
 from simrob_drake.simulink.model.nodes import Node
 
 
-class UniqueNames:
+class UniqueNames(FreeNames):
     """Gives names, and never the same twice."""
-
-    def __init__(self, taken: tuple[str, ...] = ()) -> None:
-        self._taken = set(taken)
 
     def give(self, path: str) -> str:
         """Return a name for a path: its last part, with the parts before it where that is taken."""
         parts = [plain(part) for part in path.split("/")]
-        for count in range(1, len(parts) + 1):
-            name = "_".join(parts[-count:])
-            if name not in self._taken:
-                break
-        number, base = 2, name
-        while name in self._taken:
-            name, number = f"{base}_{number}", number + 1
-        self._taken.add(name)
-        return name
+        names = ["_".join(parts[-count:]) for count in range(1, len(parts) + 1)]
+        return self.take(next((name for name in names if name not in self._taken), names[-1]))
 
 
 def plain(text: str) -> str:
