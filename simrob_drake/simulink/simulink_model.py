@@ -15,7 +15,7 @@ from simrob_drake.simulink.cad.model import read_cad_model
 from simrob_drake.simulink.mechanics.bodies import Bodies, ContactPair, RigidPart, read_bodies, read_contacts
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.loops import close, cuttable
-from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
+from simrob_drake.simulink.mechanics.shapes import MeshFiles
 from simrob_drake.simulink.mechanics.trees import Tree, grow
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Expanded, Findings, Node, expand

@@ -13,7 +13,7 @@ from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.cad.assembly import End, Instance, Tie
 from simrob_drake.simulink.cad.model import joint_of
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.mechanics.mesh_files import load_mesh
+from simrob_drake.simulink.mechanics.shapes import load_mesh
 from simrob_drake.simulink.mechanics.trees import body_poses
 from simrob_drake.simulink.simulink_model import read_simulink
 

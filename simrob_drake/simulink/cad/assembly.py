@@ -13,8 +13,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.errors import InvalidModel
 from simrob_drake.files import NotRead, content_of, opened
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, one_line
-from simrob_drake.simulink.reading.xml_part import Unreadable, parse_part
+from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Unreadable, one_line, parse_part
 from simrob_drake.simulink.values.units import UnknownUnit, factor
 
 ROOT, OLDER = b"SimscapeMultibodyImportXML", (b"PhysicalModelingXMLFile", b"SimMechanicsImportXML")

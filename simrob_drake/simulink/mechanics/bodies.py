@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.mechanics.joints import JOINTS, Joint, read_joint, rigid_transform
-from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
+from simrob_drake.simulink.mechanics.shapes import MeshFiles
 from simrob_drake.simulink.mechanics.solids import (
     GEOMETRY,
     REFERENCE,

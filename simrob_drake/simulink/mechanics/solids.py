@@ -18,9 +18,9 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.simulink.mechanics import shapes
 from simrob_drake.simulink.mechanics.joints import AXES
-from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
 from simrob_drake.simulink.mechanics.shapes import (
     NOTHING,
+    MeshFiles,
     Shape,
     Weight,
     area,
@@ -30,7 +30,7 @@ from simrob_drake.simulink.mechanics.shapes import (
     revolution_outline,
 )
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.reading.xml_part import Unreadable, parse_part
+from simrob_drake.simulink.reading.graph import Unreadable, parse_part
 
 _SHAPES: dict[str, Callable[[Node], tuple[Shape, Weight]]] = {
     "Brick Solid": shapes.brick,

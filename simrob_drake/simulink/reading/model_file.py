@@ -19,11 +19,13 @@ from simrob_drake.simulink.reading.graph import (
     System,
     SystemReader,
     TooManyElements,
+    Unreadable,
     one_line,
+    parse_mdl,
+    parse_part,
     read_defaults,
     read_mask,
 )
-from simrob_drake.simulink.reading.xml_part import Unreadable, parse_mdl, parse_part
 
 MOST_PARTS = 20_000
 LARGEST_PART = 64 * 2**20  # bytes

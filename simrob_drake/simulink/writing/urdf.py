@@ -21,8 +21,7 @@ from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.robots.urdf import add_colour, add_joint, add_motor, place, set_inertia, text
 from simrob_drake.simulink.mechanics.bodies import PUSH, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
-from simrob_drake.simulink.mechanics.mesh_files import load_mesh, write_obj
-from simrob_drake.simulink.mechanics.shapes import Weight
+from simrob_drake.simulink.mechanics.shapes import Weight, load_mesh, write_obj
 from simrob_drake.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
 from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Tree
 from simrob_drake.simulink.model.nodes import Node
