@@ -184,30 +184,27 @@ class Controller:
         if group is None:
             return
         try:
-            self._finish(group)
+            kind, keys = group.motion.kind, self._keys(group)
+            if kind is MoveJ and not self._nearest(group):
+                kind, keys["targets"] = MoveAbsJ, group.postures
+                keys.pop("wobj", None)
+                group.call.remark("goes to another posture than the nearest: written as move_abs_j", lost=False)
+            targets = [list(map(float, row)) for row in keys.pop("targets")]
+            keys["targets"] = targets[0] if len(targets) == 1 else targets
+            if kind is MoveC:
+                keys["via"] = group.via[0] if len(group.via) == 1 else group.via
+            move, plan = self._planned(kind, keys, group)
+            if kind in (MoveL, MoveC):
+                desired, chain = group.configuration, self.arm.chain
+                if self.configured["l"] and desired and has_configuration(chain):
+                    found = str(list(configuration(chain, plan.end)))
+                    if found != desired:
+                        group.call.remark(f"comes to its target with configuration {found}, not {desired}", lost=False)
+            self._do(move, plan)
         except RapidError:
             raise
         except SimrobError as problem:
             raise RapidError(group.call.task.where(group.call.node), str(problem)) from problem
-
-    def _finish(self, group: Group) -> None:
-        kind, keys = group.motion.kind, self._keys(group)
-        if kind is MoveJ and not self._nearest(group):
-            kind, keys["targets"] = MoveAbsJ, group.postures
-            keys.pop("wobj", None)
-            group.call.remark("goes to another posture than the nearest: written as move_abs_j", lost=False)
-        targets = [list(map(float, row)) for row in keys.pop("targets")]
-        keys["targets"] = targets[0] if len(targets) == 1 else targets
-        if kind is MoveC:
-            keys["via"] = group.via[0] if len(group.via) == 1 else group.via
-        move, plan = self._planned(kind, keys, group)
-        if kind in (MoveL, MoveC):
-            desired, chain = group.configuration, self.arm.chain
-            if self.configured["l"] and desired and has_configuration(chain):
-                found = str(list(configuration(chain, plan.end)))
-                if found != desired:
-                    group.call.remark(f"comes to its target with configuration {found}, not {desired}", lost=False)
-        self._do(move, plan)
 
     def _keys(self, group: Group) -> dict[str, Any]:
         motion = group.motion

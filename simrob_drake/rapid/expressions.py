@@ -119,10 +119,9 @@ class Expressions:
             signal: gives the value of a signal, or None if there is no such.
         """
         self._functions, self._signal = functions, signal
-        found = declared(modules, self._datum)
         self.remarks: list[Remark] = []
-        self.types, self._shared, self._faults = found.types, found.shared, found.faults
-        self._scope, self._locals = found.scopes[-1], dict[str, Datum]()
+        self._locals: dict[str, Datum] = {}
+        self.types, self._scope, self._faults = declared(modules, self._datum)
 
     def remark(self, node: Node, text: str, *, lost: bool = True) -> None:
         """Tell something about a line, once."""
@@ -195,7 +194,7 @@ class Expressions:
 
     def _hint(self, name: str, more: Iterable[str] | None = None) -> str:
         """Return the name that was perhaps meant: of data, or of a routine or ``more``."""
-        own = {**self._shared, **self._scope.own, **self._locals}.items()
+        own = {**self._scope.shared, **self._scope.own, **self._locals}.items()
         kind = Datum if more is None else Routine
         text = nearest(str(name).lower(), [*(key for key, held in own if isinstance(held, kind)), *(more or ())])
         return text if "did you mean" in text else ""

@@ -143,9 +143,6 @@ def _statement_at(text: str, place: int | None) -> tuple[int, int]:
     return begin, min(ends, default=len(text))
 
 
-_ROUTINES = ("routine", "function")
-
-
 @dataclass
 class Datum:
     """Data with its type; what it holds at first is worked out when somebody asks."""
@@ -207,59 +204,43 @@ class Scope:
         return self.own.get(key, self.shared.get(key))
 
 
-@dataclass
-class Declarations:
-    """All that a program declares, with what of it is not understood."""
+def declared(
+    modules: Iterable[Module], make: Callable[[Scope, Node], tuple[str, Datum]]
+) -> tuple[Types, Scope, list[Remark]]:
+    """Return the types that modules declare, the names that the last one knows, and what was not understood.
 
-    types: Types
-    scopes: list[Scope]
-    shared: dict[str, Any]
-    faults: list[Remark]
-
-
-def declared(modules: Iterable[Module], make: Callable[[Scope, Node], tuple[str, Datum]]) -> Declarations:
-    """Return what modules declare, data as ``make`` gives them with their names."""
-    shared: dict[str, Any] = {}
-    found = Declarations(Types(), [], shared, [])
+    Data are as ``make`` gives them with their names.
+    """
+    types, shared, faults = Types(), dict[str, Any](), list[Remark]()
     whole = [predefined(), *modules]
-    for module in whole:
-        _declare_types(found.types, module)
-    for module in whole:
-        scope = Scope(module.file, shared)
-        found.scopes.append(scope)
-        found.faults += module.faults
-        for node in module.declarations:
-            names = scope.own if str(node.children[0] or "").lower() == "local" else shared
-            if node.data in _ROUTINES:
-                gives = str(node.children[1]).lower() if node.data == "function" else ""
-                name = node.children[2 if gives else 1]
-                parameters = tuple(one for part in nodes(node, "parameter") for one in _parameters(part))
-                routine = Routine(str(name), scope, parameters, node.children[-1], gives)
-                names[routine.name.lower()] = routine
-            elif node.data == "data":
-                _declare_data(found, names, scope, node, make)
-    return found
-
-
-def _declare_types(types: Types, module: Module) -> None:
-    for node in module.declarations:
+    for node in (node for module in whole for node in module.declarations):
         if node.data == "alias":
             types.aliases[node.children[2].lower()] = node.children[1].lower()
         elif node.data == "record":
             parts = [part.children for part in node.children[2:]]
             types.records[node.children[1].lower()] = [(str(kind).lower(), str(name).lower()) for kind, name in parts]
+    for module in whole:
+        scope = Scope(module.file, shared)
+        faults += module.faults
+        for node in module.declarations:
+            names = scope.own if str(node.children[0] or "").lower() == "local" else shared
+            kind = node.children[2] if node.data == "data" else ""
+            if node.data in ("routine", "function"):
+                routine = _routine(scope, node)
+                names[routine.name.lower()] = routine
+            elif node.data == "data" and not types.known(kind):
+                faults.append(Remark(scope.file, kind.line, f"the type {kind} is not known"))
+            elif node.data == "data":
+                made = (make(scope, (node.children, item)) for item in node.children[3:])
+                names |= {name.lower(): datum for name, datum in made}
+    return types, scope, faults
 
 
-def _declare_data(
-    found: Declarations, names: dict[str, Any], scope: Scope, node: Node, make: Callable[..., tuple[str, Datum]]
-) -> None:
-    kind = node.children[2]
-    if not found.types.known(kind):
-        found.faults.append(Remark(scope.file, kind.line, f"the type {kind} is not known"))
-        return
-    for item in node.children[3:]:
-        name, datum = make(scope, (node.children, item))
-        names[name.lower()] = datum
+def _routine(scope: Scope, node: Node) -> Routine:
+    gives = str(node.children[1]).lower() if node.data == "function" else ""
+    name = node.children[2 if gives else 1]
+    parameters = tuple(one for part in nodes(node, "parameter") for one in _parameters(part))
+    return Routine(str(name), scope, parameters, node.children[-1], gives)
 
 
 def _parameters(node: Node) -> Iterable[RoutineParameter]:

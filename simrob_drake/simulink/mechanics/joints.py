@@ -24,23 +24,18 @@ def rigid_transform(node: Node) -> RigidTransform:
     Raises:
         InvalidModel: a method or figure that cannot be.
     """
-    return RigidTransform(rotation(node), translation(node))
-
-
-def translation(node: Node) -> Vector:
-    """Return the offset of a block's translation parameters, shape (3,) [m]."""
-    method = node.text("TranslationMethod", "None")
-    if method == "None":
-        return np.zeros(3)
+    method, offset = node.text("TranslationMethod", "None"), np.zeros(3)
     if method == "Cartesian":
-        return node.numbers("TranslationCartesianOffset", "[0 0 0]", unit="m", size=3)
-    if method == "StandardAxis":
-        return axis(node, "TranslationStandardAxis") * node.number("TranslationStandardOffset", unit="m")
-    if method == "Cylindrical":
+        offset = node.numbers("TranslationCartesianOffset", "[0 0 0]", unit="m", size=3)
+    elif method == "StandardAxis":
+        offset = axis(node, "TranslationStandardAxis") * node.number("TranslationStandardOffset", unit="m")
+    elif method == "Cylindrical":
         radius = node.number("TranslationROffset", unit="m")
         angle = node.number("TranslationThetaOffset", unit="rad")
-        return np.array([radius * np.cos(angle), radius * np.sin(angle), node.number("TranslationZOffset", unit="m")])
-    raise node.refusal(f"has the unknown translation method '{method}'")
+        offset = np.array([radius * np.cos(angle), radius * np.sin(angle), node.number("TranslationZOffset", unit="m")])
+    elif method != "None":
+        raise node.refusal(f"has the unknown translation method '{method}'")
+    return RigidTransform(rotation(node), offset)
 
 
 def rotation(node: Node, prefix: str = "") -> RotationMatrix:
