@@ -8,9 +8,7 @@ import numpy as np
 
 from simrob_drake.blocks.references import Reference, reference_values
 from simrob_drake.frames import Vector
-from simrob_drake.parts.forces import ForceConfig
-from simrob_drake.parts.forces.push import Push
-from simrob_drake.parts.forces.sine import SineForce
+from simrob_drake.parts.forces import ForceConfig, Push, SineForce
 from simrob_drake.parts.site import StationPlant
 
 

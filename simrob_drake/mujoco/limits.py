@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.forces.drag import Drag
+from simrob_drake.parts.forces import Drag
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.stations.config import StationConfig
 

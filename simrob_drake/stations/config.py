@@ -21,8 +21,7 @@ from simrob_drake.parts.couplings import Couplings
 from simrob_drake.parts.forces import Forces
 from simrob_drake.parts.ground import Terrain
 from simrob_drake.parts.monitors import Monitors
-from simrob_drake.parts.references import ReferenceConfig
-from simrob_drake.parts.references.hold import Hold
+from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
 from simrob_drake.robots.drives import Drives

@@ -15,7 +15,7 @@ from simrob_drake.lifetime import release
 from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks
 from simrob_drake.parts.controllers.loop import add_loops
 from simrob_drake.parts.controllers.own import add_own_blocks, wire_own_blocks, with_driven
-from simrob_drake.parts.forces.force import add_force
+from simrob_drake.parts.forces import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.drawing import draw_plant

@@ -22,7 +22,7 @@ from simrob_drake.errors import InvalidConfig, UnknownName, one_of
 from simrob_drake.extras import needed
 from simrob_drake.files import ROBOT_FILE
 from simrob_drake.folders import writing, written_at_once
-from simrob_drake.parts.forces.push import Push
+from simrob_drake.parts.forces import Push
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.registry import gaits_of

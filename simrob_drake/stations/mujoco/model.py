@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.geometry import GeometryId
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.forces.force import place_of
+from simrob_drake.parts.forces import place_of
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.stations.dynamic import stops_of
 from simrob_drake.stations.mujoco.contact import (
