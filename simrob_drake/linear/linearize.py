@@ -14,7 +14,7 @@ from simrob_drake.frames import Vector, finite
 from simrob_drake.lifetime import built
 from simrob_drake.linear.model import LinearModel
 from simrob_drake.parts.site import named
-from simrob_drake.robots.drives import Drives
+from simrob_drake.robots.motors import Drives
 from simrob_drake.stations.checks import holding_torque
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import add_dynamic_robots

@@ -11,8 +11,7 @@ import numpy as np
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.blocks.references import Reference, reference_values
 from simrob_drake.frames import Vector
-from simrob_drake.mujoco.built import BuiltStation
-from simrob_drake.mujoco.controls import force_values
+from simrob_drake.mujoco.built import BuiltStation, force_values
 from simrob_drake.results.record.run import DIVERGED
 from simrob_drake.results.record.state import JointState, State, joints_of
 from simrob_drake.results.result import SimulationResult

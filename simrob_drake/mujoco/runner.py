@@ -18,8 +18,7 @@ from simrob_drake.arguments import positive
 from simrob_drake.blocks.references import Reference
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
-from simrob_drake.mujoco.built import BuiltStation
-from simrob_drake.mujoco.controls import controls
+from simrob_drake.mujoco.built import BuiltStation, controls
 from simrob_drake.mujoco.reading import Stepped
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult

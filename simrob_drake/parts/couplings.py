@@ -23,7 +23,7 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from simrob_drake.blocks.wiring import fed, joined, mapped
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.site import WORLD, Site, StationPlant, StationRobot, Surroundings
@@ -110,8 +110,8 @@ def add_bushing(plant: MultibodyPlant, one: Attachment, other: Attachment, *, tu
     plant.AddForceElement(bushing)
 
 
-class Between(CouplingSection):
-    """A coupling of one body with another."""
+class Between(Strict, ABC):
+    """What couplings of one body with another share."""
 
     body: str
     """A tool or link of a robot, or a piece."""
@@ -123,9 +123,8 @@ class Between(CouplingSection):
     def places(self) -> tuple[RigidTransform, RigidTransform]:
         """Where it holds, on the one and on the other."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check_bodies(self, key: str, station: Surroundings) -> None:
         """Check that the station has both bodies."""
-        super().check(key, station)
         for part in ("body", "other"):
             check_frame(station, f"{key}.{part}", getattr(self, part))
 
@@ -159,7 +158,7 @@ class Between(CouplingSection):
         return float(np.linalg.norm(self.apart(plant, context).translation()))
 
 
-class BetweenPoints(Between):
+class BetweenPoints(Between, CouplingSection):
     """A coupling of a point of one body with a point of another."""
 
     point: Triple = (0.0, 0.0, 0.0)
@@ -170,6 +169,7 @@ class BetweenPoints(Between):
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the station has both bodies."""
         super().check(key, station)
+        self.check_bodies(key, station)
         if self.body == self.other:
             raise InvalidParameter(f"{key}.other", self.other, "another one than body")
 
@@ -222,13 +222,18 @@ class Rod(BetweenPoints):
         return f"a rod of {self.length:g} m from {self.body} to {self.other}"
 
 
-class BetweenFrames(Between):
+class BetweenFrames(Between, CouplingSection):
     """A coupling of a frame of one body with a frame of another."""
 
     pose: Pose = ORIGIN
     """The frame on the body, [x y z Rz Ry Rx]."""
     other_pose: Pose = ORIGIN
     """The frame on the other."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the station has both bodies."""
+        super().check(key, station)
+        self.check_bodies(key, station)
 
     @property
     def places(self) -> tuple[RigidTransform, RigidTransform]:
@@ -304,12 +309,10 @@ class Gear(CouplingSection):
         super().check(key, station)
         known = [f"{robot.prefix}{axis}" for robot in station.robots.values() for axis in robot.axes]
         for name in self.ratios:
-            if name not in known:
-                raise UnknownName(f"axis for {key}.ratios", name, known)
+            one_of(f"axis for {key}.ratios", name, known)
         if len(self.ratios) > 2 and station.time_step and not hasattr(MultibodyPlant, "AddTendonConstraint"):
-            raise InvalidParameter(
-                f"{key}.ratios", f"of {len(self.ratios)} axes", "of two: older Drake couples no more"
-            )
+            older = "of two: older Drake couples no more"
+            raise InvalidParameter(f"{key}.ratios", f"of {len(self.ratios)} axes", older)
 
     def _counts(self, robot: StationRobot) -> Vector:
         """Return how much each axis of a robot counts, shape (n,)."""

@@ -43,9 +43,13 @@ class ForceSection(Strict, ABC):
         """Times that no step goes across [s]; none of what is smooth, or samples."""
         return ()
 
-    @abstractmethod
+    def trajectory(self) -> Trajectory | None:
+        """Return what its source plays over time; None where that is no trajectory."""
+        return None
+
     def source(self) -> LeafSystem:
         """Return the block whose first output is the force (3) [N], or what :meth:`shaped` makes one of."""
+        return TrajectorySource(self.trajectory())
 
     @abstractmethod
     def caption(self) -> str:
@@ -141,10 +145,6 @@ class Push(ForceSection):
         known = slice(self.start == 0, None)
         return PiecewisePolynomial.ZeroOrderHold(times[known], np.array(values[known]).T)
 
-    def source(self) -> TrajectorySource:
-        """Return the block that gives the force (3) [N]."""
-        return TrajectorySource(self.trajectory())
-
     def caption(self) -> str:
         """Return it in words."""
         return f"{float(np.linalg.norm(self.force)):.3g} N at {self.start:g} s"
@@ -214,10 +214,6 @@ class Drag(ForceSection):
         changes = self.start + _JUST_AFTER + self.each * np.arange(count + 1)
         values = np.vstack([np.zeros(4), rows, np.zeros((2, 4))])
         return PiecewisePolynomial.ZeroOrderHold([0.0, *changes, changes[-1] + 1.0], values.T)
-
-    def source(self) -> TrajectorySource:
-        """Return the block that gives what :meth:`trajectory` does."""
-        return TrajectorySource(self.trajectory())
 
     def shaped(
         self, builder: DiagramBuilder, site: Site, name: str, frame: Frame, point: Vector, applied: OutputPort

@@ -104,7 +104,7 @@ def save_result(
         if result.start is not None:
             (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
             config = config.model_copy(update={"start": Path(START)})
-        from simrob_drake.stations.carried import carried  # the importer, which a run alone does not need
+        from simrob_drake.stations.located import carried  # the importer, which a run alone does not need
 
         (work / "station.yaml").write_text(station_yaml(carried(config, work)), encoding="utf-8")
         with in_background(lambda: _save_plots(result, work / "plots", plots)):

@@ -62,8 +62,9 @@ class ClosedStation:
         """Let the sources give other pushes and drags at the same places."""
         for name, force in forces.items():
             place = f"force.{name}.source"
-            if force.kind != "sine" and self.diagram.HasSubsystemNamed(place):
-                self.diagram.GetSubsystemByName(place).UpdateTrajectory(force.trajectory())
+            trajectory = force.trajectory()
+            if trajectory is not None and self.diagram.HasSubsystemNamed(place):
+                self.diagram.GetSubsystemByName(place).UpdateTrajectory(trajectory)
 
 
 def closed_station(

@@ -33,9 +33,9 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import load_robot_file
 from simrob_drake.sections import validated
 from simrob_drake.simulation import Runner
-from simrob_drake.stations.carried import carried
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_yaml
+from simrob_drake.stations.located import carried
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import MujocoSolver
 from simrob_drake.tuning.runners import run

@@ -15,7 +15,7 @@ from simrob_drake import add_station, load_station
 from simrob_drake.blocks.events import SteadySteps
 from simrob_drake.blocks.monitor import Condition, Monitor
 from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.parts.monitors import MonitorConfig
+from simrob_drake.parts.monitors.monitor import MonitorSection
 from simrob_drake.parts.site import Surroundings
 from simrob_drake.stations.resolve import resolve
 
@@ -28,7 +28,7 @@ DONE = SimulatorStatus.ReturnReason.kReachedBoundaryTime
 
 def section_of(
     kind: str, station: str = "double_pendulum", servo: dict[str, Any] | None = None, **keys: Any
-) -> tuple[MonitorConfig, Surroundings]:
+) -> tuple[MonitorSection, Surroundings]:
     """Return a monitor's section of a station, and the station."""
     config = load_station(station, {"monitors": {"watch": {"kind": kind, **keys}}, "servo": servo or {}})
     return config.monitors["watch"], resolve(config)

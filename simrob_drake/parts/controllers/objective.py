@@ -21,7 +21,7 @@ from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.parts.controllers.flow_block import chosen, largest, least
+from simrob_drake.parts.controllers.flow_blocks import chosen, largest, least
 from simrob_drake.parts.controllers.loop import LoopSection, Wired
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.sections import NotNegative, Number, Positive

@@ -14,9 +14,9 @@ from simrob_drake.folders import replaced_at_once, writing
 from simrob_drake.simulink.fmi.description import description
 from simrob_drake.simulink.stepping.station import SteppedStation
 from simrob_drake.simulink.writing.urdf import plain
-from simrob_drake.stations.carried import carried
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_yaml
+from simrob_drake.stations.located import carried
 
 _MAKERS = {2: "pythonfmu", 3: "pythonfmu3"}
 """Packages whose libraries call Python, by version of FMI."""

@@ -44,7 +44,7 @@ from pydrake.geometry import GeometryId, ProximityProperties
 from pydrake.multibody.plant import CalcContactFrictionFromSurfaceProperties, CoulombFriction
 
 from simrob_drake.parts.site import StationPlant
-from simrob_drake.stations.mujoco.shapes import touching_pairs
+from simrob_drake.stations.mujoco.tree import touching_pairs
 
 LEAST_IMPEDANCE = 1e-4
 """d_0: MuJoCo knows no smaller one; a contact has then a ten-thousandth of the inertia of what touches."""

@@ -24,12 +24,9 @@ from simrob_drake.stations.mujoco.contact import (
     softness,
     surfaces,
 )
-from simrob_drake.stations.mujoco.coordinates import Coordinates
-from simrob_drake.stations.mujoco.drives import add_force, add_motors, add_servos
-from simrob_drake.stations.mujoco.names import Names
-from simrob_drake.stations.mujoco.sensors import OutputSensors, add_sensors
-from simrob_drake.stations.mujoco.shapes import add_shapes
-from simrob_drake.stations.mujoco.tree import add_tree
+from simrob_drake.stations.mujoco.coordinates import Coordinates, Names
+from simrob_drake.stations.mujoco.drives import OutputSensors, add_force, add_motors, add_sensors, add_servos
+from simrob_drake.stations.mujoco.tree import add_shapes, add_tree
 from simrob_drake.stations.resolve import ResolvedStation
 
 mujoco.set_mju_user_warning(lambda _: None)  # runs that go astray are told by their results
