@@ -7,7 +7,7 @@ import numpy.typing as npt
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import AffineSystem, Demultiplexer, FirstOrderTaylorApproximation
 
-from simrob_drake.blocks.wiring import joined
+from simrob_drake.blocks.block import joined
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import InvalidParameter, SimrobError, one_of, quoted
 from simrob_drake.frames import Vector, finite

@@ -22,7 +22,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from simrob_drake.blocks.wiring import fed, joined, mapped
+from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.kinds import Kinds

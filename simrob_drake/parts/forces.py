@@ -12,9 +12,9 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import Sine, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
-from simrob_drake.blocks.external_force import add_external_force
+from simrob_drake.blocks.block import fed
+from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.blocks.wiring import fed
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector

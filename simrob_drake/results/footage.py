@@ -9,8 +9,7 @@ import numpy.typing as npt
 from PIL import Image as Picture
 from pydrake.multibody.tree import BodyIndex
 
-from simrob_drake.blocks.camera import Image, let_render
-from simrob_drake.parts.sensors.camera import CameraSensor
+from simrob_drake.parts.sensors.camera import CameraSensor, Image, let_render
 from simrob_drake.results.animation.camera import frame_times
 from simrob_drake.results.animation.pictures import captions, side_by_side, write_video
 from simrob_drake.results.record.run import RecordedRun

@@ -23,7 +23,7 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Saturation
 
-from simrob_drake.blocks.wiring import fed, mapped, summed
+from simrob_drake.blocks.block import fed, mapped, summed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot

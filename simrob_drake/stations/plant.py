@@ -20,8 +20,8 @@ from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, Multibod
 from pydrake.multibody.tree import FixedOffsetFrame, Joint, JointActuatorIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.blocks.actuator_servo import set_actuators
 from simrob_drake.blocks.passive_joints import set_friction
+from simrob_drake.blocks.servo import set_actuators
 from simrob_drake.errors import InvalidModel, InvalidParameter
 from simrob_drake.extras import needed
 from simrob_drake.frames import transform_from_pose

@@ -11,8 +11,7 @@ from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
-from simrob_drake.stations.clearance import Clearance, span, untangled
-from simrob_drake.stations.standing import KNEELING, Standing, outline, standing
+from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, outline, span, standing, untangled
 
 _LOWEST = 0.7  # part of what the lowest chains reach that others reach which may be legs
 _FLAT = np.cos(np.deg2rad(3.0))  # facets of a hull whose normals differ by less are one

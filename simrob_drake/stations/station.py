@@ -8,9 +8,8 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
 
 from simrob_drake.arguments import drake_asserts, instance
-from simrob_drake.blocks.events import EventTimes
-from simrob_drake.blocks.monitor import Trigger
-from simrob_drake.blocks.wiring import fed, summed
+from simrob_drake.blocks.block import fed, summed
+from simrob_drake.blocks.monitor import EventTimes, Trigger
 from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.lifetime import release
 from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks

@@ -10,9 +10,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
-from simrob_drake.blocks.block import Block
+from simrob_drake.blocks.block import Block, fed
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.blocks.wiring import fed
 from simrob_drake.frames import (
     XYZ_QUATERNION_NAMES,
     Vector,

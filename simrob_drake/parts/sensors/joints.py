@@ -10,10 +10,9 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.tree import Joint, PrismaticJoint
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, OutputPort
 
-from simrob_drake.blocks.block import Block
+from simrob_drake.blocks.block import Block, fed, joined, mapped
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.blocks.wiring import fed, joined, mapped
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import weakly

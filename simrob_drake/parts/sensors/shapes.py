@@ -13,10 +13,9 @@ from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer
 
-from simrob_drake.blocks.contacts import ContactReader, Contacts, ForceSensor
-from simrob_drake.blocks.distance_sensor import DistanceSensor
+from simrob_drake.blocks.block import fed
+from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.sensors.sensor import (
