@@ -11,7 +11,7 @@ from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import SimrobError
 from simrob_drake.kinematics import Chain
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
-from simrob_drake.robots.drives import Drives
+from simrob_drake.robots.motors import Drives
 from simrob_drake.sections import validated
 
 RNG = np.random.default_rng(3)

@@ -2,7 +2,8 @@
 
 import sys
 from collections.abc import Iterator
-from inspect import getdoc, getmembers, isclass
+from inspect import getdoc, isclass
+from itertools import takewhile
 from typing import Any
 
 from docs.site.keys import key_table
@@ -25,19 +26,26 @@ KEY = {"references": "reference"}
 
 
 def blocks_of(model: type[Any]) -> list[type[Any]]:
-    """Return the blocks that stand in the module of a kind."""
-    module = sys.modules[model.__module__]
-    return [
-        block
-        for _, block in getmembers(module, isclass)
-        if issubclass(block, Block) and block.__module__ == module.__name__ and not block.__name__.startswith("_")
-    ]
+    """Return the blocks of a kind: those that stand in its module, of several kinds each between it and the next."""
+    classes = [one for one in vars(sys.modules[model.__module__]).values() if isclass(one)]
+    own = [one for one in classes if one.__module__ == model.__module__]
+    after = takewhile(lambda one: not _is_kind(one), own[own.index(model) + 1 :])
+    blocks = own if sum(map(_is_kind, own)) == 1 else after
+    return [block for block in blocks if issubclass(block, Block) and not block.__name__.startswith("_")]
+
+
+def _is_kind(model: type[Any]) -> bool:
+    """Tell whether a class is a kind of part, whose key `kind` has one value alone."""
+    kind = getattr(model, "model_fields", {}).get("kind")
+    return kind is not None and kind.annotation is not str
 
 
 def kind_text(kind: str, model: type[Any], schema: dict[str, Any], keys: str) -> str:
     """Return what there is to say of a kind: what it does, its law, its keys, what it adds, the ports of its blocks."""
     module = sys.modules[model.__module__]
-    parts = [f"## {kind}", markdown(getdoc(model) or ""), markdown(module.__doc__ or "")]
+    alone = sum(isclass(one) and _is_kind(one) and one.__module__ == module.__name__ for one in vars(module).values())
+    law = markdown(module.__doc__ or "") if alone == 1 else ""
+    parts = [f"## {kind}", markdown(getdoc(model) or ""), law]
     parts.append(key_table(schema["$defs"][model.__name__], keys))
     if "wire" in vars(model) and (added := getdoc(model.wire)):
         parts.append(f"**In a station.** {markdown(added)}")

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.parts.controllers.network import Network
+from simrob_drake.parts.controllers.policy import Network
 
 SEEDS = range(900_000, 900_020)
 

@@ -1,6 +1,6 @@
-"""A block that may end the simulation with a reason, once a condition has lasted for a given time."""
+"""Blocks that may end a simulation once a condition has lasted, or that make its steps end at given times."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,3 +107,49 @@ class Monitor(Block):
     def _since(self, context: Context) -> float:
         onset = float(context.get_discrete_state(self._onset).value()[0])
         return self._trigger.since(onset, context.get_time(), self._values(context))
+
+
+_NEVER_AGAIN = 1e9
+"""Period [s] of an event that is meant to happen once."""
+
+
+class EventTimes(Block):
+    """Make a simulation's steps end at given times; the block does nothing else.
+
+    Error control measures steps that are smooth: a corner inside of one is smeared over it, and a scheme that
+    freezes its inputs at the start of a step misses part of a push. Steps end at events, so each time is one.
+    The block has no ports.
+    """
+
+    def __init__(self, times: Iterable[float]) -> None:
+        """Make the block for ``times`` [s].
+
+        Raises:
+            InvalidParameter: a time that is negative or not finite.
+        """
+        super().__init__()
+        for time in times:
+            if not (np.isfinite(time) and time >= 0):
+                raise InvalidParameter("times", time, "finite and not negative [s]")
+            self.DeclarePeriodicPublishEvent(period_sec=_NEVER_AGAIN, offset_sec=float(time), publish=self._pass)
+
+    def _pass(self, context: Context) -> None:
+        """Let the simulation go on."""
+
+
+class SteadySteps(Block):
+    """Make a simulation take steps of at most a given length, where nothing else would.
+
+    The block has no ports.
+    """
+
+    def __init__(self, period: float) -> None:
+        """Make the block for steps of ``period`` [s].
+
+        Raises:
+            InvalidParameter: a period that is not positive.
+        """
+        super().__init__()
+        if not (np.isfinite(period) and period > 0):
+            raise InvalidParameter("period", period, "a positive time [s]")
+        self.DeclarePeriodicPublishEvent(period_sec=period, offset_sec=0.0, publish=lambda context: None)

@@ -13,7 +13,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Sine
 from pydrake.trajectories import BsplineTrajectory, CompositeTrajectory, PiecewisePolynomial, Trajectory
 
 from simrob_drake.arguments import SHORTEST
-from simrob_drake.blocks.wiring import fed, summed
+from simrob_drake.blocks.block import fed, summed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, numbers
 

@@ -20,7 +20,7 @@ Values = Sequence[float]
 
 
 class NetBlock(Protocol):
-    """What a block of a net does; see :mod:`simrob_drake.parts.controllers.flow_block`."""
+    """What a block of a net does; see :mod:`simrob_drake.parts.controllers.flow_blocks`."""
 
     @property
     def period(self) -> float:

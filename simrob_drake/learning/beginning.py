@@ -10,8 +10,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.learning.task import Task
-from simrob_drake.parts.forces import ForceConfig
-from simrob_drake.parts.forces.push import Push
+from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.parts.site import StationRobot
 
 _LAST = 100  # episodes whose mean return a curriculum goes by

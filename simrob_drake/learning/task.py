@@ -16,7 +16,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.packages import Border
 from simrob_drake.learning.episode import policies_of
 from simrob_drake.learning.rewards import TERMS
-from simrob_drake.parts.forces.push import Push
+from simrob_drake.parts.forces import Push
 from simrob_drake.sections import Boolean, Duration, Instant, NotNegative, Number, Positive, Strict, validated
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station

@@ -29,8 +29,7 @@ from simrob_drake.learning.rewards import Origin, RewardSample, rewards, turned_
 from simrob_drake.learning.sensing import Places, PolicySensors
 from simrob_drake.learning.spaces import spaces
 from simrob_drake.learning.task import load_task
-from simrob_drake.mujoco.built import BuiltStation
-from simrob_drake.mujoco.controls import controls, force_values
+from simrob_drake.mujoco.built import BuiltStation, controls, force_values
 from simrob_drake.results.animation.pictures import Still
 from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.closed import station_references

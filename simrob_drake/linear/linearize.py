@@ -7,14 +7,14 @@ import numpy.typing as npt
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import AffineSystem, Demultiplexer, FirstOrderTaylorApproximation
 
-from simrob_drake.blocks.wiring import joined
+from simrob_drake.blocks.block import joined
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import InvalidParameter, SimrobError, one_of, quoted
 from simrob_drake.frames import Vector, finite
 from simrob_drake.lifetime import built
 from simrob_drake.linear.model import LinearModel
 from simrob_drake.parts.site import named
-from simrob_drake.robots.drives import Drives
+from simrob_drake.robots.motors import Drives
 from simrob_drake.stations.checks import holding_torque
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import add_dynamic_robots

@@ -15,19 +15,184 @@ import numpy as np
 from mujoco.rollout import Rollout
 
 from simrob_drake.arguments import positive
-from simrob_drake.blocks.references import Reference
+from simrob_drake.blocks.monitor import NOT_YET
+from simrob_drake.blocks.references import Reference, reference_values
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
-from simrob_drake.mujoco.built import BuiltStation
-from simrob_drake.mujoco.controls import controls
-from simrob_drake.mujoco.reading import Stepped
-from simrob_drake.results.record.state import State
+from simrob_drake.mujoco.built import BuiltStation, controls, force_values
+from simrob_drake.results.record.run import DIVERGED
+from simrob_drake.results.record.state import JointState, State, joints_of
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.arguments import ReferencesLike, by_robot, with_duration, with_pushes
+from simrob_drake.simulation.run import sample_times
+from simrob_drake.simulation.stepping import Outcome
 from simrob_drake.stations.closed import check_reference, station_references
 from simrob_drake.stations.config import MOST_SAMPLES, StationConfig
 from simrob_drake.stations.mujoco.model import STEP
 from simrob_drake.stations.station import StationLike, config_of
+
+_ASTRAY = 1e6
+"""No station has a position or velocity like this [SI units]: it has run away."""
+_ROUNDING = 1e-9  # s, and as a part
+_STABLE = 2.0
+"""An explicit damper on a mass is stable while kd h / M stays below this."""
+Onsets = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """How a monitor ends a run: who, when [s], why, and since when conditions had held one look before."""
+
+    name: str
+    time: float
+    message: str
+    onsets: Onsets
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """A run that was stepped.
+
+    Attributes:
+        built: the station.
+        config: as it was run.
+        references: what the robots were asked, by name.
+        states: MuJoCo's states before each step, shape (m, size).
+        sensed: what the sensors told of them, shape (m, k).
+        seconds: of wall-clock time.
+        start: where it began; None at the initial posture.
+    """
+
+    built: BuiltStation
+    config: StationConfig
+    references: Mapping[str, Reference]
+    states: Vector
+    sensed: Vector
+    seconds: float
+    start: State | None
+
+    def result(self) -> SimulationResult:
+        """Return the result: sampled, and cut where a monitor ends the run or where it ran away."""
+        began, built = perf_counter(), self.built
+        sane = np.asarray((np.abs(self.states) < _ASTRAY).all(axis=1))  # what is no number is not
+        count = len(sane) if sane.all() else int(np.argmin(sane))
+        steps = np.asarray(built.step * np.arange(count), dtype=float)
+        times = sample_times(min(float(steps[-1]), self.config.duration), self.config.sample_rate)
+        stop = self._stop(steps, times)
+        if stop is not None:
+            times = np.append(times[times < stop.time - _ROUNDING], stop.time)
+        outputs = self._outputs(steps, times)
+        outcome = self._outcome(stop, float(times[-1]), astray=count < len(sane))
+        columns = [
+            outputs[signal.output] if signal.entries is None else outputs[signal.output][:, signal.entries]
+            for signal in built.signals
+        ]
+        return SimulationResult(
+            config=self.config,
+            plant=built.ports.plant,
+            ending=outcome.ending,
+            stopped_by=outcome.stopped_by,
+            message=outcome.message,
+            names=[name for signal in built.signals for name in signal.names],
+            signals=tuple(built.signals),
+            notes={},
+            times=times,
+            values=np.hstack([np.zeros((len(times), 0)), *columns]),
+            step_times=steps[steps <= times[-1] + _ROUNDING],
+            positions_at=lambda at: self._motion(steps, at)[0],
+            stepping_time=self.seconds,
+            signal_time=perf_counter() - began,
+            solver_warnings=self._warnings(self.sensed[:count]),
+            final_state=self._state(steps, float(times[-1])),
+            start=self.start,
+            context=built.diagram.CreateDefaultContext,
+        )
+
+    def _outputs(self, steps: Vector, times: Vector) -> dict[str, Vector]:
+        """Return the outputs that are known, by name, at times (m,)."""
+        built = self.built
+        sensed = _between(steps, self.sensed, times)
+        outputs = {name: built.output(name, sensed) for name in built.outputs}
+        for robot in built.ports.plant.robots.values():
+            outputs[f"{robot.prefix}reference"] = reference_values(self.references[robot.name], times)
+        for name in built.station.config.forces:
+            outputs[f"applied_force.{name}"] = force_values(self.config.forces.get(name), times, times + built.step)
+        return outputs
+
+    def _motion(self, steps: Vector, times: Vector) -> tuple[Vector, Vector]:
+        """Return positions (k, nq) and velocities (k, nv) of Drake's plant at times (k,)."""
+        model = self.built.model
+        states = _between(steps, self.states[:, 1 : 1 + model.nq + model.nv], times)
+        motion = self.built.coordinates.to_drake(states)
+        return motion[:, : model.nq], motion[:, model.nq :]
+
+    def _stop(self, steps: Vector, times: Vector) -> Stopped | None:
+        """Return when a monitor ends the run: looked for at samples, then at the steps before the one that tells."""
+        onsets = dict.fromkeys(self.built.ports.monitors, NOT_YET)
+        found = self._looked(steps, times, dict(onsets), onsets)
+        if found is None:
+            return None
+        between = steps[(steps > found.time - 1 / self.config.sample_rate) & (steps < found.time + _ROUNDING)]
+        return self._looked(steps, between, found.onsets, dict(found.onsets)) or found
+
+    def _looked(self, steps: Vector, times: Vector, before: Onsets, onsets: Onsets) -> Stopped | None:
+        """Ask the monitors at times (m,), in their order; ``onsets`` changes, ``before`` is that of one time before."""
+        monitors = self.built.ports.monitors
+        if not monitors:
+            return None
+        outputs = self._outputs(steps, times)
+        for row, time in enumerate(times.tolist()):
+            before.update(onsets)
+            for name, trigger in monitors.items():
+                values = [outputs[output][row] for output in trigger.condition.watched]
+                onsets[name] = trigger.since(onsets[name], time, values)
+                if trigger.ends(onsets[name], time):
+                    return Stopped(name, time, f"{trigger.condition.why(*values)}, at {time:.4g} s", dict(before))
+        return None
+
+    def _outcome(self, stop: Stopped | None, end: float, *, astray: bool) -> Outcome:
+        if stop is not None:
+            return Outcome("monitor", stop.name, stop.message)
+        if astray:
+            message = f"diverged at {end:.4g} s: a state ran away to infinity; shorter steps may help"
+            return Outcome("diverged", DIVERGED, message)
+        return Outcome("completed", None, f"ran to its end at {self.config.duration:g} s")
+
+    def _warnings(self, sensed: Vector) -> list[str]:
+        """Tell of outputs that are not known, and of stiff servos at their limits, which MuJoCo treats explicitly."""
+        built, found = self.built, []
+        for robot in built.ports.plant.robots.values():
+            torque = np.abs(built.output(f"{robot.prefix}torque", sensed)).max(axis=0)
+            light = built.model.dof_invweight0[built.coordinates.velocities[robot.axis_map.velocity_places]]
+            at_limit = torque >= robot.gains.torque_limit * (1 - _ROUNDING)
+            jumps = at_limit & (robot.gains.kd * light * built.step > _STABLE)
+            found += [f"{robot.prefix}{axis}" for axis, jumped in zip(robot.axes, jumps, strict=True) if jumped]
+        reached = (
+            "reached the limit of torque, where MuJoCo takes no account of the damping within a step; take shorter ones"
+        )
+        silent = "are left out by quick roll-outs; a run with solver.kind mujoco has them"
+        left = [f"{', '.join(built.left_out)} {silent}"] if built.left_out else []
+        return [f"{', '.join(found)} {reached}", *left] if found else left
+
+    def _state(self, steps: Vector, time: float) -> State:
+        """Return where the station was at a time [s], for another run to begin there, in Drake too."""
+        plant, robots = self.built.ports.plant.plant, self.built.ports.plant.robots
+        q, v = (rows[0] for rows in self._motion(steps, np.array([time])))
+        return State(
+            positions={name: robot.axis_map.positions(q) for name, robot in robots.items()},
+            velocities={name: robot.axis_map.velocities(v) for name, robot in robots.items()},
+            references={name: reference_values(self.references[name], np.array([time]))[0] for name in robots},
+            joints={name: JointState(q[places], v[speeds]) for name, places, speeds in joints_of(plant)},
+        )
+
+
+def _between(steps: Vector, rows: Vector, times: Vector) -> Vector:
+    """Return rows (m, k) of steps (m,) at times (n,), on straight lines between two of them, shape (n, k)."""
+    after = np.clip(np.searchsorted(steps, times - _ROUNDING), 1, max(len(steps) - 1, 1))
+    if len(steps) == 1:
+        return np.repeat(rows[:1], len(times), axis=0)
+    part = np.clip((times - steps[after - 1]) / (steps[after] - steps[after - 1]), 0.0, 1.0)[:, np.newaxis]
+    return np.asarray(rows[after - 1] + part * (rows[after] - rows[after - 1]))
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ from pydantic_core import CoreSchema, SchemaValidator, core_schema
 class Kinds:
     """A family of kinds: as the annotation of a type it checks a section as the kind that the section names."""
 
-    def __init__(self, package: str, places: Mapping[str, str]) -> None:
-        """Take the package of a family, and by kind the class in it, as ``module.Class``."""
-        self._package, self._places = package, places
+    def __init__(self, family: str, places: Mapping[str, str]) -> None:
+        """Take the module of a family, and by kind the class in it: ``Class``, or ``module.Class`` of a package's."""
+        self._family, self._places = family, places
         self._validator = lru_cache(self._validator_of)
 
     def __iter__(self) -> Iterator[str]:
@@ -29,8 +29,8 @@ class Kinds:
 
     def model(self, kind: str) -> type[BaseModel]:
         """Return the class of a kind, which is imported."""
-        module, _, name = self._places[kind].partition(".")
-        model: type[BaseModel] = getattr(import_module(f"{self._package}.{module}"), name)
+        module, _, name = f"{self._family}.{self._places[kind]}".rpartition(".")
+        model: type[BaseModel] = getattr(import_module(module), name)
         return model
 
     @cached_property

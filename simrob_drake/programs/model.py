@@ -28,11 +28,10 @@ from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.results.record.state import JointState, State, free_joint
 from simrob_drake.robots.pieces import TCP
-from simrob_drake.stations.clearance import Clearance
+from simrob_drake.stations.clearance import Clearance, PosedStation
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.contact_config import ContactConfig
-from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.resolve import carriers_of, flange, tool_in_use
+from simrob_drake.stations.solver_config import ContactConfig
 
 
 class StationModel(PosedStation):

@@ -16,9 +16,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from simrob_drake.blocks.references import Reference, later
-from simrob_drake.parts.forces import ForceConfig
-from simrob_drake.parts.forces.drag import Drag
-from simrob_drake.parts.forces.push import Push
+from simrob_drake.parts.forces import Drag, ForceConfig, Push
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.whole import joined
@@ -34,7 +32,7 @@ _SERVO = "servo."
 
 
 class PushNow(Strict):
-    """A constant force for a while; see :class:`~simrob_drake.parts.forces.push.Push`."""
+    """A constant force for a while; see :class:`~simrob_drake.parts.forces.Push`."""
 
     at: str | None = None
     """What is pushed: a robot, link, tool or piece; the only robot unless given."""
@@ -45,7 +43,7 @@ class PushNow(Strict):
 
 
 class DragNow(Strict):
-    """A spring that pulls a point after a target; see :class:`~simrob_drake.parts.forces.drag.Drag`."""
+    """A spring that pulls a point after a target; see :class:`~simrob_drake.parts.forces.Drag`."""
 
     at: str | None = None
     """What is pulled: a robot, link, tool or piece; the only robot unless given."""

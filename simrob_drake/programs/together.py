@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pydrake.geometry import Role
 
 from simrob_drake.arguments import instance
-from simrob_drake.blocks.distance_sensor import Distances
+from simrob_drake.blocks.contacts import Distances
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.every_branch import branches

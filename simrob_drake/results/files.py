@@ -12,7 +12,7 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.blocks.references import Samples, SineReference, hermite_samples
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
-from simrob_drake.parts.references.table import TIME_COLUMN, Interpolation, Table, speed_columns
+from simrob_drake.parts.references import TIME_COLUMN, Interpolation, Table, speed_columns
 from simrob_drake.results.background import in_background
 from simrob_drake.results.plots.formats import PlotFormat, plot_format
 from simrob_drake.results.record.events import all_events
@@ -104,7 +104,7 @@ def save_result(
         if result.start is not None:
             (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
             config = config.model_copy(update={"start": Path(START)})
-        from simrob_drake.stations.carried import carried  # the importer, which a run alone does not need
+        from simrob_drake.stations.located import carried  # the importer, which a run alone does not need
 
         (work / "station.yaml").write_text(station_yaml(carried(config, work)), encoding="utf-8")
         with in_background(lambda: _save_plots(result, work / "plots", plots)):

@@ -9,12 +9,11 @@ import numpy.typing as npt
 from PIL import Image as Picture
 from pydrake.multibody.tree import BodyIndex
 
-from simrob_drake.blocks.camera import Image, let_render
-from simrob_drake.parts.sensors.camera import CameraSensor
+from simrob_drake.parts.sensors.camera import CameraSensor, Image, let_render
 from simrob_drake.results.animation.camera import frame_times
 from simrob_drake.results.animation.pictures import captions, side_by_side, write_video
 from simrob_drake.results.record.run import RecordedRun
-from simrob_drake.stations.posed import PosedStation
+from simrob_drake.stations.clearance import PosedStation
 
 _STRIP = 7  # images
 _FAR = np.iinfo(np.uint16).max  # mm, of what has no depth
@@ -75,7 +74,7 @@ class Footage:
 
 def footage_of(result: RecordedRun) -> dict[str, Footage]:
     """Return the images of a run's cameras, by name."""
-    cameras = {name: sensor for name, sensor in result.config.sensors.items() if sensor.kind == "camera"}
+    cameras = {name: sensor for name, sensor in result.config.sensors.items() if isinstance(sensor, CameraSensor)}
     return {name: Footage(result, camera) for name, camera in cameras.items()}
 
 

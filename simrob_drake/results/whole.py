@@ -19,8 +19,8 @@ from simrob_drake.parts.site import StationPlant
 from simrob_drake.results.record.events import Event, begins_of
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.state import State, free_joint, joints_of
+from simrob_drake.stations.clearance import PosedStation
 from simrob_drake.stations.config import PieceConfig, StationConfig
-from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.poses import piece_pose_signal, unit_poses
 from simrob_drake.stations.resolve import resolve
 

@@ -19,10 +19,9 @@ from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
 from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
-from simrob_drake.robots.drives import Drives, joint_friction, set_drives
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.gripper import Gripper, fingers_of
-from simrob_drake.robots.motors import Motors
+from simrob_drake.robots.motors import Drives, Motors, joint_friction, set_drives
 from simrob_drake.robots.urdf import (
     joint_acceleration,
     joint_effort,

@@ -11,7 +11,7 @@ from simrob_drake.arguments import instance, seconds
 from simrob_drake.blocks.references import Reference, Samples, SineReference
 from simrob_drake.errors import InvalidParameter, one_of, quoted
 from simrob_drake.frames import Vector, numbers
-from simrob_drake.parts.forces.push import Push
+from simrob_drake.parts.forces import Push
 from simrob_drake.stations.config import StationConfig, check_effort
 
 ReferenceLike: TypeAlias = Reference | npt.ArrayLike | Samples

@@ -17,8 +17,7 @@ from simrob_drake.frames import numbers
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.controllers.own import driven_inputs
-from simrob_drake.parts.forces import ForceConfig
-from simrob_drake.parts.forces.push import Push
+from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.stations.closed import ClosedStation, closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import ResolvedStation

@@ -13,7 +13,7 @@ from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks, with_driven
-from simrob_drake.parts.forces.push import Push
+from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.arguments import ReferencesLike, by_robot, with_duration, with_pushes

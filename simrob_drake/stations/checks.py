@@ -12,11 +12,11 @@ from simrob_drake.parts.site import WORLD, StationPlant, StationRobot
 from simrob_drake.robots.motors import rated_torques
 from simrob_drake.robots.urdf import doubtful_efforts
 from simrob_drake.signals import Signal
+from simrob_drake.stations.clearance import KNEELING, standing
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.standing import KNEELING, standing
 from simrob_drake.stations.steps import Finding, step_findings
 from simrob_drake.stations.touch_checks import DEEP, clearance_findings, contact_findings, listed
 

@@ -9,6 +9,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, Outpu
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.blocks.block import fed, joined
 from simrob_drake.blocks.references import (
     Reference,
     ReferenceSource,
@@ -18,7 +19,6 @@ from simrob_drake.blocks.references import (
     reference_values,
     table,
 )
-from simrob_drake.blocks.wiring import fed, joined
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import built
@@ -62,8 +62,9 @@ class ClosedStation:
         """Let the sources give other pushes and drags at the same places."""
         for name, force in forces.items():
             place = f"force.{name}.source"
-            if force.kind != "sine" and self.diagram.HasSubsystemNamed(place):
-                self.diagram.GetSubsystemByName(place).UpdateTrajectory(force.trajectory())
+            trajectory = force.trajectory()
+            if trajectory is not None and self.diagram.HasSubsystemNamed(place):
+                self.diagram.GetSubsystemByName(place).UpdateTrajectory(trajectory)
 
 
 def closed_station(

@@ -21,12 +21,10 @@ from simrob_drake.parts.couplings import Couplings
 from simrob_drake.parts.forces import Forces
 from simrob_drake.parts.ground import Terrain
 from simrob_drake.parts.monitors import Monitors
-from simrob_drake.parts.references import ReferenceConfig
-from simrob_drake.parts.references.hold import Hold
+from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
-from simrob_drake.robots.drives import Drives
-from simrob_drake.robots.motors import Motors
+from simrob_drake.robots.motors import Drives, Motors
 from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.sections import (
     FASTEST_RATE,
@@ -46,9 +44,15 @@ from simrob_drake.sections import (
     check_plain,
     default_of,
 )
-from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
-from simrob_drake.stations.solver_config import ContinuousSolver, FixedSteps, MujocoSolver, SolverConfig
-from simrob_drake.stations.verdict_config import VerdictConfig
+from simrob_drake.stations.solver_config import (
+    ContactConfig,
+    ContactMaterial,
+    ContinuousSolver,
+    FixedSteps,
+    MujocoSolver,
+    SolverConfig,
+    VerdictConfig,
+)
 
 Input = Literal["feedforward", "reference_velocity", "external_force", "external_torque"]
 Realization = Literal["per_joint", "vector", "implicit"]

@@ -23,16 +23,22 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Saturation
 
-from simrob_drake.blocks.wiring import fed, mapped, summed
+from simrob_drake.blocks.block import fed, mapped, summed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.parts.targets import FLOOR, piece_of_shape
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation
-from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, FixedSteps, SolverConfig
+from simrob_drake.stations.solver_config import (
+    ContactConfig,
+    ContactMaterial,
+    ContinuousSolver,
+    DiscreteSolver,
+    FixedSteps,
+    SolverConfig,
+)
 
 _MOST_FACES = 20_000  # of round shapes, about: 33 000 of one ball take Drake 3 s, 131 000 take 12 s and 0.2 GB
 _FINEST_STEP = 1e-5  # s

@@ -1,19 +1,18 @@
-"""Wire a dynamic station: every robot is moved by the torques of its servos."""
+"""Wire a station's robots: each is moved by the torques of its servos, or its motion is the input."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
+from pydrake.systems.controllers import InverseDynamics
+from pydrake.systems.framework import Context, DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, PassThrough
 
-from simrob_drake.blocks.actuator_servo import add_actuator_servos
-from simrob_drake.blocks.admittance import add_admittance
-from simrob_drake.blocks.external_force import add_external_force
-from simrob_drake.blocks.model_torque import add_computed_torque, add_feedforward, add_model_torque
-from simrob_drake.blocks.passive_joints import add_joint_stops
-from simrob_drake.blocks.servo import ServoSignals, add_motor, add_servos
-from simrob_drake.blocks.wiring import fed, joined, mapped, summed
+from simrob_drake.blocks.block import fed, joined, mapped, summed
+from simrob_drake.blocks.model_torque import add_admittance, add_computed_torque, add_feedforward, add_model_torque
+from simrob_drake.blocks.monitor import SteadySteps
+from simrob_drake.blocks.passive_joints import add_external_force, add_joint_stops
+from simrob_drake.blocks.servo import ServoSignals, add_actuator_servos, add_motor, add_servos
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import FromState, Site, StationPlant, StationRobot
@@ -251,3 +250,56 @@ def _add_admittance_servos(
     difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])
     output, port = f"{prefix}felt_torque", mapped(builder, f"{prefix}felt_torque", difference, felt)
     ports.add(output, port, axis_signal(robot, "felt", "felt_torque", "effort"))
+
+
+STEP = 0.01
+"""How often monitors look [s]: nothing is integrated here, so a simulator would go to the end in one step."""
+
+_MOTION = ("reference", "reference_velocity", "reference_acceleration")
+
+
+def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[dict[str, InputPort], OutputPort]:
+    """Add inputs of position, velocity and acceleration for every robot.
+
+    Returns:
+        the inputs, each of whose blocks hands it on, and the state of the whole plant that they make.
+    """
+    inputs: dict[str, InputPort] = {}
+    motions: list[OutputPort] = []
+    for robot in plant.robots.values():
+        for signal in _MOTION:
+            block = builder.AddNamedSystem(f"{robot.prefix}{signal}", PassThrough(len(robot.joints)))
+            inputs[f"{robot.prefix}{signal}"] = block.get_input_port()
+            motions += [] if signal == _MOTION[-1] else [block.get_output_port()]
+    spread = np.hstack([robot.axis_map.state_matrix.T for robot in plant.robots.values()])
+    return inputs, mapped(builder, "multibody_state", spread, joined(builder, "motions", *motions))
+
+
+def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
+    """Add the outputs of every robot, inverse dynamics, and geometry poses.
+
+    The plant itself stands outside of the diagram: it is registered with the scene graph and never stepped.
+    """
+    for robot in ports.plant.robots.values():
+        sources = {signal: ports.inputs[f"{robot.prefix}{signal}"].get_system() for signal in _MOTION}
+        position, velocity = (sources[signal].get_output_port() for signal in _MOTION[:2])
+        add_motion(ports, robot, position, position, velocity)
+    force = _generalized_forces(builder, ports)
+    for robot in ports.plant.robots.values():
+        torque = mapped(builder, f"{robot.prefix}torque", robot.axis_map.velocity_matrix, force)
+        declare_torque(ports, robot, with_friction(builder, ports, robot, torque))
+    builder.Connect(ports.state, ports.plant.add_geometry_poses(builder, of_state=True))
+    builder.AddNamedSystem("steady_steps", SteadySteps(STEP))
+
+
+def _generalized_forces(builder: DiagramBuilder, ports: StationPorts) -> OutputPort:
+    """Compute the generalized forces (nv) of the motion, without contacts, by inverse dynamics."""
+    robots = ports.plant.robots.values()
+    dynamics = InverseDynamics(ports.plant.plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)
+    builder.AddNamedSystem("inverse_dynamics", dynamics)
+    builder.Connect(ports.state, dynamics.get_input_port_estimated_state())
+    accelerations = [ports.inputs[f"{robot.prefix}{_MOTION[-1]}"].get_system().get_output_port() for robot in robots]
+    spread = np.hstack([robot.axis_map.velocity_matrix.T for robot in robots])
+    desired = mapped(builder, "accelerations", spread, joined(builder, "robot_accelerations", *accelerations))
+    builder.Connect(desired, dynamics.get_input_port_desired_acceleration())
+    return dynamics.get_output_port_generalized_force()

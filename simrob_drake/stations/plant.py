@@ -20,24 +20,23 @@ from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, Multibod
 from pydrake.multibody.tree import FixedOffsetFrame, Joint, JointActuatorIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.blocks.actuator_servo import set_actuators
 from simrob_drake.blocks.passive_joints import set_friction
+from simrob_drake.blocks.servo import set_actuators
 from simrob_drake.errors import InvalidModel, InvalidParameter
 from simrob_drake.extras import needed
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.parts.site import WORLD, ResolvedRobot, StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR
-from simrob_drake.robots.drives import add_play
 from simrob_drake.robots.feet import put_on_feet
+from simrob_drake.robots.motors import add_play
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.pieces import FRICTION, TCP, add_piece, piece_robot
 from simrob_drake.robots.urdf import scale_masses, with_absolute_meshes
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
-from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.prescribed import set_rotors
 from simrob_drake.stations.resolve import ResolvedStation
-from simrob_drake.stations.solver_config import DiscreteSolver, MujocoSolver
+from simrob_drake.stations.solver_config import ContactConfig, DiscreteSolver, MujocoSolver
 
 _NEEDLESS = re.compile("deformable contact|does not handle joint limits for continuous models")
 """Warnings of Drake: a station has no deformable bodies, and its joints have stops of its own."""

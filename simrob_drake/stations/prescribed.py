@@ -23,8 +23,8 @@ from pydrake.multibody.tree import Joint, JointActuator, JointActuatorIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Multiplexer, PassThrough
 
+from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.blocks.references import reference_values
-from simrob_drake.blocks.wiring import fed, joined, mapped
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot, StationRobot

@@ -12,12 +12,11 @@ from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.ground import Ground
-from simrob_drake.parts.sensors import SensorConfig
-from simrob_drake.parts.sensors.sensor import SampledSensor
+from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor
 from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
-from simrob_drake.robots.drives import Drives
+from simrob_drake.robots.motors import Drives
 from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
@@ -76,7 +75,7 @@ def _with_inputs(config: StationConfig) -> StationConfig:
     return config.model_copy(update={"inputs": (*config.inputs, *sorted(needed))}) if needed else config
 
 
-def _sensors(config: StationConfig) -> dict[str, SensorConfig]:
+def _sensors(config: StationConfig) -> dict[str, Sensor]:
     """Return the sensors, each after those that it reads; what loops read samples while the station is stepped."""
     sensors = dict(config.sensors)
     for name in sensors_read(readers_of(config.controllers), sensors):

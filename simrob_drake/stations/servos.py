@@ -7,8 +7,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.drives import Drives
-from simrob_drake.robots.motors import NO_MOTOR, OF_URDF, Motor, known_motors
+from simrob_drake.robots.motors import NO_MOTOR, OF_URDF, Drives, Motor, known_motors
 from simrob_drake.stations.config import ServoConfig, StationConfig
 
 _KEY = "servo.motor"

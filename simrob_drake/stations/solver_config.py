@@ -1,10 +1,12 @@
-"""How a station's time advances: an error-controlled continuous scheme, or fixed discrete steps."""
+"""How a station's time advances, what happens where things touch, and what bounds its verdict has."""
+
+from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from simrob_drake.sections import Boolean, Positive, Strict
+from simrob_drake.sections import Boolean, NotNegative, Number, Positive, Strict
 
 TIGHTER = 10.0
 """How much tighter `simrob run --converge` reruns."""
@@ -103,3 +105,92 @@ class MujocoSolver(FixedSteps):
 
 
 SolverConfig = Annotated[ContinuousSolver | DiscreteSolver | MujocoSolver, Field(discriminator="kind")]
+
+
+class Friction(Strict):
+    """Coulomb friction of a surface."""
+
+    static: NotNegative = 1.0
+    """Coefficient up to which surfaces stick to each other."""
+    dynamic: NotNegative = 0.9
+    """Coefficient while they slide; not above the static one."""
+
+    @model_validator(mode="after")
+    def _dynamic_is_less(self) -> Friction:
+        if self.dynamic > self.static:
+            raise ValueError(f"dynamic friction ({self.dynamic:g}) is not more than static friction ({self.static:g})")
+        return self
+
+
+class ContactMaterial(Strict):
+    """A surface. What is not given comes from the shape's own file, or from Drake."""
+
+    stiffness: Positive | None = None
+    """Spring of a point contact [N/m]. Of two surfaces it is the harmonic mean, 2 k1 k2 / (k1 + k2): equal figures
+    give that figure. (Drake takes the springs of two shapes in series; each gets twice the value here.)"""
+    dissipation: NotNegative | None = None
+    """Hunt and Crossley's d [s/m]: the force is k x (1 + d dx/dt). Of two surfaces it is the mean, each weighted with
+    the stiffness of the other one. The solver scheme `sap` does not know it."""
+    friction: Friction | None = None
+    """Coulomb friction; of two surfaces 2 m1 m2 / (m1 + m2)."""
+    hydroelastic_modulus: Positive | None = None
+    """Pressure of a surface pressed in to its middle [Pa], for the hydroelastic models; 1e7 unless given."""
+
+
+class ContactConfig(ContactMaterial):
+    """Contact between robots, pieces and floor. A station without this section has none.
+
+    What surfaces are made of holds for all of them, floor included; a piece's own `contact` section replaces it.
+    """
+
+    model: Literal["point", "hydroelastic", "hydroelastic_with_fallback"] = "point"
+    """One spring at the deepest point, or pressure over the surface; the floor is rigid there."""
+    self_collision: Boolean = False
+    """Contact between the links of one robot."""
+    stiction_speed: Positive = 1e-3
+    """Speed up to which a contact counts as sticking [m/s]; continuous solvers let it creep that fast."""
+    resolution: Positive = 0.02
+    """Length of the edges of hydroelastic surfaces [m]."""
+
+
+Bound = NotNegative | Literal["none"]
+
+
+class VerdictConfig(Strict):
+    """Bounds of a run's figures, each called as its figure; ``none`` where there shall be no bound."""
+
+    final_error_deg: Bound = 3.0
+    """How far an axis that turns may be from its reference at the end [deg]."""
+    final_error_m: Bound = 0.005
+    """The same of an axis that slides [m]."""
+    largest_error_deg: Bound = 30.0
+    """How far an axis that turns may ever be from its reference [deg]; one that jumps needs more."""
+    largest_error_m: Bound = 0.05
+    """The same of an axis that slides [m]."""
+    beyond_stop_deg: Bound = 1.0
+    """How far an axis that turns may be pressed beyond an end of its range [deg]."""
+    beyond_stop_m: Bound = 0.002
+    """The same of an axis that slides [m]."""
+    torque_share: Bound = 1.05
+    """Largest torque or force of an axis, as part of its limit, or of what its motor has at that speed: in a kinematic
+    station it may be more than all."""
+    torque_time: Bound = 0.05
+    """Part of the run in which an axis is at its limit of torque."""
+    speed_share: Bound = 1.05
+    """Largest speed of an axis, as part of its motor's no-load speed or of the limit in its URDF."""
+    speed_time: Bound = "none"
+    """Part of the run in which an axis is beyond its limit of speed."""
+    rated_time: Bound = "none"
+    """Part of the run in which a motor gives more than its rated torque."""
+    heat: Bound = 1.0
+    """How warm a motor may get; 1 is as warm as its rated torque makes it in the end."""
+    below_floor: Bound = 0.005
+    """How far tools in use, floating bases and free pieces may be below the ground [m]."""
+    distance: Number | Literal["none"] = -0.005
+    """What sensors of distance may measure at least [m]; below 0 two bodies are in each other."""
+    penetration: Bound = 0.005
+    """How deep two bodies that touch may be in each other [m]."""
+    foot_slip: Bound = 0.02
+    """How far a foot may slide over the ground before it is lifted again [m]."""
+    shortened_steps: Bound = 3.0
+    """How often the solver may try steps again, shorter, as part of its steps."""

@@ -1,4 +1,4 @@
-"""Postures in which a robot with a free base may stand on its feet, found by geometry and statics."""
+"""Postures in which a robot with a free base may stand on its legs, found by geometry and statics."""
 
 from __future__ import annotations
 
@@ -6,13 +6,132 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.multibody.tree import RigidBody
+from pydrake.math import RigidTransform
+from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
-from simrob_drake.stations.clearance import Clearance, span, untangled
-from simrob_drake.stations.legs import Leg, ends_of, foot_place, legs_of, put_upright, straight
-from simrob_drake.stations.standing import KNEELING, Standing, standing
+from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, outline, span, standing, untangled
+
+_LOWEST = 0.7  # part of what the lowest chains reach that others reach which may be legs
+_FLAT = np.cos(np.deg2rad(3.0))  # facets of a hull whose normals differ by less are one
+_SOLE = 0.15  # part of the surface of a foot that its sole has at least
+_ACROSS, _DOWNWARD = 0.9, 1.2  # cosine of its normal and the last axis; and weight of where it looks
+_ROUND = 0.3  # a foot whose middle is so near to its joint, by its size, is a wheel or a ball
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A chain of axes from the root to a foot.
+
+    Attributes:
+        axes: their numbers, from the root outward.
+        links: that they move, in this order; the first is the hip.
+        foot: the link at its end.
+        point: with which it stands, in the foot [m].
+        normal: of its sole, outward, in the foot; None for a tip or a ball.
+    """
+
+    axes: list[int]
+    links: list[RigidBody]
+    foot: RigidBody
+    point: Vector
+    normal: Vector | None
+
+
+def put_upright(clearance: Clearance, robot: StationRobot, posture: Vector, height: float = 0.0) -> None:
+    """Put a robot with a free base into a posture (n,) [rad or m], its root upright at a height [m]."""
+    pose = RigidTransform(np.array([0.0, 0.0, height]))
+    clearance.plant.SetFreeBodyPose(clearance.context, robot.root.body(), pose)
+    clearance.place_robots({robot.name: posture})
+
+
+def foot_place(clearance: Clearance, leg: Leg) -> Vector:
+    """Return where a foot is that stands with its point (3,) [m], in the present configuration."""
+    return np.asarray(clearance.plant.EvalBodyPoseInWorld(clearance.context, leg.foot) @ leg.point)
+
+
+def ends_of(clearance: Clearance, robot: StationRobot) -> list[tuple[RigidBody, list[int]]]:
+    """Return the bodies with shapes at the ends of a robot's chains of axes, and these."""
+    shaped = set(clearance.lowest(robot))
+    chains = [(body, axes) for body, axes in clearance.chains(robot) if axes and body.name() in shaped]
+    inner = {tuple(axes[:count]) for _, axes in chains for count in range(len(axes))}
+    return [(body, axes) for body, axes in chains if tuple(axes) not in inner]
+
+
+def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
+    """Return groups of chains that are alike, those that reach lowest at home or stretched out first."""
+    groups: dict[tuple[int, float], list[Leg]] = {}
+    for body, axes in ends_of(clearance, robot):
+        if len(axes) > 1:
+            joints = [robot.joints[axis] for axis in axes]
+            offsets = [joint.frame_on_parent().GetFixedPoseInBodyFrame().translation() for joint in joints[1:]]
+            size = round(sum(float(np.linalg.norm(offset)) for offset in offsets), 2)
+            links, stood_on = [joint.child_body() for joint in joints], _foot(clearance, robot, body, axes[-1])
+            groups.setdefault((len(axes), size), []).append(Leg(axes, links, body, *stood_on))
+
+    def lowest(group: list[Leg]) -> float:
+        heights = []
+        for posture in (robot.model.home, straight(robot)):
+            put_upright(clearance, robot, posture)
+            heights += [foot_place(clearance, leg)[2] for leg in group]
+        return float(min(heights))
+
+    found = sorted((group for group in groups.values() if len(group) > 1), key=lowest)
+    return [group for group in found if lowest(group) < _LOWEST * lowest(found[0])]
+
+
+def straight(robot: StationRobot) -> Vector:
+    """Return the posture (n,) in which most legs are straight, be it within their limits or not: zero."""
+    return np.zeros(len(robot.axes))
+
+
+def _foot(clearance: Clearance, robot: StationRobot, body: RigidBody, axis: int) -> tuple[Vector, Vector | None]:
+    """Return with what a foot stands: the middle of a flat sole and its normal, its centre if round, or its tip."""
+    points = outline(clearance.station, body)
+    ways = np.linalg.norm(points, axis=1)
+    joint = robot.joints[axis]
+    turns = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else np.zeros(3)
+    put_upright(clearance, robot, straight(robot))
+    down = -clearance.plant.EvalBodyPoseInWorld(clearance.context, body).rotation().matrix()[2]
+    sole = _sole(points, float(KNEELING * ways.max()), turns, down)
+    if sole is not None:
+        return sole
+    middle = (points.max(axis=0) + points.min(axis=0)) / 2
+    return (middle if np.linalg.norm(middle) < _ROUND * ways.max() else points[int(ways.argmax())]), None
+
+
+def _sole(points: Vector, near: float, turns: Vector, down: Vector) -> tuple[Vector, Vector] | None:
+    """Return the middle and the normal of the flat side on which a body can stand, in its frame; None without.
+
+    That is a large one, which no point is nearer to the joint of than a knee is, and the last axis, as that of a
+    wheel, is not normal to it. Of several it is a large one that looks down where all axes are zero.
+
+    Args:
+        points: of its outline, shape (k, 3) [m].
+        near: how far from the joint a knee is [m].
+        turns: the direction of the last axis, zero if that slides.
+        down: the direction that is down where all axes are zero.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError):
+        return None
+    normals, corners = hull.equations[:, :3], points[hull.simplices]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    same = normals @ normals.T > _FLAT
+    far = np.array([np.linalg.norm(corners[row].reshape(-1, 3), axis=1).min() for row in same]) > near
+    fits = far & (same @ areas > _SOLE * areas.sum()) & (np.abs(normals @ turns) < _ACROSS)
+    if not fits.any():
+        return None
+    best = int(np.argmax(np.where(fits, (same @ areas) * (_DOWNWARD + normals @ down), -np.inf)))
+    parts = same[best]
+    centre = (areas[parts, np.newaxis] * corners[parts].mean(axis=1)).sum(axis=0) / areas[parts].sum()
+    normal = areas[parts] @ normals[parts]
+    return np.asarray(centre), np.asarray(normal / np.linalg.norm(normal))
+
 
 _BENT = 0.9, 0.85, 0.8, 0.95, 0.7, 0.6  # parts of their length to which legs are bent, in the order of trial
 _SEEDS, _SOLUTIONS = 6, 3  # postures of chance from which a leg is bent; how many ways of bending are tried

@@ -8,19 +8,18 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
 
 from simrob_drake.arguments import drake_asserts, instance
-from simrob_drake.blocks.events import EventTimes
-from simrob_drake.blocks.wiring import fed, summed
+from simrob_drake.blocks.block import fed, summed
+from simrob_drake.blocks.monitor import EventTimes, Trigger
 from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.lifetime import release
 from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks
 from simrob_drake.parts.controllers.loop import add_loops
 from simrob_drake.parts.controllers.own import add_own_blocks, wire_own_blocks, with_driven
-from simrob_drake.parts.forces.force import add_force
+from simrob_drake.parts.forces import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.drawing import draw_plant
-from simrob_drake.stations.dynamic import add_dynamic_robots, check_servo_steps
-from simrob_drake.stations.kinematic import add_kinematic_robots, add_motion_inputs
+from simrob_drake.stations.dynamic import add_dynamic_robots, add_kinematic_robots, add_motion_inputs, check_servo_steps
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.ports import StationPorts
@@ -119,7 +118,8 @@ def compose(
     add_loops(builder, ports, loops_of(config.controllers))
     wire_own_blocks(builder, ports, own)
     for name, monitor in config.monitors.items():
-        add_monitor(builder if monitors else None, ports, name, monitor, monitor.condition(name, station))
+        trigger = Trigger(monitor.condition(name, station), monitor.hold, monitor.after)
+        add_monitor(builder if monitors else None, ports, name, trigger, monitor.robot)
     return ports
 
 

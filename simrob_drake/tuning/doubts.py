@@ -15,7 +15,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.distributions import Choice, Distribution, Normal, Uniform, Values
 from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
-from simrob_drake.mujoco.limits import check_sayable
+from simrob_drake.mujoco.built import check_sayable
 from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.programs.gaits.registry import gaits_of
 from simrob_drake.robots.feet import FootContact

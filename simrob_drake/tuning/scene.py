@@ -22,7 +22,7 @@ from simrob_drake.errors import InvalidConfig, UnknownName, one_of
 from simrob_drake.extras import needed
 from simrob_drake.files import ROBOT_FILE
 from simrob_drake.folders import writing, written_at_once
-from simrob_drake.parts.forces.push import Push
+from simrob_drake.parts.forces import Push
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.registry import gaits_of
@@ -33,9 +33,9 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import load_robot_file
 from simrob_drake.sections import validated
 from simrob_drake.simulation import Runner
-from simrob_drake.stations.carried import carried
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_yaml
+from simrob_drake.stations.located import carried
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import MujocoSolver
 from simrob_drake.tuning.runners import run

@@ -8,8 +8,8 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, xyz_quaternion_from_transform
-from simrob_drake.parts.forces.force import place_of
-from simrob_drake.parts.monitors.fall import Fall
+from simrob_drake.parts.forces import place_of
+from simrob_drake.parts.monitors.places import Fall
 from simrob_drake.parts.site import named
 from simrob_drake.parts.targets import frame_names
 from simrob_drake.results.record.walks import headings

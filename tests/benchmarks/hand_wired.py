@@ -10,10 +10,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import apply_solver, load_station
-from simrob_drake.blocks.actuator_servo import add_actuator_servos
 from simrob_drake.blocks.passive_joints import add_joint_stops
 from simrob_drake.blocks.references import add_reference
-from simrob_drake.blocks.servo import ServoSignals, add_servos
+from simrob_drake.blocks.servo import ServoSignals, add_actuator_servos, add_servos
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
 

@@ -9,8 +9,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from simrob_drake.blocks.actuator_servo import add_actuator_servos, set_actuators
-from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_servos
+from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_actuator_servos, add_servos, set_actuators
 
 AddPendulum = Callable[..., MultibodyPlant]
 

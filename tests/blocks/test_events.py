@@ -6,7 +6,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LinearSystem
 
-from simrob_drake.blocks.events import EventTimes, SteadySteps
+from simrob_drake.blocks.monitor import EventTimes, SteadySteps
 from simrob_drake.errors import InvalidParameter
 
 

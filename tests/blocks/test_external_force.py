@@ -9,7 +9,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, JacobianWrtVariable
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from simrob_drake.blocks.external_force import add_external_force
+from simrob_drake.blocks.passive_joints import add_external_force
 
 OFFSET = RigidTransform(RollPitchYaw(0.4, -0.3, 1.0), [0.02, -0.03, 0.15])
 

@@ -12,10 +12,9 @@ from pydrake.systems.primitives import MatrixGain, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake import add_station, load_station
-from simrob_drake.blocks.events import SteadySteps
-from simrob_drake.blocks.monitor import Condition, Monitor
+from simrob_drake.blocks.monitor import Condition, Monitor, SteadySteps
 from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.parts.monitors import MonitorConfig
+from simrob_drake.parts.monitors.monitor import MonitorSection
 from simrob_drake.parts.site import Surroundings
 from simrob_drake.stations.resolve import resolve
 
@@ -28,7 +27,7 @@ DONE = SimulatorStatus.ReturnReason.kReachedBoundaryTime
 
 def section_of(
     kind: str, station: str = "double_pendulum", servo: dict[str, Any] | None = None, **keys: Any
-) -> tuple[MonitorConfig, Surroundings]:
+) -> tuple[MonitorSection, Surroundings]:
     """Return a monitor's section of a station, and the station."""
     config = load_station(station, {"monitors": {"watch": {"kind": kind, **keys}}, "servo": servo or {}})
     return config.monitors["watch"], resolve(config)

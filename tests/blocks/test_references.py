@@ -15,7 +15,7 @@ from pydrake.trajectories import (
 )
 from scipy.interpolate import CubicSpline
 
-from simrob_drake.blocks.events import EventTimes
+from simrob_drake.blocks.monitor import EventTimes
 from simrob_drake.blocks.references import (
     Reference,
     ReferenceSource,

@@ -33,7 +33,7 @@ def check(algorithm: str, file: str) -> None:
     import gymnasium
 
     from simrob_drake.learning.writing import write_network
-    from simrob_drake.parts.controllers.network import Network
+    from simrob_drake.parts.controllers.policy import Network
 
     sys.path.insert(0, str(FOLDER))
     import deep

@@ -21,7 +21,7 @@ from simrob_drake.learning.environment import StationEnvironment  # noqa: E402
 from simrob_drake.learning.episode import Episode  # noqa: E402
 from simrob_drake.learning.task import load_task  # noqa: E402
 from simrob_drake.learning.writing import write_network  # noqa: E402
-from simrob_drake.parts.controllers.network import Network  # noqa: E402
+from simrob_drake.parts.controllers.policy import Network  # noqa: E402
 
 SPAWN = {"context": "spawn"}  # a fork of a process with threads may hang
 NOTHING = {"kind": "sine", "amplitude": [0, 0, 0], "frequency": 1}

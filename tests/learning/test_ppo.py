@@ -33,7 +33,7 @@ def test_a_round_of_learning_writes_a_policy_and_its_curve(tmp_path):
 if __name__ == "__main__":
     import ppo
 
-    from simrob_drake.parts.controllers.network import Network
+    from simrob_drake.parts.controllers.policy import Network
 
     saved = ppo.save
 

@@ -10,7 +10,7 @@ from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia, UnitInertia
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
-from simrob_drake.parts.forces.drag import DragSpring
+from simrob_drake.parts.forces import DragSpring
 
 MASS, GRAVITY = 0.9048, 9.80665
 FREE = {"pieces.ball.pose": [0, 0, 1, 0, 0, 0], "floor": None, "contact": None, "sensors": {}}

@@ -12,7 +12,7 @@ from pydrake.math import RotationMatrix
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
-from simrob_drake.parts.sensors.imu import InertialUnit
+from simrob_drake.parts.sensors.frames import InertialUnit
 from simrob_drake.parts.sensors.leg_odometry import BaseEstimator, Soles
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.quadruped import trot

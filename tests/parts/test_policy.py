@@ -12,7 +12,7 @@ pytest.importorskip("onnxruntime")
 onnx = pytest.importorskip("onnx")
 
 from simrob_drake.learning.writing import write_network  # noqa: E402
-from simrob_drake.parts.controllers.network import Network  # noqa: E402
+from simrob_drake.parts.controllers.policy import Network  # noqa: E402
 
 SECTION = {
     "kind": "policy",

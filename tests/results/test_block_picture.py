@@ -17,7 +17,7 @@ from pydrake.systems.primitives import (
 )
 
 from simrob_drake.blocks.contacts import ContactReader
-from simrob_drake.blocks.events import EventTimes, SteadySteps
+from simrob_drake.blocks.monitor import EventTimes, SteadySteps
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.files import diagrams_root
 from simrob_drake.parts.controllers import KINDS

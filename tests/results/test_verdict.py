@@ -13,7 +13,7 @@ from simrob_drake.results.verdict.criterion import Criterion, MeasuredValue
 from simrob_drake.results.verdict.judge import CRITERIA
 from simrob_drake.results.verdict.verdict import Measure, Verdict, joined
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.verdict_config import VerdictConfig
+from simrob_drake.stations.solver_config import VerdictConfig
 
 pytestmark = pytest.mark.usefixtures("no_plots")
 

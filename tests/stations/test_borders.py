@@ -10,9 +10,8 @@ from simrob_drake.errors import InvalidConfig
 from simrob_drake.importer.packages import MESH_PATH_VARIABLE, granted, granting
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import load_robot_file
-from simrob_drake.stations.carried import FILES, carried
 from simrob_drake.stations.load import load_station, station_yaml
-from simrob_drake.stations.located import located_changes, located_station
+from simrob_drake.stations.located import FILES, carried, located_changes, located_station
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.tuning.study import Study
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.parts.references.hold import Hold
+from simrob_drake.parts.references import Hold
 from simrob_drake.stations.load import load_station, station_names, station_yaml
 from simrob_drake.stations.resolve import resolve
 

@@ -23,8 +23,8 @@ import numpy as np
 from pydantic import Field, model_validator
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
+from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection

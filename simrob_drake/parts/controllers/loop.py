@@ -10,8 +10,8 @@ from pydantic import Field
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, AffineSystem, Multiplexer, Saturation
 
+from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import wrapped

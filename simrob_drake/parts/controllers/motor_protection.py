@@ -24,7 +24,7 @@ from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection, check_force_is_read
-from simrob_drake.parts.monitors.force_limit import force_limit
+from simrob_drake.parts.monitors.places import force_limit
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisMap, AxisValues
 from simrob_drake.sections import NotNegative, Positive

@@ -17,11 +17,11 @@ from pydrake import symbolic
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import SymbolicVectorSystem
 
+from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.parts.controllers.flow_block import chosen, largest, least
+from simrob_drake.parts.controllers.flow_blocks import chosen, largest, least
 from simrob_drake.parts.controllers.loop import LoopSection, Wired
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.sections import NotNegative, Number, Positive

@@ -5,7 +5,7 @@ from collections.abc import Collection, Sequence
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import PassThrough
 
-from simrob_drake.blocks.wiring import summed
+from simrob_drake.blocks.block import summed
 from simrob_drake.parts.site import Site, StationRobot
 from simrob_drake.signals import Panel, Signal
 

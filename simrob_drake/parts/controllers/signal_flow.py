@@ -12,17 +12,17 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer, PassThrough
 
-from simrob_drake.blocks.external_force import add_external_force
-from simrob_drake.blocks.monitor import Condition
+from simrob_drake.blocks.block import fed, joined
+from simrob_drake.blocks.monitor import Condition, Trigger
+from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.signal_net import WiredBlock, signal_net
-from simrob_drake.blocks.wiring import fed, joined
 from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import InnerBlock, wrapped
-from simrob_drake.parts.controllers.flow_block import FlowBlock, Sum
 from simrob_drake.parts.controllers.flow_blocks import (
     Compare,
     DeadZone,
+    FlowBlock,
     Input,
     Logic,
     Lookup,
@@ -30,20 +30,21 @@ from simrob_drake.parts.controllers.flow_blocks import (
     Product,
     Saturation,
     Step,
+    Sum,
     Sums,
     Switch,
 )
-from simrob_drake.parts.controllers.flow_pid import Pid
 from simrob_drake.parts.controllers.flow_states import (
     Delay,
     Integrator,
+    Pid,
     RateLimiter,
     StateSpace,
     TransferFunction,
     ZeroOrderHold,
 )
 from simrob_drake.parts.controllers.outputs import add_to, declare_output
-from simrob_drake.parts.monitors.monitor import MonitorSection, add_monitor
+from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.sections import Strict, Triple
@@ -185,7 +186,7 @@ class SignalFlow(Strict):
             condition = Condition(
                 {f"{name}.{stop}": 1}, lambda value: 1.0 if value[0] else -1.0, lambda *_, stop=stop: f"{stop} is on"
             )
-            add_monitor(builder if monitors else None, site, f"{name}_{stop}", MonitorSection(), condition)
+            add_monitor(builder if monitors else None, site, f"{name}_{stop}", Trigger(condition))
         for place, force in self.forces.items():
             force.apply(builder, site, place, ports)
         return ports.get(_TORQUE)

@@ -12,8 +12,8 @@ import numpy as np
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.parts.controllers.limbs import Limb, limb_to
 from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.controllers.support import Limb, limb_to
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.robots.urdf import link_of, name_of
 from simrob_drake.sections import NotNegative, Positive

@@ -14,8 +14,8 @@ from pydrake.systems.framework import Context
 from simrob_drake.blocks.sampled import TIME, Changes, Named, RunEnds, SampledBlock
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
-from simrob_drake.parts.controllers.limbs import axes_to
 from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.controllers.support import axes_to
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.sections import Boolean

@@ -1,49 +1,24 @@
 """What may end a run: the kinds of monitor that a station file can name."""
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from simrob_drake.parts.kinds import Kinds
+from simrob_drake.parts.monitors.monitor import MonitorSection
 
 KINDS = Kinds(
     __name__,
     {
-        "joint_limit": "joint_limit.JointLimit",
-        "torque_limit": "torque_limit.TorqueLimit",
-        "settled": "settled.Settled",
-        "divergence": "divergence.Divergence",
-        "contact": "contact.Contact",
-        "force_limit": "force_limit.ForceLimit",
-        "power_limit": "power.PowerLimit",
-        "workspace": "workspace.Workspace",
-        "fall": "fall.Fall",
-        "empty_grip": "empty_grip.EmptyGrip",
+        "joint_limit": "axes.JointLimit",
+        "torque_limit": "axes.TorqueLimit",
+        "settled": "axes.Settled",
+        "divergence": "axes.Divergence",
+        "contact": "places.Contact",
+        "force_limit": "places.ForceLimit",
+        "power_limit": "axes.PowerLimit",
+        "workspace": "places.Workspace",
+        "fall": "places.Fall",
+        "empty_grip": "axes.EmptyGrip",
     },
 )
-if TYPE_CHECKING:
-    from simrob_drake.parts.monitors.contact import Contact
-    from simrob_drake.parts.monitors.divergence import Divergence
-    from simrob_drake.parts.monitors.empty_grip import EmptyGrip
-    from simrob_drake.parts.monitors.fall import Fall
-    from simrob_drake.parts.monitors.force_limit import ForceLimit
-    from simrob_drake.parts.monitors.joint_limit import JointLimit
-    from simrob_drake.parts.monitors.power import PowerLimit
-    from simrob_drake.parts.monitors.settled import Settled
-    from simrob_drake.parts.monitors.torque_limit import TorqueLimit
-    from simrob_drake.parts.monitors.workspace import Workspace
-
-    MonitorConfig = (
-        JointLimit
-        | TorqueLimit
-        | Settled
-        | Divergence
-        | Contact
-        | ForceLimit
-        | PowerLimit
-        | Workspace
-        | Fall
-        | EmptyGrip
-    )
-else:
-    MonitorConfig = Annotated[Any, KINDS]
-
+MonitorConfig = Annotated[MonitorSection, KINDS]
 Monitors = Annotated[dict[str, MonitorConfig], KINDS.names_are_kinds]

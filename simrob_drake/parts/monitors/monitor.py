@@ -1,5 +1,6 @@
 """What the sections of monitors share: of all, of those that watch a pose or a sensor; how conditions are made."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -13,13 +14,10 @@ from simrob_drake.parts.site import ResolvedRobot, Site, Surroundings
 from simrob_drake.sections import NotNegative, Strict
 
 
-class MonitorSection(Strict):
-    """A section of ``monitors``.
+class MonitorSection(Strict, ABC):
+    """A section of ``monitors``."""
 
-    A kind has its key ``kind``, and the method ``condition(name, station)``, which gives what ends a run, as functions
-    of the station's outputs, and raises what is wrong with the section.
-    """
-
+    kind: str
     robot: str | None = None
     """Whom it watches; the only robot unless given."""
     after: NotNegative = 0.0
@@ -31,6 +29,14 @@ class MonitorSection(Strict):
     def lasting(self) -> str:
         """The end of a reason: how long the condition lasted; empty where it need not."""
         return f" for {self.hold:g} s" if self.hold > 0 else ""
+
+    @abstractmethod
+    def condition(self, name: str, station: Surroundings) -> Condition:
+        """Return what ends a run, as functions of the station's outputs, by the section's own name.
+
+        Raises:
+            SimrobError: what is wrong with the section.
+        """
 
     def check(self, name: str, station: Surroundings) -> None:
         """Check that the robot exists."""
@@ -60,16 +66,15 @@ def worst(watched: Mapping[str, int], excesses: Callable[..., Vector], why: Call
 
 
 def add_monitor(
-    builder: DiagramBuilder | None, site: Site, name: str, section: MonitorSection, condition: Condition
+    builder: DiagramBuilder | None, site: Site, name: str, trigger: Trigger, robot: str | None = None
 ) -> None:
-    """Add a monitor with its section's condition; without a builder only the site knows it, for who records the run."""
-    site.monitors[name] = Trigger(condition, section.hold, section.after)
+    """Add a monitor, of a robot perhaps; without a builder only the site knows it, for who records the run."""
+    site.monitors[name] = trigger
     if builder is not None:
-        monitor = Monitor(condition, hold=section.hold, after=section.after)
+        monitor = Monitor(trigger.condition, hold=trigger.hold, after=trigger.after)
         builder.AddNamedSystem(f"monitor.{name}", monitor)
-        robot = None if section.robot is None else site.robot(section.robot)
-        site.draw(f"monitor.{name}", "sensor", f"Monitor\n{name}", robot)
-        for output in condition.watched:
+        site.draw(f"monitor.{name}", "sensor", f"Monitor\n{name}", None if robot is None else site.robot(robot))
+        for output in trigger.condition.watched:
             builder.Connect(site.port(builder, output), monitor.GetInputPort(output))
 
 

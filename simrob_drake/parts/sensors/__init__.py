@@ -1,38 +1,23 @@
 """What a station measures: the kinds of sensor that a station file can name."""
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from simrob_drake.parts.kinds import Kinds
+from simrob_drake.parts.sensors.sensor import Sensor
 
 KINDS = Kinds(
     __name__,
     {
-        "force": "force.Force",
-        "distance": "distance.Distance",
-        "joint_torque": "joint_torque.JointTorque",
-        "external_torque": "external_torque.ExternalTorque",
-        "imu": "imu.Imu",
-        "encoders": "encoders.Encoders",
-        "frame": "frame.FrameSensor",
+        "force": "shapes.Force",
+        "distance": "shapes.Distance",
+        "joint_torque": "joints.JointTorque",
+        "external_torque": "joints.ExternalTorque",
+        "imu": "frames.Imu",
+        "encoders": "joints.Encoders",
+        "frame": "frames.FrameSensor",
         "leg_odometry": "leg_odometry.LegOdometry",
         "camera": "camera.CameraSensor",
     },
 )
-if TYPE_CHECKING:
-    from simrob_drake.parts.sensors.camera import CameraSensor
-    from simrob_drake.parts.sensors.distance import Distance
-    from simrob_drake.parts.sensors.encoders import Encoders
-    from simrob_drake.parts.sensors.external_torque import ExternalTorque
-    from simrob_drake.parts.sensors.force import Force
-    from simrob_drake.parts.sensors.frame import FrameSensor
-    from simrob_drake.parts.sensors.imu import Imu
-    from simrob_drake.parts.sensors.joint_torque import JointTorque
-    from simrob_drake.parts.sensors.leg_odometry import LegOdometry
-
-    SensorConfig = (
-        Force | Distance | JointTorque | ExternalTorque | Imu | Encoders | FrameSensor | LegOdometry | CameraSensor
-    )
-else:
-    SensorConfig = Annotated[Any, KINDS]
-
+SensorConfig = Annotated[Sensor, KINDS]
 Sensors = Annotated[dict[str, SensorConfig], KINDS.names_are_kinds]

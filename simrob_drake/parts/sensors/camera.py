@@ -1,21 +1,161 @@
-"""A camera: colours, depth and bodies, as images."""
+r"""A camera: colours, depth, and of which body each pixel is, rendered by VTK without a display.
 
+The camera looks along its z axis, with x to the right and y down in the image. A pixel (u, v) of depth z is
+
+.. math:: p = z\,\Bigl(\frac{u - c_u}{f}, \frac{v - c_v}{f}, 1\Bigr), \qquad f = \frac{h}{2 \tan(\alpha / 2)},
+
+in its axes, for an image of height h [pixels] that opens by :math:`\alpha`, with its centre at
+:math:`c = ((w - 1) / 2, (h - 1) / 2)`. Noise of the depth grows with the square of the distance, as that of cameras
+which triangulate does (K. Khoshelham and S. Oude Elberink, Sensors 12, 2012, eq. 11).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Literal, Self
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, model_validator
-from pydrake.geometry import FrameId, FramePoseVector
+from pydrake.common.value import AbstractValue, Value
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    DepthRange,
+    DepthRenderCamera,
+    FrameId,
+    FramePoseVector,
+    LightParameter,
+    MakeRenderEngineVtk,
+    QueryObject,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+    SceneGraph,
+)
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.sensors import CameraInfo
 
-from simrob_drake.blocks.camera import CameraBlock, Lens, let_render
-from simrob_drake.blocks.wiring import fed
+from simrob_drake.blocks.block import Block, fed
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.frames import Vector, transform_from_pose
+from simrob_drake.lifetime import weakly
 from simrob_drake.parts.sensors.sensor import Sensor, sensor_label
 from simrob_drake.parts.site import WORLD, Site, StationPlant, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of, owner_of_shape
 from simrob_drake.sections import ORIGIN, Boolean, Integer, NotNegative, Pose, Positive
+
+_RENDERER = "cameras"
+_SHARPER = 0.1  # of the nearest depth: where VTK begins to draw
+_LIGHTS = [  # a room's, and one at the camera, which shows what the other leaves dark
+    LightParameter(type="directional", frame="world", direction=[0.3, 0.2, -1.0], intensity=0.6),
+    LightParameter(type="directional", frame="camera", direction=[0.0, 0.0, 1.0], intensity=0.6),
+]
+_TICK = 1e-6  # s, to which the noise knows the time
+
+
+@dataclass(frozen=True)
+class Image:
+    """What a camera sees at a moment.
+
+    Attributes:
+        time: of the run [s].
+        color: shape (h, w, 3), 0 to 255.
+        depth: along the camera's z axis, shape (h, w) [m]; 0 where something is too near, infinite where nothing is.
+        labels: of which body of the plant each pixel is, by its index, shape (h, w); above 32 000 of none.
+        pose: of the camera in the world.
+        focal: length [pixels].
+    """
+
+    time: float
+    color: npt.NDArray[np.uint8]
+    depth: npt.NDArray[np.float32]
+    labels: npt.NDArray[np.int16]
+    pose: RigidTransform
+    focal: float
+
+    @property
+    def seen(self) -> npt.NDArray[np.bool_]:
+        """Where there is a depth, shape (h, w)."""
+        return (self.depth > 0) & np.isfinite(self.depth)
+
+    def points(self, where: npt.NDArray[np.bool_] | None = None) -> Vector:
+        """Return the points in the world of pixels that have a depth, shape (m, 3) [m]; of those in a mask (h, w)."""
+        rows, columns = np.nonzero(self.seen if where is None else self.seen & where)
+        depth = self.depth[rows, columns].astype(float)
+        middle = (np.array(self.depth.shape) - 1) / 2
+        right, down = (columns - middle[1]) / self.focal, (rows - middle[0]) / self.focal
+        return np.asarray((self.pose @ (depth * np.array([right, down, np.ones_like(right)]))).T)
+
+
+@dataclass(frozen=True)
+class Lens:
+    """How a camera sees.
+
+    Attributes:
+        width, height: of its images [pixels].
+        opening: of the height [rad].
+        near, far: between which it tells depth [m].
+        noise: standard deviation of the depth of something 1 m away [m].
+        seed: of that.
+    """
+
+    width: int
+    height: int
+    opening: float
+    near: float
+    far: float
+    noise: float = 0.0
+    seed: int = 0
+
+    @property
+    def focal(self) -> float:
+        """Its length [pixels]."""
+        return float(self.height / (2 * np.tan(self.opening / 2)))
+
+    @cached_property
+    def _cameras(self) -> tuple[ColorRenderCamera, DepthRenderCamera]:
+        # VTK's coordinates begin at a corner of the first pixel, not in its middle
+        info = CameraInfo(self.width, self.height, self.focal, self.focal, self.width / 2, self.height / 2)
+        core = RenderCameraCore(_RENDERER, info, ClippingRange(_SHARPER * self.near, 2 * self.far), RigidTransform())
+        return ColorRenderCamera(core), DepthRenderCamera(core, DepthRange(self.near, self.far))
+
+    def image(self, query: QueryObject, parent: FrameId, pose: RigidTransform, time: float) -> Image:
+        """Return what is seen from a pose in a frame of the geometry; a time [s] has its own noise."""
+        seen, measured = self._cameras
+        color = query.RenderColorImage(seen, parent, pose).data[:, :, :3].copy()
+        depth = query.RenderDepthImage(measured, parent, pose).data[:, :, 0].copy()
+        labels = query.RenderLabelImage(seen, parent, pose).data[:, :, 0].copy()
+        if self.noise > 0:
+            drawn = np.random.default_rng([self.seed, round(time / _TICK)]).standard_normal(depth.shape)
+            near = np.where(np.isfinite(depth), depth, 0.0)
+            depth = (depth + self.noise * near**2 * drawn).astype(np.float32)
+        return Image(time, color, depth, labels, query.GetPoseInWorld(parent) @ pose, self.focal)
+
+
+def let_render(scene_graph: SceneGraph) -> None:
+    """Have a scene graph render what cameras see; once is enough."""
+    if not scene_graph.HasRenderer(_RENDERER):
+        scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams(lights=_LIGHTS)))
+
+
+class CameraBlock(Block):
+    """A camera that a loop may look through: it takes an image when it is asked for one.
+
+    Ports:
+        in  ``query``: of the scene graph.
+        out ``image``: an :class:`Image`.
+    """
+
+    def __init__(self, lens: Lens, *, parent: FrameId, pose: RigidTransform) -> None:
+        """Make the block for a camera at a pose in a frame of the geometry."""
+        super().__init__()
+        self._lens, self._parent, self._pose = lens, parent, pose
+        self._query = self.DeclareAbstractInputPort("query", Value[QueryObject]())
+        self.DeclareAbstractOutputPort("image", Value[object], weakly(self._look))
+
+    def _look(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._lens.image(self._query.Eval(context), self._parent, self._pose, context.get_time()))
+
 
 Pixels = Annotated[Integer, Field(ge=8, le=4096, multiple_of=2)]
 

@@ -1,5 +1,6 @@
 """What the kinds of sensor share; samples are taken while stepping where something reads them, else afterwards."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -9,7 +10,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ZeroOrderHold
 
-from simrob_drake.blocks.wiring import fed
+from simrob_drake.blocks.block import fed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import release_with
@@ -18,12 +19,22 @@ from simrob_drake.sections import Boolean, NotNegative, Positive, Strict
 from simrob_drake.signals import Compute, Recorded, Signal
 
 
-class Sensor(Strict):
-    """A section of ``sensors``.
+class Sensor(Strict, ABC):
+    """A section of ``sensors``."""
 
-    A kind has its key ``kind``, and the methods ``check(key, station)``, which raises what is wrong with it before
-    anything is built, and ``wire(builder, site, name)``, which adds its systems and declares its outputs.
-    """
+    kind: str
+
+    @abstractmethod
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check the section before anything is built.
+
+        Raises:
+            SimrobError: what is wrong with it.
+        """
+
+    @abstractmethod
+    def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
+        """Add its systems, and declare its outputs."""
 
     @property
     def stepped(self) -> bool:
@@ -41,7 +52,6 @@ class Sensor(Strict):
 class ShapeSensor(Sensor):
     """What sensors at the collision shapes of a body share."""
 
-    kind: str
     body: str
     """What it is at: a robot, a link, a piece, or a shape of a piece (`<piece>.<shape>`)."""
     rate: Positive | None = None

@@ -10,7 +10,7 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.blocks.references import hermite
 from simrob_drake.files import ROBOT_FILE, models_root
 from simrob_drake.frames import Vector, poses_from_matrices
-from simrob_drake.parts.monitors.fall import Fall
+from simrob_drake.parts.monitors.places import Fall
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import ServoConfig, StationConfig

@@ -13,7 +13,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.skeleton import Skeleton
-from simrob_drake.parts.references.sequence import Waypoint
+from simrob_drake.parts.references import Waypoint
 from simrob_drake.programs.gaits.gait import Gait, Pace
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import check_steps, samples

@@ -12,7 +12,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram, InputPort, LeafSystem, OutputPort, System
 from pydrake.systems.primitives import Adder, Demultiplexer, MatrixGain, Multiplexer, PassThrough, Selector
 
-from simrob_drake.blocks.events import EventTimes, SteadySteps
+from simrob_drake.blocks.monitor import EventTimes, SteadySteps
 from simrob_drake.parts.captions import BlockRole, Drawn, Shape, wrapped
 from simrob_drake.results.block_diagram.graph import BARS, ROLES, Arrow, BlockGraph, DrawnBlock
 from simrob_drake.stations.ports import StationPorts

@@ -138,8 +138,10 @@ def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector
 
 def fallen(result: RecordedRun) -> str | None:
     """Return the robot whose fall ended a run, as its monitor saw; None if none did."""
+    from simrob_drake.parts.monitors.places import Fall  # as all kinds, where one is named
+
     monitor = result.config.monitors.get(result.stopped_by or "")
-    return monitor.faller(result.config.only_robot) if monitor is not None and monitor.kind == "fall" else None
+    return monitor.faller(result.config.only_robot) if isinstance(monitor, Fall) else None
 
 
 def mechanical_work(result: RecordedRun, robot: str) -> float:

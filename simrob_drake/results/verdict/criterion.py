@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.stations.verdict_config import VerdictConfig
+from simrob_drake.stations.solver_config import VerdictConfig
 
 if TYPE_CHECKING:  # a run has a verdict
     from simrob_drake.results.record.run import RecordedRun

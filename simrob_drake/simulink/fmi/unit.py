@@ -17,9 +17,9 @@ from simrob_drake.folders import replaced_at_once, writing
 from simrob_drake.simulink.stepping.station import SteppedStation
 from simrob_drake.simulink.values.units import UnknownUnit, parse_unit, plain_unit
 from simrob_drake.simulink.writing.urdf import plain
-from simrob_drake.stations.carried import carried
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_yaml
+from simrob_drake.stations.located import carried
 
 STOPPED, MESSAGE, TIME = "stopped", "message", "time"
 """Variables beside those of the station: whether and why it was ended, and where it is."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from simrob_drake.parts.controllers.flow_block import FUNCTIONS
+from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import (
     Form,

@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.importer.options import EntryKind
-from simrob_drake.parts.controllers.flow_block import FlowBlock
+from simrob_drake.parts.controllers.flow_blocks import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.simulink.mechanics.bodies import (
     BETWEEN,

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from simrob_drake.parts.controllers.flow_block import FUNCTIONS
+from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.model_file import SCRIPT
 from simrob_drake.simulink.signals.arithmetic import MATH, OPERATORS, applied, chosen, compared, joined, table_of

@@ -1,15 +1,23 @@
-"""Servos, forces, dry friction and joint stops of a station, as MJCF has them."""
+"""What moves a MuJoCo model, and what it tells: servos, forces and sensors of a station, as MJCF has them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
 import mujoco
 import numpy as np
+from pydrake.geometry import GeometryId
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JointActuatorIndex
 
 from simrob_drake.frames import Vector
-from simrob_drake.parts.site import StationRobot
-from simrob_drake.stations.mujoco.names import Names
+from simrob_drake.parts.sensors.shapes import Distance, Force
+from simrob_drake.parts.site import StationPlant, StationRobot, Surroundings
+from simrob_drake.parts.targets import shapes_of
+from simrob_drake.stations.mujoco.coordinates import Names
+from simrob_drake.stations.poses import unit_poses
 
 _POSITION = mujoco.mjtCtrlInput.mjINPUT_POS
 
@@ -70,3 +78,113 @@ def add_site(
     onto = spec.worldbody if body.index() == 0 else spec.body(names.body(body))
     at = pose.translation() if point is None else pose @ point
     return onto.add_site(name=name, pos=at, quat=pose.rotation().ToQuaternion().wxyz(), group=4)
+
+
+_SENSES, _OBJECTS = mujoco.mjtSensor, mujoco.mjtObj
+_FORCE_BIT, _NET = 1 << 1, 3  # of a contact sensor: the force alone, of all contacts together
+_FAR = 1e3  # m, of distances
+
+
+@dataclass(frozen=True)
+class OutputSensors:
+    """How the sensors of a model give an output.
+
+    Attributes:
+        names: of the sensors, in order.
+        kind: how their values become the output's: ``row``, side by side; ``pose``, one whose quaternion has a sense;
+            ``sum`` of vectors; ``least`` of numbers.
+    """
+
+    names: tuple[str, ...]
+    kind: Literal["row", "pose", "sum", "least"] = "row"
+
+    def of(self, columns: Mapping[str, slice], data: Vector) -> Vector:
+        """Return the output (m, size) of a model's sensor data (m, k)."""
+        values = [data[:, columns[name]] for name in self.names]
+        if self.kind == "sum":
+            return np.asarray(sum(values))
+        whole = np.hstack(values)
+        if self.kind == "pose":
+            return unit_poses(whole)
+        return whole.min(axis=1, keepdims=True) if self.kind == "least" else whole
+
+
+def add_sensors(
+    spec: mujoco.MjSpec,
+    station: Surroundings,
+    plant: StationPlant,
+    names: Names,
+    shapes: Mapping[GeometryId, str],
+    *,
+    moved_by_torque: bool = True,
+) -> dict[str, OutputSensors]:
+    """Add sensors for positions, velocities, torques, poses, and the station's sensors of force and distance.
+
+    Returns:
+        the outputs that the model tells, by the names of the station's ports.
+    """
+    outputs: dict[str, OutputSensors] = {}
+    for robot in plant.robots.values():
+        if moved_by_torque:
+            outputs |= _of_servos(spec, robot)
+        frames = {"base_pose": robot.root, **{f"tcp_pose.{tool}": frame for tool, frame in robot.tools.items()}}
+        for output, frame in frames.items():
+            place = f"{robot.prefix}{output.removesuffix('_pose').removeprefix('tcp_pose.')}"
+            add_site(spec, frame, name=place, names=names)
+            outputs[f"{robot.prefix}{output}"] = _pose(spec, place, _OBJECTS.mjOBJ_SITE, place)
+        if robot.tcp:
+            outputs[f"{robot.prefix}tcp_pose"] = outputs[f"{robot.prefix}tcp_pose.{robot.tcp}"]
+    for piece, body in plant.free_pieces.items():
+        outputs[f"piece_pose.{piece}"] = _pose(spec, f"piece.{piece}", _OBJECTS.mjOBJ_XBODY, names.body(body))
+        outputs[f"piece_velocity.{piece}"] = _velocity(spec, f"piece.{piece}", _OBJECTS.mjOBJ_XBODY, names.body(body))
+    pairs = {(pair.geomname1, pair.geomname2) for pair in spec.pairs}
+    for name, section in station.sensors.items():
+        if isinstance(section, Force | Distance) and station.has_contact:
+            own = [shapes.get(shape, "") for shape in shapes_of(plant, station, section.body)]
+            others = list(shapes.values())
+            if section.other is not None:
+                others = [shapes.get(shape, "") for shape in shapes_of(plant, station, section.other)]
+            found = [(a, b) for a in own for b in others if (a, b) in pairs or (b, a) in pairs]
+            outputs |= _of_shapes(spec, section.kind, name, found)
+    return outputs
+
+
+def _of_servos(spec: mujoco.MjSpec, robot: StationRobot) -> dict[str, OutputSensors]:
+    outputs = {}
+    for output, column, sense in (
+        ("position", "q", _SENSES.mjSENS_ACTUATORPOS),
+        ("velocity", "v", _SENSES.mjSENS_ACTUATORVEL),
+        ("torque", "tau", _SENSES.mjSENS_ACTUATORFRC),
+    ):
+        sensors = [f"{robot.prefix}{column}.{axis}" for axis in robot.axes]
+        for name, axis in zip(sensors, robot.axes, strict=True):
+            spec.add_sensor(name=name, type=sense, objtype=_OBJECTS.mjOBJ_ACTUATOR, objname=f"{robot.prefix}{axis}")
+        outputs[f"{robot.prefix}{output}"] = OutputSensors(tuple(sensors))
+    return outputs
+
+
+def _pose(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtObj, of: str) -> OutputSensors:
+    spec.add_sensor(name=f"{name}.position", type=_SENSES.mjSENS_FRAMEPOS, objtype=kind, objname=of)
+    spec.add_sensor(name=f"{name}.quaternion", type=_SENSES.mjSENS_FRAMEQUAT, objtype=kind, objname=of)
+    return OutputSensors((f"{name}.position", f"{name}.quaternion"), "pose")
+
+
+def _velocity(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtObj, of: str) -> OutputSensors:
+    spec.add_sensor(name=f"{name}.velocity", type=_SENSES.mjSENS_FRAMELINVEL, objtype=kind, objname=of)
+    spec.add_sensor(name=f"{name}.angular_velocity", type=_SENSES.mjSENS_FRAMEANGVEL, objtype=kind, objname=of)
+    return OutputSensors((f"{name}.velocity", f"{name}.angular_velocity"))
+
+
+def _of_shapes(spec: mujoco.MjSpec, kind: str, name: str, pairs: list[tuple[str, str]]) -> dict[str, OutputSensors]:
+    """Add a sensor of force or distance as one for each pair of shapes that may touch."""
+    sensors = tuple(f"{kind}.{name}.{number}" for number in range(len(pairs)))
+    sense, geom = _SENSES.mjSENS_CONTACT if kind == "force" else _SENSES.mjSENS_GEOMDIST, _OBJECTS.mjOBJ_GEOM
+    for sensor, (own, other) in zip(sensors, pairs, strict=True):  # MuJoCo tells the force on the second
+        added = spec.add_sensor(name=sensor, type=sense, objtype=geom, objname=other, reftype=geom, refname=own)
+        if kind == "force":
+            added.intprm = np.resize([_FORCE_BIT, _NET, 1], len(added.intprm))
+        else:
+            added.cutoff = _FAR
+    if not sensors:
+        return {}
+    return {f"{kind}.{name}": OutputSensors(sensors, "sum" if kind == "force" else "least")}

@@ -28,9 +28,8 @@ from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import weakly
 from simrob_drake.parts.site import StationPlant
-from simrob_drake.stations.mujoco.coordinates import Coordinates
+from simrob_drake.stations.mujoco.coordinates import Coordinates, Names
 from simrob_drake.stations.mujoco.model import mujoco_model
-from simrob_drake.stations.mujoco.names import Names
 from simrob_drake.stations.mujoco.servos import Servos
 from simrob_drake.stations.resolve import ResolvedStation
 

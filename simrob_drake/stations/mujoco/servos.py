@@ -22,7 +22,7 @@ from pydrake.multibody.tree import JointActuatorIndex
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationPlant
-from simrob_drake.stations.mujoco.names import Names
+from simrob_drake.stations.mujoco.coordinates import Names
 
 _TOGETHER, _ROUNDS = 5, 100
 """So often all motors that are on a wrong side change together; then the first of them alone, which cannot go on for

@@ -15,9 +15,9 @@ from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, moved_insi
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
+from simrob_drake.stations.clearance import standing
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.standing import standing
 
 WALKS = [("humanoid", "walk"), ("humanoid", "real_sole"), ("roid1", "walk"), ("zjudancer", "walk")]
 

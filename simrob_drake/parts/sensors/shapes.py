@@ -1,7 +1,4 @@
-r"""Contact force and moment on a body, as they are or as a sensor tells them: sampled, rounded, noisy and late.
-
-A sample tells :math:`\hat f_k = \mathrm{round}(f_k + n_k)`, as many samples late as the delay lasts.
-"""
+"""What collision shapes feel: how near another thing is, and the force with which it presses."""
 
 from __future__ import annotations
 
@@ -16,9 +13,9 @@ from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer
 
-from simrob_drake.blocks.contacts import ContactReader, Contacts, ForceSensor
+from simrob_drake.blocks.block import fed
+from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.sensors.sensor import (
@@ -34,6 +31,33 @@ from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, check_frame, frame_of, shapes_of
 from simrob_drake.sections import Integer, NotNegative
 from simrob_drake.signals import Recorded, Signal, sensor_panel
+
+
+class Distance(ShapeSensor):
+    """Signed distance between two things [m]; negative: how deep they are in each other."""
+
+    kind: Literal["distance"]
+    other: str = "floor"
+    """A robot, a link, a piece, a shape of a piece, or `floor`."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that both things exist, and that the plant has shapes."""
+        check_body(station, f"{key}.body", self.body)
+        check_body(station, f"{key}.other", self.other)
+        if station.mode == "dynamic":
+            check_contact(key, "a distance sensor", station)
+
+    def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
+        """Add ``distance.<sensor>`` (1) [m]."""
+        body, other = (shapes_of(site.plant, site.station, target) for target in (self.body, self.other))
+        scene_graph = site.plant.scene_graph
+        block = DistanceSensor(body=body, other=other, inspector=scene_graph.model_inspector())
+        distance = fed(builder, f"sensor.{name}", block, scene_graph.get_query_output_port())
+        site.draw(f"sensor.{name}", "sensor", sensor_label("Distance sensor", name, self.rate))
+        port, output = sampled(builder, f"sensor.{name}.hold", distance, self.rate), f"distance.{name}"
+        panel = sensor_panel(f"distance '{name}'", "distance", [output], ["m"])
+        site.add(output, port, Signal((output,), ("m",), "distance", output, part=name, panel=panel))
+
 
 _CONTACTS = "contacts"
 
@@ -133,7 +157,9 @@ class Force(ShapeSensor):
 
 
 class MeasuredWrench(SampledBlock):
-    """Sample a force and a moment as a sensor tells them.
+    r"""Sample a force and a moment as a sensor tells them: rounded, noisy, and as many samples late as it says.
+
+    .. math:: \hat f_k = \mathrm{round}(f_k + n_k)
 
     Ports:
         in  ``wrench`` (6): force [N], then moment [N·m].

@@ -1,0 +1,399 @@
+r"""What ties joints and bodies of a station together beside its joints: the kinds that a station file can name.
+
+Drake's discrete solvers have constraints. Under an implicit continuous scheme a coupling is a spring and a damper, so
+stiff that what it holds vibrates at :math:`\omega = 2000` rad/s: an acceleration a opens it by :math:`a / \omega^2`.
+"""
+
+from abc import ABC, abstractmethod
+from typing import Annotated, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    BodyIndex,
+    FixedOffsetFrame,
+    LinearBushingRollPitchYaw,
+    LinearSpringDamper,
+    RigidBody,
+    SpatialInertia,
+)
+from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from simrob_drake.blocks.block import fed, joined, mapped
+from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.frames import Vector, transform_from_pose
+from simrob_drake.parts.kinds import Kinds
+from simrob_drake.parts.site import WORLD, Site, StationPlant, StationRobot, Surroundings
+from simrob_drake.parts.targets import check_frame, frame_of
+from simrob_drake.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
+
+_ANCHOR = "couplings_anchor"
+_CLOSED = 1e-3
+"""How far apart at the start what is held together may be [m or rad]."""
+STIFFNESS, RELAXES = 2000.0**2, 2e-4
+"""Stiffness of a coupling by what it holds [1/s²], and its damper by that [s]."""
+_HALF_APART = 0.025  # m: of the points on a hinge's axis
+_SHORTEST = 1e-9  # m: Drake wants a length, though it need not have one
+
+
+class CouplingSection(Strict, ABC):
+    """A section of ``couplings``."""
+
+    constrains: ClassVar[bool] = True
+    """Whether it is a constraint, or so stiff a spring that it counts as one."""
+    schemes: ClassVar[tuple[str, ...]] = ("radau3", "radau1", "implicit_euler", "velocity_implicit_euler")
+    """Continuous schemes that hold it."""
+    kind: str
+
+    @abstractmethod
+    def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
+
+    @abstractmethod
+    def caption(self) -> str:
+        """Return it in words."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the station is moved by forces, by a solver that holds it, and that there is what it holds.
+
+        Raises:
+            SimrobError: names the key, and what would be right.
+        """
+        if station.mode == "kinematic":
+            raise InvalidParameter(key, "a coupling in a kinematic station", "left out: its reference moves all joints")
+        if self.constrains and station.time_step == 0 and station.scheme not in self.schemes:
+            expected = f"{'radau3, or ' if self.schemes else ''}kind: discrete with scheme: sap, which hold {key}"
+            raise InvalidParameter("solver", station.scheme, expected)
+
+    def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
+        """Add what holds it beside the plant: nothing, unless it couples axes under a continuous scheme."""
+
+    def gap(self, plant: StationPlant, context: Context) -> float:
+        """Return how far what it holds together is apart in a context [m or rad]; 0 of what may be anywhere."""
+        return 0.0
+
+    def check_start(self, key: str, plant: StationPlant, context: Context) -> None:
+        """Check that the station starts in a posture that it allows.
+
+        Raises:
+            InvalidParameter: it does not.
+        """
+        if (gap := self.gap(plant, context)) > _CLOSED:
+            raise InvalidParameter(key, f"{gap:.4g} m (or rad) off at the start", f"at most {_CLOSED:g} off")
+
+
+class Attachment(NamedTuple):
+    """A point of a body: the body, and the pose there of the frame whose origin it is."""
+
+    body: RigidBody
+    pose: RigidTransform
+
+
+def add_bushing(plant: MultibodyPlant, one: Attachment, other: Attachment, *, turns_about_z: bool = False) -> None:
+    """Hold two frames together by springs, stiff for all that the plant weighs; they may turn about their z.
+
+    About y they must not, as Drake's bushing counts turns by roll, pitch and yaw.
+    """
+    bodies = [plant.get_body(BodyIndex(index)) for index in range(1, plant.num_bodies())]
+    mass = sum(body.default_mass() for body in bodies)
+    inertia = sum(body.default_spatial_inertia().CalcRotationalInertia().get_moments().sum() / 2 for body in bodies)
+    slide, turn = STIFFNESS * mass, STIFFNESS * float(inertia)
+    frames = [
+        plant.AddFrame(FixedOffsetFrame(f"coupled_{plant.num_frames()}", end.body.body_frame(), end.pose))
+        for end in (one, other)
+    ]
+    turns, slides = np.array([turn, turn, 0.0 if turns_about_z else turn]), np.full(3, slide)
+    bushing = LinearBushingRollPitchYaw(*frames, turns, RELAXES * turns, slides, RELAXES * slides)
+    plant.AddForceElement(bushing)
+
+
+class Between(Strict, ABC):
+    """What couplings of one body with another share."""
+
+    body: str
+    """A tool or link of a robot, or a piece."""
+    other: str = WORLD
+    """The other body, likewise."""
+
+    @property
+    @abstractmethod
+    def places(self) -> tuple[RigidTransform, RigidTransform]:
+        """Where it holds, on the one and on the other."""
+
+    def check_bodies(self, key: str, station: Surroundings) -> None:
+        """Check that the station has both bodies."""
+        for part in ("body", "other"):
+            check_frame(station, f"{key}.{part}", getattr(self, part))
+
+    def ends(self, plant: StationPlant) -> list[Attachment]:
+        """Return both ends."""
+        frames = [frame_of(plant, name) for name in (self.body, self.other)]
+        ends = zip(frames, self.places, strict=True)
+        return [Attachment(frame.body(), frame.GetFixedPoseInBodyFrame() @ place) for frame, place in ends]
+
+    def anchored(self, plant: StationPlant) -> list[Attachment]:
+        """Return both ends, that on the world on a body that is welded to it.
+
+        A constraint on the world's own body ends the process (Drake 1.51 to 1.58).
+        """
+        own, ends = plant.plant, self.ends(plant)
+        if any(end.body is own.world_body() for end in ends) and not own.HasBodyNamed(_ANCHOR):
+            inertia = SpatialInertia.SolidSphereWithMass(1.0, 1.0)  # of no account: it stands
+            body = own.AddRigidBody(_ANCHOR, own.AddModelInstance(_ANCHOR), inertia)
+            own.WeldFrames(own.world_frame(), body.body_frame())
+        return [
+            Attachment(own.GetBodyByName(_ANCHOR), end.pose) if end.body is own.world_body() else end for end in ends
+        ]
+
+    def apart(self, plant: StationPlant, context: Context) -> RigidTransform:
+        """Return the pose of the other end in the first one."""
+        one, other = (plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose for end in self.ends(plant))
+        return one.inverse() @ other
+
+    def distance(self, plant: StationPlant, context: Context) -> float:
+        """Return how far the ends are apart in a context [m]."""
+        return float(np.linalg.norm(self.apart(plant, context).translation()))
+
+
+class BetweenPoints(Between, CouplingSection):
+    """A coupling of a point of one body with a point of another."""
+
+    point: Triple = (0.0, 0.0, 0.0)
+    """Where on the body, along its axes [m]."""
+    other_point: Triple = (0.0, 0.0, 0.0)
+    """Where on the other [m]; in the world's axes unless `other` is given."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the station has both bodies."""
+        super().check(key, station)
+        self.check_bodies(key, station)
+        if self.body == self.other:
+            raise InvalidParameter(f"{key}.other", self.other, "another one than body")
+
+    @property
+    def places(self) -> tuple[RigidTransform, RigidTransform]:
+        """The points, with the axes of their bodies."""
+        return RigidTransform(np.array(self.point)), RigidTransform(np.array(self.other_point))
+
+
+class Ball(BetweenPoints):
+    """Two points that stay together, as in a ball and socket."""
+
+    schemes: ClassVar[tuple[str, ...]] = ()
+    kind: Literal["ball"]
+
+    def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
+        one, other = self.anchored(plant)
+        plant.plant.AddBallConstraint(one.body, one.pose.translation(), other.body, other.pose.translation())
+
+    def gap(self, plant: StationPlant, context: Context) -> float:
+        """Return how far the points are apart [m]."""
+        return self.distance(plant, context)
+
+    def caption(self) -> str:
+        """Return it in words."""
+        return f"a ball joint between {self.body} and {self.other}"
+
+
+class Rod(BetweenPoints):
+    """Two points that stay apart by a length, as the ends of a massless rod with ball joints."""
+
+    schemes: ClassVar[tuple[str, ...]] = ()
+    kind: Literal["rod"]
+    length: Positive
+    """[m]."""
+
+    def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
+        one, other = self.anchored(plant)
+        points = one.pose.translation(), other.pose.translation()
+        plant.plant.AddDistanceConstraint(one.body, points[0], other.body, points[1], self.length)
+
+    def gap(self, plant: StationPlant, context: Context) -> float:
+        """Return by how much the length is missed [m]."""
+        return abs(self.distance(plant, context) - self.length)
+
+    def caption(self) -> str:
+        """Return it in words."""
+        return f"a rod of {self.length:g} m from {self.body} to {self.other}"
+
+
+class BetweenFrames(Between, CouplingSection):
+    """A coupling of a frame of one body with a frame of another."""
+
+    pose: Pose = ORIGIN
+    """The frame on the body, [x y z Rz Ry Rx]."""
+    other_pose: Pose = ORIGIN
+    """The frame on the other."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the station has both bodies."""
+        super().check(key, station)
+        self.check_bodies(key, station)
+
+    @property
+    def places(self) -> tuple[RigidTransform, RigidTransform]:
+        """Both frames."""
+        return transform_from_pose(self.pose), transform_from_pose(self.other_pose)
+
+
+class Weld(BetweenFrames):
+    """Two frames that stay together."""
+
+    kind: Literal["weld"]
+
+    def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
+        if not plant.plant.time_step():
+            add_bushing(plant.plant, *self.ends(plant))
+            return
+        one, other = self.anchored(plant)
+        plant.plant.AddWeldConstraint(one.body, one.pose, other.body, other.pose)
+
+    def gap(self, plant: StationPlant, context: Context) -> float:
+        """Return how far the frames are apart, the larger of distance [m] and angle [rad]."""
+        turn = self.apart(plant, context).rotation()
+        return max(self.distance(plant, context), float(turn.ToAngleAxis().angle()))
+
+    def caption(self) -> str:
+        """Return it in words."""
+        return f"{self.body} welded to {self.other}"
+
+
+class Hinge(BetweenFrames):
+    """Two frames that stay together but turn about their z."""
+
+    kind: Literal["hinge"]
+
+    def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized: of a discrete one, two points on its axis stay together."""
+        if not plant.plant.time_step():
+            add_bushing(plant.plant, *self.ends(plant), turns_about_z=True)
+            return
+        one, other = self.anchored(plant)
+        for point in np.array([[0.0, 0.0, -_HALF_APART], [0.0, 0.0, _HALF_APART]]):
+            places = one.pose.multiply(point), other.pose.multiply(point)
+            plant.plant.AddBallConstraint(one.body, places[0], other.body, places[1])
+
+    def gap(self, plant: StationPlant, context: Context) -> float:
+        """Return how far the frames are apart, the larger of distance [m] and angle of their axes [rad]."""
+        tilt = np.arccos(np.clip(self.apart(plant, context).rotation().matrix()[2, 2], -1.0, 1.0))
+        return max(self.distance(plant, context), float(tilt))
+
+    def caption(self) -> str:
+        """Return it in words."""
+        return f"a hinge between {self.body} and {self.other}"
+
+
+class Gear(CouplingSection):
+    r"""Axes of which a sum of positions stays as it is: gears, racks, screws, belts.
+
+    .. math:: \sum_i r_i q_i = c
+
+    of axes with position :math:`q_i` and ratios :math:`r_i`. Two gears of radii 1 and 2 that mesh have the ratios 1 and
+    2; a planetary gear couples three axes; a rack slides by its pinion's radius a radian.
+    """
+
+    kind: Literal["gear"]
+    ratios: Annotated[dict[str, Number], Field(min_length=2)]
+    """How much each axis counts, by name (<robot>.<axis> where there are several robots): {sun: 1, planet: 2}."""
+    total: Number | None = None
+    """What the sum of positions [rad or m] times ratios stays; that of the initial posture unless given."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the station has the axes, and a solver that holds them."""
+        super().check(key, station)
+        known = [f"{robot.prefix}{axis}" for robot in station.robots.values() for axis in robot.axes]
+        for name in self.ratios:
+            one_of(f"axis for {key}.ratios", name, known)
+        if len(self.ratios) > 2 and station.time_step and not hasattr(MultibodyPlant, "AddTendonConstraint"):
+            older = "of two: older Drake couples no more"
+            raise InvalidParameter(f"{key}.ratios", f"of {len(self.ratios)} axes", older)
+
+    def _counts(self, robot: StationRobot) -> Vector:
+        """Return how much each axis of a robot counts, shape (n,)."""
+        return np.array([self.ratios.get(f"{robot.prefix}{axis}", 0.0) for axis in robot.axes])
+
+    def _kept(self, plant: StationPlant) -> float:
+        initial = sum(float(self._counts(robot) @ robot.initial) for robot in plant.robots.values())
+        return initial if self.total is None else self.total
+
+    def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized, and discrete."""
+        if not plant.plant.time_step():
+            return
+        joints, ratios, kept = [], [], self._kept(plant)
+        for robot in plant.robots.values():
+            for joint, axis, ratio in zip(robot.joints, robot.model.axes.values(), self._counts(robot), strict=True):
+                if ratio:
+                    joints.append(joint.index())
+                    ratios.append(ratio * axis.sign)
+        if len(joints) == 2:
+            driven, driver = (plant.plant.get_joint(joint) for joint in joints)
+            plant.plant.AddCouplerConstraint(driven, driver, -ratios[1] / ratios[0], kept / ratios[0])
+        else:
+            plant.plant.AddTendonConstraint(joints, ratios, -kept, 0.0, 0.0)
+
+    def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
+        """Add the stiff spring that couples the axes under a continuous scheme."""
+        plant, robots = site.plant.plant, site.plant.robots.values()
+        if plant.time_step():
+            return
+        each = [(robot.axis_map, self._counts(robot)) for robot in robots]
+        place = sum(counts @ axes.state_matrix[: len(counts)] for axes, counts in each)
+        speed = sum(counts @ axes.state_matrix[len(counts) :] for axes, counts in each)
+        spread = sum(counts @ axes.velocity_matrix for axes, counts in each)
+        mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
+        stiffness = STIFFNESS / (spread @ mobility @ spread)
+        law = stiffness * np.append(-place - RELAXES * speed, self._kept(site.plant))
+        one = fed(builder, f"{key}.one", ConstantVectorSource([1.0]))
+        bus = joined(builder, f"{key}.bus", site.state, one)
+        site.generalized_forces.append(mapped(builder, f"{key}.force", np.outer(spread, law), bus))
+        site.draw_nothing(f"{key}.one", f"{key}.bus")
+        site.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
+
+    def caption(self) -> str:
+        """Return it in words."""
+        return "a gear: " + " + ".join(f"{ratio:g} {axis}" for axis, ratio in self.ratios.items()) + " stays as it is"
+
+
+class Spring(BetweenPoints):
+    r"""A spring with a damper between two points, under any solver.
+
+    .. math:: f = k (l - l_0) + d\,\dot l
+
+    pulls them together, of their distance :math:`l`.
+    """
+
+    constrains: ClassVar[bool] = False
+    kind: Literal["spring"]
+    length: NotNegative = 0.0
+    """At which it is slack [m]."""
+    stiffness: NotNegative
+    """[N/m]."""
+    damping: NotNegative = 0.0
+    """[N·s/m]."""
+
+    def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
+        one, other = self.ends(plant)
+        points = one.pose.translation(), other.pose.translation()
+        length = max(self.length, _SHORTEST)
+        spring = LinearSpringDamper(one.body, points[0], other.body, points[1], length, self.stiffness, self.damping)
+        plant.plant.AddForceElement(spring)
+
+    def caption(self) -> str:
+        """Return it in words."""
+        return f"a spring of {self.stiffness:g} N/m from {self.body} to {self.other}"
+
+
+KINDS = Kinds(
+    __name__,
+    {"gear": "Gear", "ball": "Ball", "rod": "Rod", "weld": "Weld", "hinge": "Hinge", "spring": "Spring"},
+)
+CouplingConfig = Annotated[CouplingSection, KINDS]
+Couplings = Annotated[dict[str, CouplingConfig], KINDS.names_are_kinds]

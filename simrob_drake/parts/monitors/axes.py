@@ -1,0 +1,189 @@
+"""What axes of a robot may come to that ends a run: limits, standing still, running away, an empty grip."""
+
+from typing import Literal
+
+import numpy as np
+
+from simrob_drake.blocks.monitor import Condition
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.parts.monitors.monitor import MonitorSection, of_axes, worst
+from simrob_drake.parts.site import ResolvedRobot, Surroundings
+from simrob_drake.robots.axis_map import AxisValues
+from simrob_drake.sections import NotNegative, Number, Positive
+
+
+class JointLimit(MonitorSection):
+    """End the run when a joint reaches a limit of its range."""
+
+    kind: Literal["joint_limit"]
+    margin_deg: Number = 0.0
+    """How far before the limit the run ends, for axes that turn; negative: beyond it."""
+    margin_m: Number = 0.0
+    """The same for axes that slide [m]."""
+
+    def condition(self, name: str, station: Surroundings) -> Condition:
+        """Return what ends a run; its excess is the largest overshoot of a limit [rad or m]."""
+        robot = station.robot(self.robot, f"monitors.{name}")
+        count, margin = len(robot.axes), robot.model.bounds(self.margin_deg, self.margin_m)
+        lower, upper = robot.model.axis_limits
+        lower, upper = lower + margin, upper - margin
+
+        def overshoots(position: Vector) -> Vector:
+            return np.concatenate([position - upper, lower - position])
+
+        def why(index: int, _: float) -> str:
+            side, limits, axis = ("upper", upper, index) if index < count else ("lower", lower, index - count)
+            return f"{robot.axes[axis]} reached its {side} limit of {robot.model.units[axis].shown(limits[axis])}"
+
+        return worst(of_axes(robot, "position"), overshoots, why)
+
+
+_AT_LIMIT = 1e-6
+"""Part of a torque limit that may be missing where a servo counts as saturated."""
+
+
+class TorqueLimit(MonitorSection):
+    """End the run when a servo stays at its torque limit, or beyond one of the monitor's own."""
+
+    kind: Literal["torque_limit"]
+    hold: NotNegative = 0.5
+    """How long it must stay there [s]."""
+    limit: AxisValues | None = None
+    """What counts as the limit, per axis [N·m or N]: of the servo unless given. Axes that a mapping leaves out keep
+    that of their servo."""
+
+    def check(self, name: str, station: Surroundings) -> None:
+        """Check that the limits are positive."""
+        super().check(name, station)
+        limit = self._limits(station.robot(self.robot, f"monitors.{name}"))
+        if not (limit > 0).all():
+            raise InvalidParameter(f"monitors.{name}.limit", float(limit.min()), "positive [N·m or N]")
+
+    def _limits(self, robot: ResolvedRobot) -> Vector:
+        own = robot.gains.torque_limit
+        return own if self.limit is None else robot.model.axis_vector(self.limit, "limit", own)
+
+    def condition(self, name: str, station: Surroundings) -> Condition:
+        """Return what ends a run; its excess is the largest part of a limit that is used, minus one."""
+        robot = station.robot(self.robot, f"monitors.{name}")
+        limit = self._limits(robot)
+
+        def uses(torque: Vector) -> Vector:
+            return np.asarray(np.abs(torque) / limit - 1 + _AT_LIMIT)
+
+        def why(index: int, _: float) -> str:
+            bound = f"{limit[index]:g} {robot.model.units[index].effort}"
+            what = "its torque limit" if self.limit is None else "the limit"
+            return f"{robot.axes[index]} stayed at {what} of {bound} for {self.hold:g} s"
+
+        return worst(of_axes(robot, "torque"), uses, why)
+
+
+class Settled(MonitorSection):
+    """End the run when the robot stands still."""
+
+    kind: Literal["settled"]
+    hold: NotNegative = 0.2
+    """How long it must stand [s]."""
+    speed_deg: Positive = 0.1
+    """Speed below which an axis that turns stands still [deg/s]."""
+    speed_m: Positive = 1e-3
+    """Speed below which an axis that slides stands still [m/s]."""
+    error_deg: Positive | None = None
+    """Largest position error of axes that turn; unless given any error counts as settled."""
+    error_m: Positive | None = None
+    """Largest position error of axes that slide [m]; unless given any error counts as settled."""
+
+    def condition(self, name: str, station: Surroundings) -> Condition:
+        """Return what ends a run; its excess is how far below the bounds the worst joint is, as a part of them."""
+        robot = station.robot(self.robot, f"monitors.{name}")
+        speed = robot.model.bounds(self.speed_deg, self.speed_m)
+        errors = [np.inf if bound is None else bound for bound in (self.error_deg, self.error_m)]
+        error, more = robot.model.bounds(*errors), () if np.isinf(errors).all() else ("position", "reference")
+
+        def excess(velocity: Vector, *places: Vector) -> float:
+            use = float((np.abs(velocity) / speed).max())
+            if places:
+                position, reference = places
+                use = max(use, float((np.abs(reference - position) / error).max()))
+            return 1 - use
+
+        def why(*_: Vector) -> str:
+            bounds = zip(speed, robot.model.units, strict=True)
+            speeds = dict.fromkeys(f"{bound / unit.size:g} {unit.name}/s" for bound, unit in bounds)
+            return f"the robot has stood still (below {' and '.join(speeds)}) for {self.hold:g} s"
+
+        return Condition(of_axes(robot, "velocity", *more), excess, why)
+
+
+class Divergence(MonitorSection):
+    """End the run when a joint runs away."""
+
+    kind: Literal["divergence"]
+    speed_limit: Positive = 100.0
+    """Speed that counts as running away [rad/s, or m/s of axes that slide]."""
+
+    def condition(self, name: str, station: Surroundings) -> Condition:
+        """Return what ends a run; its excess is the largest speed over the bound [rad/s or m/s]."""
+        robot = station.robot(self.robot, f"monitors.{name}")
+
+        def speeds(velocity: Vector) -> Vector:
+            return np.abs(velocity) - self.speed_limit
+
+        def why(index: int, excess: float) -> str:
+            unit, speed = f"{robot.model.units[index].si}/s", excess + self.speed_limit
+            return f"{robot.axes[index]} ran away: {speed:.4g} {unit}, above {self.speed_limit:g} {unit}"
+
+        return worst(of_axes(robot, "velocity"), speeds, why)
+
+
+class PowerLimit(MonitorSection):
+    r"""End the run when the mechanical power of a robot's joints, :math:`\sum_i |\tau_i v_i|`, is too large."""
+
+    kind: Literal["power_limit"]
+    limit: Positive
+    """Largest power of all joints together [W]; braking counts as driving does."""
+
+    def condition(self, name: str, station: Surroundings) -> Condition:
+        """Return what ends a run; its excess is the power over the limit [W]."""
+        robot = station.robot(self.robot, f"monitors.{name}")
+
+        def power(torque: Vector, velocity: Vector) -> Vector:
+            return np.array([np.abs(torque * velocity).sum() - self.limit])
+
+        def why(*_: float) -> str:
+            return f"the power of the joints of {robot.name} reached the limit of {self.limit:g} W{self.lasting}"
+
+        return worst(of_axes(robot, "torque", "velocity"), power, why)
+
+
+class EmptyGrip(MonitorSection):
+    """End the run when all fingers of a gripper are closed: nothing is between them, or what was has slipped out."""
+
+    kind: Literal["empty_grip"]
+    hold: NotNegative = 0.05
+    """How long they must be [s]."""
+    part: Positive = 0.02
+    """How near to closed counts, as a part of the way from there to open."""
+
+    def check(self, name: str, station: Surroundings) -> None:
+        """Check that the robot has fingers."""
+        super().check(name, station)
+        robot = station.robot(self.robot, f"monitors.{name}")
+        if not robot.model.fingers:
+            raise InvalidParameter(f"monitors.{name}.robot", robot.name, "one with a gripper: in its robot.yaml")
+
+    def condition(self, name: str, station: Surroundings) -> Condition:
+        """Return what ends a run; its excess is how much nearer to closed the most open finger is."""
+        robot = station.robot(self.robot, f"monitors.{name}")
+        places = list(robot.model.fingers)
+        closed, opened = np.array(list(robot.model.fingers.values())).T
+
+        def excess(position: Vector) -> float:
+            return self.part - float(((position[places] - closed) / (opened - closed)).max())
+
+        def why(position: Vector) -> str:
+            return f"the fingers of {robot.name} closed with nothing between them"
+
+        return Condition({f"{robot.prefix}position": len(robot.axes)}, excess, why)
