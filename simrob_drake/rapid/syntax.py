@@ -224,7 +224,7 @@ def declared(
         faults += module.faults
         for node in module.declarations:
             names = scope.own if str(node.children[0] or "").lower() == "local" else shared
-            kind = node.children[2] if node.data == "data" else ""
+            kind: Node = node.children[2] if node.data == "data" else None
             if node.data in ("routine", "function"):
                 routine = _routine(scope, node)
                 names[routine.name.lower()] = routine
