@@ -102,3 +102,30 @@ def _points(sampling: Sampling, keys: int, count: int, seed: int) -> Vector:
         return np.asarray(qmc.LatinHypercube(keys, rng=source).random(count))
     powers = (count - 1).bit_length()  # Sobol's sequence is even in powers of two: the first of one
     return np.asarray(qmc.Sobol(keys, rng=source).random_base2(powers)[:count])
+
+
+MOST_SEEDS = 1000
+
+
+def seeded(content: Mapping[str, Any], seed: int, changes: Mapping[str, Any]) -> dict[str, int]:
+    """Return the seeds of all parts of a station that are random, each with a stream of its own.
+
+    Args:
+        content: the station's sections.
+        seed: of the run.
+        changes: what the user changes, whose seeds stay.
+    """
+    own = seed_keys(changes)
+    return {key: seed + MOST_SEEDS * place for place, key in enumerate(seed_keys(content)) if key not in own}
+
+
+def seed_keys(content: Mapping[str, Any], above: str = "") -> list[str]:
+    """Return the dotted paths of all keys ``seed`` in a station's sections: of noise, terrain and biases."""
+    found = []
+    for key, value in content.items():
+        path = f"{above}{key}"
+        if key.rpartition(".")[2] == "seed":
+            found.append(path)
+        elif isinstance(value, Mapping):
+            found += seed_keys(value, f"{path}.")
+    return found

@@ -28,7 +28,7 @@ from simrob_drake.errors import InvalidParameter, SimrobError, shortened
 _MODULES = {
     **dict.fromkeys(("listing", "stations", "linear", "legged"), "Stations"),
     **dict.fromkeys(("robots", "teach"), "Robots"),
-    **dict.fromkeys(("sweep", "tune", "prove", "pushes"), "Many runs"),
+    **dict.fromkeys(("sweep", "tune", "pushes"), "Many runs"),
     **dict.fromkeys(("simulink", "engines"), "Exchange and other engines"),
     "exercises": "Teaching",
 }

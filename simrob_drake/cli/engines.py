@@ -11,7 +11,7 @@ from rich.table import Table
 
 from simrob_drake.cli.arguments import refuse, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
-from simrob_drake.cli.rapid import export_program
+from simrob_drake.cli.programs import export_program
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.simulink import compare_with_log
 from simrob_drake.cli.tables import in_units
@@ -98,9 +98,8 @@ def compare(
 
 
 def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) -> None:
-    from simrob_drake.comparison.account import differences
+    from simrob_drake.comparison.account import NUMBERS, differences, save_comparison
     from simrob_drake.comparison.engines import compare_engines
-    from simrob_drake.comparison.saving import NUMBERS, save_comparison
 
     if out is not None:
         check_folder(out, marker=NUMBERS, force=force)

@@ -11,7 +11,7 @@ from rich.text import Text
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import check_file, refuse_import
 from simrob_drake.cli.options import FileArgument, Force, RapidOptions, with_import_options, with_rapid
-from simrob_drake.cli.rapid import import_module, is_rapid_file, refuse_rapid
+from simrob_drake.cli.programs import import_module, is_rapid_file, refuse_rapid
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.simulink import (
     Assume,

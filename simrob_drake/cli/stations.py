@@ -21,8 +21,15 @@ from simrob_drake.cli.options import (
     with_rapid,
     with_saving,
 )
-from simrob_drake.cli.programs import check_program, own_program, program_from, run_program
-from simrob_drake.cli.rapid import is_rapid_file, module_program, refuse_rapid
+from simrob_drake.cli.programs import (
+    check_program,
+    is_rapid_file,
+    module_program,
+    own_program,
+    program_from,
+    refuse_rapid,
+    run_program,
+)
 from simrob_drake.cli.robots import examine_file, show_robot
 from simrob_drake.cli.saving import Frames, exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console
@@ -202,8 +209,7 @@ def _frames(text: str | None) -> Frames:
 def _simulated(config: StationConfig, live: bool) -> SimulationResult:
     if not live:
         return simulate(config)
-    from simrob_drake.results.animation.live import LiveView
-    from simrob_drake.results.animation.steering import Steering
+    from simrob_drake.results.animation.live import LiveView, Steering
 
     steering = Steering(config)
     view = LiveView(config, steering=steering)

@@ -15,7 +15,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.learning.beginning import Curriculum, beginning
 from simrob_drake.learning.episode import Episode
 from simrob_drake.learning.rewards import rewards
-from simrob_drake.learning.spaces import spaces
+from simrob_drake.learning.sensing import spaces
 from simrob_drake.learning.task import load_task
 from simrob_drake.results.animation.pictures import Still
 from simrob_drake.stations.config import StationConfig

@@ -26,8 +26,7 @@ from simrob_drake.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.learning.beginning import Curriculum, beginning
 from simrob_drake.learning.episode import policies_of
 from simrob_drake.learning.rewards import Origin, RewardSample, rewards, turned_from
-from simrob_drake.learning.sensing import Places, PolicySensors
-from simrob_drake.learning.spaces import spaces
+from simrob_drake.learning.sensing import Places, PolicySensors, spaces
 from simrob_drake.learning.task import load_task
 from simrob_drake.mujoco.built import BuiltStation, controls, force_values
 from simrob_drake.results.animation.pictures import Still

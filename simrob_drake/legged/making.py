@@ -18,10 +18,9 @@ from simrob_drake.importer.importing import write_robot
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import robot_file
 from simrob_drake.legged.anatomy import Anatomy, anatomy_of
-from simrob_drake.legged.report import REPORT, Made, save_report
+from simrob_drake.legged.report import REPORT, TRIALS, Attempt, Made, attempt, save_report
 from simrob_drake.legged.scaling import EXAMPLES, LAG, Build, Example, asked_speed, build_of, gains, walk_of
 from simrob_drake.legged.soles import FootSole, feet_section, soles_of, write_soles
-from simrob_drake.legged.trials import TRIALS, Attempt, attempt
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE
 from simrob_drake.stations.draft import at_home, draft_station

@@ -14,7 +14,7 @@ from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.files import ROBOT_FILE
 from simrob_drake.folders import written_at_once
 from simrob_drake.legged.making import WALK
-from simrob_drake.legged.trials import TRIALS, attempt
+from simrob_drake.legged.report import TRIALS, attempt
 from simrob_drake.robots.catalog import load_robot_file
 from simrob_drake.robots.gaits_file import GAITS_FILE
 from simrob_drake.robots.urdf import mass_of

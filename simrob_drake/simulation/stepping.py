@@ -18,8 +18,7 @@ from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
 from simrob_drake.results.record.signals import Watch
 from simrob_drake.results.record.state import State
-from simrob_drake.simulation.flight import Flight
-from simrob_drake.simulation.pace import creeping
+from simrob_drake.simulation.pace import Flight, creeping
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.steps import apply_solver, controlled_by, likely_cause, stepped_by

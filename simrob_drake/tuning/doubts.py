@@ -21,6 +21,7 @@ from simrob_drake.programs.gaits.registry import gaits_of
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.robots.urdf import mass_of, name_of
 from simrob_drake.sampling import drawn as drawn_of
+from simrob_drake.sampling import seed_keys, seeded
 from simrob_drake.simulation.runner import Runner
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT
@@ -29,7 +30,6 @@ from simrob_drake.stations.resolve import ResolvedStation, resolve
 from simrob_drake.stations.solver_config import ContinuousSolver
 from simrob_drake.tuning.conclusion import NUMERICAL, THOUGHT
 from simrob_drake.tuning.scene import ENGINE, GAIT, MUJOCO, Scene, in_mujoco
-from simrob_drake.tuning.streams import seed_keys, seeded
 
 Change = Values
 _Space = Mapping[str, Distribution]

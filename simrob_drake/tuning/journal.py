@@ -19,7 +19,7 @@ from simrob_drake.files import NotRead, opened
 from simrob_drake.folders import alone_in, check_folder, writing, written_at_once
 from simrob_drake.progress import progress_bar
 from simrob_drake.sections import Model, Number, Strict, validated
-from simrob_drake.tuning.engines import engine
+from simrob_drake.tuning.processes import engine
 from simrob_drake.tuning.trial import Record, Row, Trial, killed, made, plain
 from simrob_drake.yaml_files import parse_json, read_yaml
 

@@ -7,6 +7,7 @@ decides as it goes.
 """
 
 import json
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -32,14 +33,40 @@ from simrob_drake.programs.whole_program import carried_program, perform
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import load_robot_file
 from simrob_drake.sections import validated
-from simrob_drake.simulation import Runner
+from simrob_drake.simulation import ReferenceLike, Runner
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.located import carried
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import MujocoSolver
-from simrob_drake.tuning.runners import run
 from simrob_drake.yaml_files import place_of
+
+_KEPT: deque[Runner] = deque(maxlen=4)  # some megabytes each
+
+
+def run(config: StationConfig, reference: ReferenceLike | None = None) -> SimulationResult:
+    """Run a station as :func:`~simrob_drake.simulation.simulate` does, to the last bit.
+
+    Raises:
+        SimrobError: input that cannot be run at all.
+    """
+    return runner_of(config).run(reference=reference)
+
+
+def runner_of(config: StationConfig) -> Runner:
+    """Return the runner of a station.
+
+    What was built for a run of the same station with other references, pushes, length or start is used again.
+
+    Raises:
+        SimrobError: a station that cannot be run at all.
+    """
+    runner = next((found for kept in _KEPT if (found := kept.like(config)) is not None), None)
+    if runner is None:
+        runner = Runner(config)
+        _KEPT.append(runner)
+    return runner
+
 
 GAIT, PROGRAM, ENGINE = "gait", "program", "engine"
 DRAKE, MUJOCO = "drake", "mujoco"

@@ -1,6 +1,8 @@
 """The folder of a study: every trial as it ends, the best of them, and what that is worth where it was never tried."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +15,13 @@ from simrob_drake.folders import written_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
 from simrob_drake.tuning.analysis import plots_there, save_plots, study_in_optuna
-from simrob_drake.tuning.conditions import Conditions
-from simrob_drake.tuning.engines import Engine, engine
 from simrob_drake.tuning.journal import ROWS, Journal, read_spec
-from simrob_drake.tuning.race import Race
+from simrob_drake.tuning.processes import Engine, engine
 from simrob_drake.tuning.rollout import Case
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.search import Enough, search
-from simrob_drake.tuning.study import Parameters, Study, named
-from simrob_drake.tuning.table import write_rows
-from simrob_drake.tuning.trial import Record, Row, Trial, killed, made, table
+from simrob_drake.tuning.study import Conditions, Parameters, Study, named
+from simrob_drake.tuning.trial import Record, Row, Trial, killed, made, table, write_rows
 from simrob_drake.yaml_files import read_yaml
 
 STUDY, WINNER, TRIALS, FRONT, PROOF = "study.yaml", "winner.yaml", "trials.csv", "front.csv", "proof.csv"
@@ -233,3 +232,32 @@ def _in_order(workers: Engine, groups: Sequence[Sequence[Trial]]) -> Iterator[li
         while place < len(groups) and all(trial.number in records for trial in groups[place]):
             yield [records[trial.number] for trial in groups[place]]
             place += 1
+
+
+@dataclass(frozen=True)
+class Race(Trial):
+    """All runs of one set of figures.
+
+    Attributes:
+        study: what tells what they cost.
+        cases: the runs, in order.
+        least: what the best of the trials before its batch costs; so a search that goes on is the same again.
+    """
+
+    study: Study
+    cases: tuple[Case, ...]
+    least: float = inf
+
+    @property
+    def columns(self) -> list[Row]:
+        """What identifies each run."""
+        return [row for case in self.cases for row in case.columns]
+
+    def measured(self) -> list[Row]:
+        """Make the runs; leave the others out once the mean of all would exceed the best even if they cost 0."""
+        rows = list[Row]()
+        for case in self.cases:
+            rows += made(case).rows
+            if sum(float(self.study.judged(row)[0][0]) for row in rows) > self.least * len(self.cases):
+                break
+        return rows

@@ -10,12 +10,11 @@ from pydantic import Field
 
 from simrob_drake.distributions import Choice, Values
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.sampling import COUNT, Draws, Sampling, Space, applying, distinct
+from simrob_drake.sampling import COUNT, MOST_SEEDS, Draws, Sampling, Space, applying, distinct, seed_keys, seeded
 from simrob_drake.sections import Integer, Strict
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.tuning.rollout import Case
 from simrob_drake.tuning.scene import Scene
-from simrob_drake.tuning.streams import MOST_SEEDS, seed_keys, seeded
 
 _MOST_RUNS = 100_000
 

@@ -9,10 +9,8 @@ from simrob_drake.arguments import as_path
 from simrob_drake.folders import written_at_once
 from simrob_drake.sections import validated
 from simrob_drake.tuning.journal import Journal, columns_of, run
-from simrob_drake.tuning.push_map import PushMap
-from simrob_drake.tuning.push_picture import save_push_picture
-from simrob_drake.tuning.table import write_rows
-from simrob_drake.tuning.trial import Row, table
+from simrob_drake.tuning.push_map import PushMap, save_push_picture
+from simrob_drake.tuning.trial import Row, table, write_rows
 from simrob_drake.tuning.walking import Walking
 
 

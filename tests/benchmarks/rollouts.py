@@ -15,9 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from simrob_drake.tuning import runners
-from simrob_drake.tuning.cluster import Cluster
-from simrob_drake.tuning.engines import Engine
-from simrob_drake.tuning.processes import Processes
+from simrob_drake.tuning.processes import Cluster, Engine, Processes
 from simrob_drake.tuning.rollout import Case
 from simrob_drake.tuning.trial import killed, made
 

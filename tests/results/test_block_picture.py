@@ -21,10 +21,9 @@ from simrob_drake.blocks.monitor import EventTimes, SteadySteps
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.files import diagrams_root
 from simrob_drake.parts.controllers import KINDS
-from simrob_drake.results.block_diagram.drawing import Drawing
 from simrob_drake.results.block_diagram.graph import BlockGraph
 from simrob_drake.results.block_diagram.layout import Layout, text_width
-from simrob_drake.results.block_diagram.picture import save_block_picture, station_dot, station_svg
+from simrob_drake.results.block_diagram.picture import Drawing, save_block_picture, station_dot, station_svg
 from simrob_drake.results.block_diagram.reading import dot_text, mermaid_text, read_blocks
 from simrob_drake.results.block_diagram.routing import Routing
 from simrob_drake.stations.closed import closed_station

@@ -9,9 +9,8 @@ from simrob_drake import Arm, LeggedRobot, Runner, load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import VerdictError
 from simrob_drake.results.record.touch import Slide
-from simrob_drake.results.verdict.criterion import Criterion, MeasuredValue
 from simrob_drake.results.verdict.judge import CRITERIA
-from simrob_drake.results.verdict.verdict import Measure, Verdict, joined
+from simrob_drake.results.verdict.verdict import Criterion, Measure, MeasuredValue, Verdict, joined
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solver_config import VerdictConfig
 

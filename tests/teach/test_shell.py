@@ -16,9 +16,8 @@ from nicegui.testing.user_interaction import UserInteraction
 
 from simrob_drake import teach
 from simrob_drake.errors import SimrobError, UnknownName
-from simrob_drake.results.verdict.criterion import MeasuredValue
 from simrob_drake.results.verdict.judge import CRITERIA
-from simrob_drake.results.verdict.verdict import Measure
+from simrob_drake.results.verdict.verdict import Measure, MeasuredValue
 from simrob_drake.robots.catalog import robot_names
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.load import load_station

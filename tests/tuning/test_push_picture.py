@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from simrob_drake.tuning.push_map import PushMap
-from simrob_drake.tuning.push_picture import save_push_picture
+from simrob_drake.tuning.push_map import PushMap, save_push_picture
 from simrob_drake.tuning.sweep import Sweep
-from simrob_drake.tuning.sweep_plots import save_sweep_plots
+from simrob_drake.tuning.sweep_folder import save_sweep_plots
 
 
 @pytest.fixture

@@ -16,14 +16,12 @@ from simrob_drake.simulation.stepping import Stepper
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.tuning import burdens, journal
-from simrob_drake.tuning.bisection import bracket
 from simrob_drake.tuning.burdens import Burdens
 from simrob_drake.tuning.doubts import drawn
 from simrob_drake.tuning.push_map import PushMap, PushTrial
 from simrob_drake.tuning.scene import Scene
-from simrob_drake.tuning.subject import subject_of
 from simrob_drake.tuning.trial import made
-from simrob_drake.tuning.walking import UNCHANGED
+from simrob_drake.tuning.walking import UNCHANGED, bracket, subject_of
 from simrob_drake.tuning.walking_folder import WalkingFolder
 from tests.tuning.here import Here
 

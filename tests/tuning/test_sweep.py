@@ -21,10 +21,9 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.files import diagrams_root
 from simrob_drake.tuning import cluster
-from simrob_drake.tuning.cluster import Cluster
 from simrob_drake.tuning.journal import ROWS
 from simrob_drake.tuning.measures import measures
-from simrob_drake.tuning.processes import Processes
+from simrob_drake.tuning.processes import Cluster, Processes
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import TABLE, SweepFolder
 from simrob_drake.tuning.trial import Trial, made

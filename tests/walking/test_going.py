@@ -6,7 +6,7 @@ import pytest
 from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.programs.program import Program
-from simrob_drake.results.animation.steering import Steering
+from simrob_drake.results.animation.live import Steering
 from simrob_drake.results.animation.window import Board
 
 pytestmark = pytest.mark.usefixtures("no_plots")

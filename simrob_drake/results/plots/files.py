@@ -8,10 +8,9 @@ from matplotlib.figure import Figure
 
 from simrob_drake.folders import writing
 from simrob_drake.parts.site import StationRobot
-from simrob_drake.results.plots.base_plot import base_figure
 from simrob_drake.results.plots.formats import UNDATED, PlotFormat, plot_format
 from simrob_drake.results.plots.grid import grid_figure, is_dense
-from simrob_drake.results.plots.joint_plots import position_stacks, tcp_stacks, torque_stacks
+from simrob_drake.results.plots.joint_plots import base_figure, position_stacks, tcp_stacks, torque_stacks
 from simrob_drake.results.plots.own import DPI, as_saved
 from simrob_drake.results.plots.panel_plots import Sheet, panel_sheets
 from simrob_drake.results.record.run import RecordedRun

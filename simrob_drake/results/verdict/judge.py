@@ -13,8 +13,7 @@ import numpy as np
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.record.run import RecordedRun
-from simrob_drake.results.verdict.criterion import Criterion, Measured
-from simrob_drake.results.verdict.verdict import Measure, Verdict
+from simrob_drake.results.verdict.verdict import Criterion, Measure, Measured, Verdict
 from simrob_drake.robots.motors import rated_torques
 
 if TYPE_CHECKING:
