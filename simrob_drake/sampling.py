@@ -1,4 +1,4 @@
-"""Cases drawn of distributions over keys: independently, evenly over all keys at once, or on a grid."""
+"""Cases drawn of distributions over keys: independently, evenly over all at once, or on a grid; and seeds."""
 
 import json
 from collections.abc import Mapping, Sequence

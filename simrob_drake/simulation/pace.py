@@ -122,7 +122,10 @@ _FALLS = 0.3
 
 
 class Flight:
-    """Looks whether a robot or a free piece touches nothing but itself, and sets the length of steps by that."""
+    """Looks whether a robot or a free piece touches nothing but itself, and sets the length of steps by that.
+
+    The steps of ``cenic`` are first-order: while something flies, nothing else bounds their error.
+    """
 
     def __init__(self, plant: MultibodyPlant, solver: ContinuousSolver, simulator: Simulator) -> None:
         """Look after all floating bodies of a plant that a simulator steps by ``cenic``."""
