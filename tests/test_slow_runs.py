@@ -8,7 +8,7 @@ import pytest
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.folders import CACHE_VARIABLE
-from simrob_drake.simulation import pace, slow
+from simrob_drake.simulation import pace
 from simrob_drake.simulation.pace import SlowRunWarning
 from simrob_drake.simulation.runner import Runner
 from simrob_drake.stations.draft import draft_station
@@ -51,7 +51,7 @@ def impatient(monkeypatch):
     monkeypatch.setattr(pace, "_SLOWEST", 1e6)
     monkeypatch.setattr(pace, "_OFTEN", 0.0)  # the shortest of these runs ends before a quick machine has looked once
     monkeypatch.setattr(pace, "_BUSY", 0.0)
-    monkeypatch.setattr(slow, "_TRIAL", 0.1)
+    monkeypatch.setattr(pace, "_TRIAL", 0.1)
 
 
 def said_of(config, stop=0.5, **options):
@@ -84,8 +84,8 @@ def test_a_stop_that_is_too_stiff_is_blamed_with_its_figures(impatient, finger):
 
 
 def test_a_run_of_dear_steps_says_what_they_cost(impatient, monkeypatch):
-    monkeypatch.setattr(slow, "_HALF", 0.0)  # the largest part, however large
-    monkeypatch.setattr(slow.Slow, "_find_contacts", lambda *_: None)  # which may cost as much, on some machines
+    monkeypatch.setattr(pace, "_HALF", 0.0)  # the largest part, however large
+    monkeypatch.setattr(pace.Slow, "_find_contacts", lambda *_: None)  # which may cost as much, on some machines
     (said,), _ = said_of(load_station("roid1_walking", {"duration": 1.0}))
     assert "each step of 0.0" in said
     assert "of it the block controller.walk " in said

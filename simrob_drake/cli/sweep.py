@@ -117,7 +117,7 @@ def _run_again(place: SweepFolder, number: int, out: Path | None, *, force: bool
 
 def _tell(rows: list[Row]) -> None:
     """Show how the runs ended, and between which runs each measure lies."""
-    from simrob_drake.tuning.measures import UNITS, measured
+    from simrob_drake.tuning.rollout import UNITS, measured
 
     ends = Counter(str(row["ended"]) for row in rows)
     console.print(", ".join(f"{count} {end}" for end, count in ends.most_common()), highlight=False)

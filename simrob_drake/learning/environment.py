@@ -12,11 +12,10 @@ import numpy.typing as npt
 
 from simrob_drake.errors import one_of
 from simrob_drake.frames import Vector
-from simrob_drake.learning.beginning import Curriculum, beginning
 from simrob_drake.learning.episode import Episode
 from simrob_drake.learning.rewards import rewards
 from simrob_drake.learning.sensing import spaces
-from simrob_drake.learning.task import load_task
+from simrob_drake.learning.task import Curriculum, beginning, load_task
 from simrob_drake.results.animation.pictures import Still
 from simrob_drake.stations.config import StationConfig
 

@@ -23,11 +23,10 @@ from simrob_drake.arguments import positive, whole
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, xyz_quaternion_from_transform
-from simrob_drake.learning.beginning import Curriculum, beginning
 from simrob_drake.learning.episode import policies_of
 from simrob_drake.learning.rewards import Origin, RewardSample, rewards, turned_from
 from simrob_drake.learning.sensing import Places, PolicySensors, spaces
-from simrob_drake.learning.task import load_task
+from simrob_drake.learning.task import Curriculum, beginning, load_task
 from simrob_drake.mujoco.built import BuiltStation, controls, force_values
 from simrob_drake.results.animation.pictures import Still
 from simrob_drake.results.record.walks import headings

@@ -15,7 +15,7 @@ import numpy as np
 from simrob_drake.distributions import Choice, Distribution, Uniform
 from simrob_drake.extras import needed
 from simrob_drake.folders import writing
-from simrob_drake.tuning.measures import measured
+from simrob_drake.tuning.rollout import measured
 from simrob_drake.tuning.study import Study, named
 from simrob_drake.tuning.trial import COMPLETED, Record, Row
 

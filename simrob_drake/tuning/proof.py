@@ -22,8 +22,7 @@ from simrob_drake.sections import Integer, Strict
 from simrob_drake.tuning.conclusion import START, THOUGHT, WON, conclusion, cost_columns
 from simrob_drake.tuning.doubts import KINDS, MOVES, UNKNOWN, doubts, moves
 from simrob_drake.tuning.journal import Journal, columns_of, read_spec, run
-from simrob_drake.tuning.measures import UNITS, measured
-from simrob_drake.tuning.rollout import Case, Margin
+from simrob_drake.tuning.rollout import UNITS, Case, Margin, measured
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.study import Parameters, Study, in_table, named
 from simrob_drake.tuning.study_folder import STUDY, winner_of

@@ -1,16 +1,91 @@
 """One run of many: a station with some keys changed, and the row of a table that becomes of it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
+from simrob_drake.results.record.walks import legged_robots, locomotion, mechanical_work
 from simrob_drake.sections import Positive, Strict
 from simrob_drake.tuning.doubts import drawn
-from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.trial import COMPLETED, Row, Trial
+
+UNITS = {
+    "tracking_error": "rad",
+    "final_error": "rad",
+    "overshoot": "of the move",
+    "peak_torque": "of the limit",
+    "work": "J",
+    "distance": "m",
+    "ahead": "m",
+    "speed": "m/s",
+    "tilt": "rad",
+    "smallest_height": "m",
+    "cost_of_transport": "–",
+    "fall": "of the runs",
+    "margin": "× the push",
+}
+"""The measures of :func:`measures` and their units.
+
+With several robots each has its own, ``<robot>.<measure>``. Errors are of all axes of a robot, in radians, and metres
+for axes that slide.
+"""
+SIGNED = ("ahead", "speed", "smallest_height")
+"""Those that may be negative."""
+_WALKS = ("distance", "ahead", "speed", "tilt", "smallest_height", "cost_of_transport")
+_STILL = 1e-3  # a reference that moves less has nothing to overshoot [rad or m]
+
+
+def measures(run: RecordedRun) -> dict[str, float | None]:
+    r"""Return the figures of a run; a run that diverged has none, and None stands for what means nothing.
+
+    ``tracking_error`` is the root of the mean of :math:`(q_{ref} - q)^2` over samples and axes, ``final_error`` the
+    largest :math:`|q_{ref} - q|` at the end, ``overshoot`` by how much a joint goes beyond all that its reference
+    does, as a part of that, ``peak_torque`` the largest :math:`|\tau| / \tau_{max}`, and ``work``
+    :math:`\int \sum_i |\tau_i \dot q_i| \, dt`. Legged robots have those of
+    :class:`~simrob_drake.results.record.walks.Locomotion`, too, and ``fall``, 1 if a fall ended the run, else 0.
+    """
+    found: dict[str, float | None] = {}
+    if run.ending in (DIVERGED, FAILED):
+        return found
+    walkers = legged_robots(run)
+    for name, robot in run.plant.robots.items():
+        own = _of_joints(run, name)
+        if name in walkers:
+            walk = locomotion(run, name)
+            own |= {measure: getattr(walk, measure) for measure in _WALKS}
+            own["fall"] = float(not walk.upright)
+        found |= {f"{robot.prefix}{measure}": value for measure, value in own.items()}
+    return found
+
+
+def _of_joints(run: RecordedRun, robot: str) -> dict[str, float | None]:
+    reference, position = run.axes("q_ref", robot), run.axes("q", robot)
+    error, low, high = reference - position, reference.min(axis=0), reference.max(axis=0)
+    moving = high - low > _STILL
+    beyond = (np.maximum(position - high, low - position)[:, moving]) / (high - low)[moving]
+    limit = run.plant.robots[robot].gains.torque_limit
+    return {
+        "tracking_error": float(np.sqrt(np.mean(error**2))),
+        "final_error": float(np.abs(error[-1]).max()),
+        "overshoot": float(max(beyond.max(), 0.0)) if moving.any() else None,
+        "peak_torque": float((np.abs(run.axes("tau", robot)) / limit).max()) if np.isfinite(limit).all() else None,
+        "work": mechanical_work(run, robot),
+    }
+
+
+def measured(rows: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[float, int]]]:
+    """Return for each measure of a table its finite values, each with the number of its run."""
+    found: dict[str, list[tuple[float, int]]] = {}
+    for row in rows:
+        for name, value in row.items():
+            if name.rpartition(".")[2] in UNITS and value is not None and np.isfinite(value):
+                found.setdefault(name, []).append((value, row["number"]))
+    return found
 
 
 class Margin(Strict):
@@ -69,7 +144,7 @@ class Case(Trial):
         return [{**self.shown, "seed": self.seed}]
 
     def measured(self) -> list[Row]:
-        """Return how it ended, and its :func:`~simrob_drake.tuning.measures.measures`."""
+        """Return how it ended, and its :func:`~simrob_drake.tuning.rollout.measures`."""
         scene = self.scene()
         result = (scene if self.margin is None else scene.pushed(self.margin.push, 0.0)).run()
         row = {"ended": result.stopped_by or result.ending, "duration": result.config.duration}

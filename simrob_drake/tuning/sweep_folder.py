@@ -19,7 +19,7 @@ from simrob_drake.results.plots.grid import style
 from simrob_drake.stations.located import located_changes
 from simrob_drake.tuning.analysis import plots_there, save_sensitivity, sweep_in_optuna
 from simrob_drake.tuning.journal import Journal, columns_of, read_spec, run
-from simrob_drake.tuning.measures import UNITS, measured
+from simrob_drake.tuning.rollout import UNITS, measured
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.trial import COMPLETED, Row, table, write_rows
 

@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 
 from simrob_drake.frames import Vector
-from simrob_drake.walking.body import Body, Seen
+from simrob_drake.walking.body import Body, Seen, StanceFeet
 from simrob_drake.walking.estimator import Estimate, Estimator
 from simrob_drake.walking.parameters import WalkingParameters
 from simrob_drake.walking.planner import WalkPlanner
 from simrob_drake.walking.poser import Poser
-from simrob_drake.walking.stance import StanceFeet
 from simrob_drake.walking.steps import Command, Landing
 from simrob_drake.walking.stride import Ground, Step, Stride, Swing, Trunk
 

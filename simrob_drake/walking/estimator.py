@@ -4,9 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from simrob_drake.walking.body import Body, Seen
+from simrob_drake.walking.body import Body, Seen, StanceFeet, sloped, uphill
 from simrob_drake.walking.parameters import Feedback
-from simrob_drake.walking.stance import StanceFeet, sloped, uphill
 from simrob_drake.walking.stride import Ground, Step, Stride
 
 _LINES = 8  # that tell of a slope before the first step, each by what those before it left

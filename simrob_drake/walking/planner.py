@@ -9,10 +9,10 @@ what is estimated, so that the joints do not push against a fall but step after 
 import math
 from collections.abc import Sequence
 
+from simrob_drake.walking.body import StanceFeet, sloped
 from simrob_drake.walking.estimator import Estimate
 from simrob_drake.walking.parameters import Feedback, WalkingParameters
 from simrob_drake.walking.pendulum import weights
-from simrob_drake.walking.stance import StanceFeet, sloped
 from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, within
 from simrob_drake.walking.stride import Ground, Learnt, Stride, Swing, Trunk, eased, gone
 

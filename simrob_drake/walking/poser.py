@@ -8,9 +8,8 @@ from operator import mul
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.walking.body import Body, Rows
+from simrob_drake.walking.body import Body, Rows, StanceFeet, uphill
 from simrob_drake.walking.parameters import Bearing
-from simrob_drake.walking.stance import StanceFeet, uphill
 from simrob_drake.walking.stride import Stride
 
 

@@ -14,7 +14,7 @@ from distributed import LocalCluster
 from rich.console import Console
 from rich.table import Table
 
-from simrob_drake.tuning import runners
+from simrob_drake.tuning import scene
 from simrob_drake.tuning.processes import Cluster, Engine, Processes
 from simrob_drake.tuning.rollout import Case
 from simrob_drake.tuning.trial import killed, made
@@ -35,7 +35,7 @@ def cases(count: int, first: int = 1) -> list[Case]:
 
 def rebuilding(case: Case) -> object:
     """Make a run without what was built before."""
-    runners._KEPT.clear()
+    scene._KEPT.clear()
     return made(case)
 
 

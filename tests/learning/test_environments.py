@@ -16,10 +16,9 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from simrob_drake.files import models_root  # noqa: E402
 from simrob_drake.learning import ENVIRONMENTS  # noqa: E402
-from simrob_drake.learning.beginning import beginning  # noqa: E402
 from simrob_drake.learning.environment import StationEnvironment  # noqa: E402
 from simrob_drake.learning.episode import Episode  # noqa: E402
-from simrob_drake.learning.task import load_task  # noqa: E402
+from simrob_drake.learning.task import beginning, load_task  # noqa: E402
 from simrob_drake.learning.writing import write_network  # noqa: E402
 from simrob_drake.parts.controllers.policy import Network  # noqa: E402
 

@@ -20,7 +20,7 @@ from simrob_drake import load_station, simulate
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter, OutputError
-from simrob_drake.results.animation import contact_arrows, recording
+from simrob_drake.results.animation import recording
 from simrob_drake.results.animation.camera import FIELD_OF_VIEW, WINDOW_ASPECT, aspect_of, camera_on, frame_times
 from simrob_drake.results.animation.drawn import open_meshcat
 from simrob_drake.results.animation.live import LiveView
@@ -89,7 +89,7 @@ def test_the_sum_of_forces_stands_at_the_centre_of_pressure_of_each_foot(tmp_pat
     run = simulate(load_station("humanoid_dynamic"), duration=1.0, progress=False)
     (now,) = (Contacts.of(results) for results in run.contacts_at(np.array([run.stop_time])))
     inspector = run.plant.scene_graph.model_inspector()
-    sums = contact_arrows._sums(inspector, now)
+    sums = recording._sums(inspector, now)
     assert len(sums) == 2
     weight = run.plant.plant.CalcTotalMass(run.plant.plant.CreateDefaultContext()) * STANDARD_GRAVITY
     assert sum(force[2] for _, force in sums.values()) == pytest.approx(weight, rel=0.02)  # it stands almost still

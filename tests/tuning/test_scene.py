@@ -7,10 +7,9 @@ import yaml
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.programs.gaits.biped import walk
-from simrob_drake.tuning import runners
+from simrob_drake.tuning import scene
 from simrob_drake.tuning.doubts import doubts
-from simrob_drake.tuning.measures import measures
-from simrob_drake.tuning.rollout import Case, Margin
+from simrob_drake.tuning.rollout import Case, Margin, measures
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.trial import made
 
@@ -100,14 +99,14 @@ def test_so_is_a_place_that_a_program_has_not(key, told, tmp_path):
 
 def test_what_is_built_is_used_again_and_runs_are_those_of_simulate():
     """For other references, pushes and durations; not for other gains."""
-    runners._KEPT.clear()
+    scene._KEPT.clear()
     ramp = {"reference.target_deg": 5, "reference.duration": 0.1}
     changes = [PUSHED, {**PUSHED, "forces.shove.force": [0, 9, 0]}, {**PUSHED, **ramp}, {**PUSHED, "duration": 0.1}]
     for change in [*changes, {**PUSHED, "servo.kp": 500}]:
         config = load_station("irb120_dynamic", change)
-        assert np.array_equal(runners.run(config).values, simulate(config, progress=False).values)
-        assert runners.run(config).config == config
-    assert len(runners._KEPT) == 2
+        assert np.array_equal(scene.run(config).values, simulate(config, progress=False).values)
+        assert scene.run(config).config == config
+    assert len(scene._KEPT) == 2
 
 
 def test_the_margin_is_the_largest_push_that_does_not_end_a_run():

@@ -25,7 +25,7 @@ from simrob_drake.sections import validated
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.tuning import study_folder
 from simrob_drake.tuning.doubts import drawn
-from simrob_drake.tuning.measures import measures
+from simrob_drake.tuning.rollout import measures
 from simrob_drake.tuning.search import Enough, search
 from simrob_drake.tuning.study import Method, Study
 from simrob_drake.tuning.study_folder import PROOF, TRIALS, StudyFolder, winner_of

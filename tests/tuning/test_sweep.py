@@ -20,10 +20,10 @@ from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.files import diagrams_root
-from simrob_drake.tuning import cluster
+from simrob_drake.tuning import processes
 from simrob_drake.tuning.journal import ROWS
-from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.processes import Cluster, Processes
+from simrob_drake.tuning.rollout import measures
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import TABLE, SweepFolder
 from simrob_drake.tuning.trial import Trial, made
@@ -282,12 +282,12 @@ class TestCluster:
         assert "\n" not in str(no.value)
 
     def test_what_this_computer_has_not_may_differ(self, scheduler, monkeypatch):
-        monkeypatch.setattr(cluster, "_PACKAGES", ("python", "no-such-package"))
+        monkeypatch.setattr(processes, "_PACKAGES", ("python", "no-such-package"))
         with Cluster(scheduler):
             pass
 
     @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "carrier-pigeon://x"])
     def test_no_scheduler_there(self, address, monkeypatch):
-        monkeypatch.setattr(cluster, "_PATIENCE", 1)
+        monkeypatch.setattr(processes, "_PATIENCE", 1)
         with pytest.raises(SimrobError, match="the address of a Dask that answers"):
             Cluster(address)

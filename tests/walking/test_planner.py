@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from simrob_drake.walking.body import StanceFeet, planes
 from simrob_drake.walking.estimator import Estimate
 from simrob_drake.walking.parameters import WalkingParameters
 from simrob_drake.walking.planner import WalkPlanner
-from simrob_drake.walking.stance import StanceFeet, planes
 from simrob_drake.walking.steps import Command
 from simrob_drake.walking.stride import Ground, Learnt, Step, Stride, Swing, Trunk
 
