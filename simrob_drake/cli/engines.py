@@ -12,7 +12,7 @@ from rich.table import Table
 from simrob_drake.cli.arguments import refuse, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
 from simrob_drake.cli.programs import export_program
-from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.screen import console, errors, say
 from simrob_drake.cli.simulink import compare_with_log
 from simrob_drake.cli.tables import in_units
 from simrob_drake.errors import InvalidParameter
@@ -58,7 +58,7 @@ def export(
     from simrob_drake.mujoco.export import save_mjcf
 
     for written in save_mjcf(station_from(station, set_), mjcf, step=step, force=force):
-        console.print(f"written {written}", soft_wrap=True, highlight=False)
+        say(f"written {written}")
 
 
 @with_mesh_path
@@ -115,13 +115,13 @@ def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) ->
         within = "yes" if one.within else f"no, {one.largest / one.error:.2g} ×" if one.error > 0 else "no"
         table.add_row(one.account, one.quantity.name, largest, f"{one.at:.3f}", error, within)
     for account in found_by.accounts:
-        console.print(f"{account.name}: {account.ended}", soft_wrap=True, highlight=False)
+        say(f"{account.name}: {account.ended}")
     console.print(table)
     for name, why in found_by.missing.items():
-        console.print(f"{name}: {why}", soft_wrap=True, highlight=False)
+        say(f"{name}: {why}")
     if out is not None:
         save_comparison(found_by.accounts, found, out, station=config.name, force=force)
-        console.print(f"result   {out}", soft_wrap=True, highlight=False)
+        say(f"result   {out}")
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"export": export, "compare": compare}

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force
-from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.screen import console, errors, say
 from simrob_drake.course.checking import MEMORY, SECONDS, CheckedPoint, checked_points
 from simrob_drake.course.exercise import Language, exercise_of, exercises
 from simrob_drake.course.measuring import Reading
@@ -59,10 +59,10 @@ def start(
         simrob course start 3 --out exercise_3
     """
     answer = exercise_of(exercise).start(out, language, force=force)
-    console.print(f"answer  {answer}", soft_wrap=True, highlight=False)
+    say(f"answer  {answer}")
     spoken = "" if language == "en" else f" --language {language}"
     next_step = f"simrob course check {exercise} {answer} --allow-code{spoken}"
-    console.print(f"next    {next_step}", soft_wrap=True, highlight=False)
+    say(f"next    {next_step}")
 
 
 def check(
@@ -86,7 +86,7 @@ def check(
     with errors.status(Text(f"{entry.exercise.title.of(language)}: {answer}")):
         for point in checked_points(entry, answer, allow_code=allow_code, seconds=seconds, memory=memory):
             held += point.ok
-            console.print(_line(point, texts[point.name].of(language), words), soft_wrap=True, highlight=False)
+            say(_line(point, texts[point.name].of(language), words))
     console.print(words["points"].format(held, len(texts)), highlight=False)
     return ExitCode.DONE if held == len(texts) else ExitCode.BEYOND
 

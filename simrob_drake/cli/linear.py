@@ -8,7 +8,7 @@ import typer
 
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import AllowCode, Force, Settings, StationArgument, with_mesh_path
-from simrob_drake.cli.screen import console
+from simrob_drake.cli.screen import console, say
 from simrob_drake.cli.tables import modes_table
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.folders import check_folder
@@ -52,7 +52,7 @@ def linearize_station(
     console.print(f"{model.name}: {'stable' if model.is_stable else 'not stable'}", highlight=False)
     for note in model.notes:
         console.print(f"left out: {note}", highlight=False)
-    console.print(f"result    {folder}", soft_wrap=True, highlight=False)
+    say(f"result    {folder}")
 
 
 def _postures(config: StationConfig, content: Any) -> dict[str, Vector]:

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 from simrob_drake.cli.arguments import changes_of, check_file, is_program_file, refuse
 from simrob_drake.cli.options import RapidOptions
-from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.screen import errors, say
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.folders import written_at_once
 from simrob_drake.stations.load import bare_station, station_yaml
@@ -158,8 +158,8 @@ def import_module(file: Path, out: Path | None, options: RapidOptions, *, force:
     if options.on is None:
         written_at_once(station, station_yaml(config))
     _tell(imported)
-    console.print(f"program {target}: {imported.time:.3f} s", soft_wrap=True, highlight=False)
-    console.print(f"next    simrob run {target}", soft_wrap=True, highlight=False)
+    say(f"program {target}: {imported.time:.3f} s")
+    say(f"next    simrob run {target}")
     if imported.lost and not options.allow_losses:
         errors.print(f"lost: {len(imported.lost)} lines; --allow-losses takes the program as it is", highlight=False)
         return ExitCode.BEYOND
@@ -192,9 +192,9 @@ def export_program(
         check_file(target, force=force)
     for target, text in texts.items():
         written_at_once(target, text)
-        console.print(f"written {target}", soft_wrap=True, highlight=False)
+        say(f"written {target}")
     for remark in steps.remarks:
-        console.print(remark, soft_wrap=True, highlight=False, markup=False)
+        say(remark)
 
 
 def _imported(file: Path, options: RapidOptions, set_: list[str] | None) -> tuple[Imported, StationConfig]:
@@ -212,4 +212,4 @@ def _imported(file: Path, options: RapidOptions, set_: list[str] | None) -> tupl
 def _tell(imported: Imported) -> None:
     for remark in imported.remarks:
         mark = "lost " if remark.lost else ""
-        console.print(f"{mark}{remark}", soft_wrap=True, highlight=False, markup=False)
+        say(f"{mark}{remark}")

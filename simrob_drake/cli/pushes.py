@@ -10,7 +10,7 @@ from rich.table import Table
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse
 from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, StationArgument, Workers, with_mesh_path
-from simrob_drake.cli.screen import console
+from simrob_drake.cli.screen import console, say
 from simrob_drake.results.files import default_folder
 from simrob_drake.sections import validated
 
@@ -94,7 +94,7 @@ def pushes(
     place = WalkingFolder(folder, walking, force=force, allow_code=allow_code)
     rows = place.run(workers=workers, scheduler=scheduler)
     console.print(_table(walking.summary(rows)))
-    console.print(f"table {folder / f'{walking.name}.csv'}", soft_wrap=True, highlight=False)
+    say(f"table {folder / f'{walking.name}.csv'}")
     return ExitCode.DONE
 
 

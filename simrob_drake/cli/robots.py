@@ -12,7 +12,7 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import check_file, refuse_import
 from simrob_drake.cli.options import FileArgument, Force, RapidOptions, with_import_options, with_rapid
 from simrob_drake.cli.programs import import_module, is_rapid_file, refuse_rapid
-from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.screen import console, errors, say
 from simrob_drake.cli.simulink import (
     Assume,
     ContactLaw,
@@ -86,9 +86,9 @@ def import_file(
     with errors.status(Text(f"importing {file}")):
         imported = import_robot(file, folder, options, force=force)
     _tell(imported)
-    console.print(f"robot   {imported.model.urdf_path}", soft_wrap=True, highlight=False)
-    console.print(f"next    simrob view {imported.model.urdf_path}", soft_wrap=True, highlight=False)
-    console.print(f"        simrob station {imported.model.urdf_path}", soft_wrap=True, highlight=False)
+    say(f"robot   {imported.model.urdf_path}")
+    say(f"next    simrob view {imported.model.urdf_path}")
+    say(f"        simrob station {imported.model.urdf_path}")
     return ExitCode.DONE
 
 
@@ -125,7 +125,7 @@ def view(
     else:
         refuse_import("left out with a robot of the package: it is no import", options)
         window = RobotView(load_robot(robot))
-    console.print(f"{robot} is shown at {window.url}", soft_wrap=True, highlight=False)
+    say(f"{robot} is shown at {window.url}")
     console.print("collision geometry: Scene, collision in the page's menu; end with Stop there, or Ctrl+C here")
     try:
         window.run()
@@ -150,11 +150,11 @@ def station(
         text = draft_station(file, options, folder=target.absolute().parent)
     written_at_once(target, text)
     for remark in [line for line in text.splitlines() if line.startswith("# ")][1:]:  # the first says what the file is
-        console.print(remark.removeprefix("# "), soft_wrap=True, highlight=False, markup=False)
-    console.print(f"station {target}", soft_wrap=True, highlight=False)
+        say(remark.removeprefix("# "))
+    say(f"station {target}")
     leave = _leave_to_read(target, [file, *(options.mesh_path if options else ())])
-    console.print(f"next    simrob check {target}{leave}", soft_wrap=True, highlight=False)
-    console.print(f"        simrob run {target}{leave}", soft_wrap=True, highlight=False)
+    say(f"next    simrob check {target}{leave}")
+    say(f"        simrob run {target}{leave}")
 
 
 @with_import_options("mesh_path", "collision", "estimate_inertia", "xacro_arg", "drop_loops")
@@ -186,13 +186,13 @@ def legged(
     with errors.status(Text(f"making and trying {file}")):
         made = make_legged(file, folder, options, force=force)
     for line in (*made.found, *made.assumed, *(f"{one.trial}: {one.outcome}" for one in made.attempts)):
-        console.print(line, soft_wrap=True, highlight=False)
-    console.print(f"report  {folder / REPORT}", soft_wrap=True, highlight=False)
+        say(line)
+    say(f"report  {folder / REPORT}")
     if made.problem:
         raise SimrobError(f"{made.problem} What could be done is in {folder}")
-    console.print(f"next    simrob run {folder / WALK}", soft_wrap=True, highlight=False)
+    say(f"next    simrob run {folder / WALK}")
     for sentence in tune_walk(folder, tune) if tune else ():
-        console.print(sentence, soft_wrap=True, highlight=False)
+        say(sentence)
     return ExitCode.DONE
 
 
@@ -205,7 +205,7 @@ def _leave_to_read(station: Path, places: Iterable[Path]) -> str:
 
 def _tell(imported: ImportedRobot) -> None:
     console.print(report_table(imported.report))
-    console.print(f"{imported.report.source.name}: {imported.report.summary()}", soft_wrap=True, highlight=False)
+    say(f"{imported.report.source.name}: {imported.report.summary()}")
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"import": import_file, "view": view, "station": station, "legged": legged}

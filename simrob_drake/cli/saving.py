@@ -9,7 +9,7 @@ from rich.text import Text
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.interrupts import finished_first
 from simrob_drake.cli.options import Saving
-from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.screen import console, errors, say
 from simrob_drake.cli.tables import cells_table, result_table
 from simrob_drake.folders import check_folder
 from simrob_drake.results.files import COMMANDS, SUMMARY, Saved, default_folder
@@ -72,14 +72,14 @@ def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str =
     if more:
         console.print(more, highlight=False)
     console.print(result.pace, highlight=False)
-    console.print(f"verdict   {result.verdict}", soft_wrap=True, highlight=False)
+    say(f"verdict   {result.verdict}")
     for warning in result.verdict.warnings:
         errors.print(Text.assemble(("warning", "yellow"), f" {warning}"))
-    console.print(f"result    {folder}", soft_wrap=True, highlight=False)
+    say(f"result    {folder}")
     if result.commanded:
-        console.print(f"commanded {folder / COMMANDS}", soft_wrap=True, highlight=False)
+        say(f"commanded {folder / COMMANDS}")
     if not saving.no_recording:
-        console.print(f"recording {(folder / 'recording.html').resolve().as_uri()}", soft_wrap=True, highlight=False)
+        say(f"recording {(folder / 'recording.html').resolve().as_uri()}")
     return ExitCode.INTERRUPTED if interrupted() else exit_code(result, strict=saving.strict)
 
 

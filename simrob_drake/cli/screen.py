@@ -3,12 +3,18 @@
 import sys
 
 from rich.console import Console
+from rich.text import Text
 
 from simrob_drake.errors import shortened
 
 _LONGEST = 2000
 console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 160)
 errors = Console(markup=False, emoji=False, stderr=True, soft_wrap=True)
+
+
+def say(text: str | Text) -> None:
+    """Write a line as it is, however long."""
+    console.print(text, soft_wrap=True, highlight=False)
 
 
 def tell(text: str) -> None:

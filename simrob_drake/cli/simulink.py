@@ -15,7 +15,7 @@ from rich.text import Text
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse, refuse_import, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
-from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.screen import console, errors, say
 from simrob_drake.cli.tables import in_units, report_table
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.folders import check_folder
@@ -126,16 +126,16 @@ def import_model(
     folder = out or Path(f"{file.stem}_imported")
     with errors.status(Text(f"importing {file}")):
         imported = import_simulink(file, folder, force=force, **options)
-    console.print(imported.fidelity, soft_wrap=True, highlight=False)
+    say(imported.fidelity)
     _tell(imported.model)
     for name, robot in imported.files.robots.items():
         joints = ", ".join(robot.axes.values())
-        console.print(f"robot   {name}: {joints}", soft_wrap=True, highlight=False)
+        say(f"robot   {name}: {joints}")
     if imported.files.pieces:
-        console.print(f"pieces  {', '.join(imported.files.pieces)}", soft_wrap=True, highlight=False)
+        say(f"pieces  {', '.join(imported.files.pieces)}")
     if imported.station is not None:
-        console.print(f"station {imported.station}", soft_wrap=True, highlight=False)
-        console.print(f"next    simrob run {imported.station}", soft_wrap=True, highlight=False)
+        say(f"station {imported.station}")
+        say(f"next    simrob run {imported.station}")
     if not allow_losses and (lost := lost_mechanics(imported.outcomes)):
         where = ", ".join(outcome.path for outcome in lost[:3]) + (" …" if len(lost) > 3 else "")
         errors.print(f"lost: {where}: the station moves otherwise; --allow-losses takes it as it is", highlight=False)
@@ -179,7 +179,7 @@ def fmu(
     config = _stepped(station, set_, step)
     target = out or Path(f"{config.name}.fmu")
     file = write_fmu(config, target, version=fmi, force=force)
-    console.print(f"unit    {file}", soft_wrap=True, highlight=False)
+    say(f"unit    {file}")
 
 
 @with_mesh_path
@@ -205,9 +205,9 @@ def serve(
     )
     with listening, suppress(KeyboardInterrupt):
         bound = listening.server_address[1]
-        console.print(f"station {listening.config.name} at {host}, port {bound}", soft_wrap=True, highlight=False)
-        console.print(f"token   {listening.token}", soft_wrap=True, highlight=False)
-        console.print(f"client  {server.CLIENT}; end with Ctrl+C", soft_wrap=True, highlight=False)
+        say(f"station {listening.config.name} at {host}, port {bound}")
+        say(f"token   {listening.token}")
+        say(f"client  {server.CLIENT}; end with Ctrl+C")
         listening.serve_forever()
 
 
@@ -222,7 +222,7 @@ def _tell(model: SimulinkModel) -> None:
     joints = len(model.bodies.links)
     counts = f"{len(model.expanded.nodes)} blocks, {len(model.bodies.bodies)} bodies, {joints} joints"
     console.print(report_table(model.report))
-    console.print(f"{model.path.name}: {counts}; {model.report.summary()}", soft_wrap=True, highlight=False)
+    say(f"{model.path.name}: {counts}; {model.report.summary()}")
 
 
 def compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
@@ -245,10 +245,10 @@ def compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Pat
         table.add_row(found.signal, largest, f"{found.at:.3f}", rms)
     console.print(table)
     if others := sorted(logged.keys() - {found.signal for found in differences}):
-        console.print(f"not among the station's signals: {', '.join(others)}", soft_wrap=True, highlight=False)
+        say(f"not among the station's signals: {', '.join(others)}")
     if out is not None:
         save_differences(differences, out, force=force)
-        console.print(f"result   {out}", soft_wrap=True, highlight=False)
+        say(f"result   {out}")
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"fmu": fmu, "serve": serve}

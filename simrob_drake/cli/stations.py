@@ -32,7 +32,7 @@ from simrob_drake.cli.programs import (
 )
 from simrob_drake.cli.robots import examine_file, show_robot
 from simrob_drake.cli.saving import Frames, exit_code, prepared_folder, saved, wait_for_watcher
-from simrob_drake.cli.screen import console
+from simrob_drake.cli.screen import console, say
 from simrob_drake.cli.simulink import (
     Assume,
     Library,
@@ -190,7 +190,7 @@ def diagram(
         print(station_dot(config))
         return
     check_file(out, force=force)
-    console.print(str(save_block_picture(config, out)), soft_wrap=True, highlight=False)
+    say(str(save_block_picture(config, out)))
 
 
 def _frames(text: str | None) -> Frames:

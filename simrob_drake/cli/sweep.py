@@ -15,7 +15,7 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, texts_by_key
 from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Scheduler, Settings, Workers, with_mesh_path
 from simrob_drake.cli.saving import prepared_folder, saved
-from simrob_drake.cli.screen import console
+from simrob_drake.cli.screen import console, say
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.results.files import default_folder
 from simrob_drake.stations.located import located_changes
@@ -100,8 +100,8 @@ def sweep(
         refuse("left out with --scheduler: the cluster has its own", workers=workers)
     rows = place.run(workers=workers, scheduler=scheduler)
     _tell(rows)
-    console.print(f"table {place.folder / TABLE}", soft_wrap=True, highlight=False)
-    console.print(f"a run simrob sweep {place.folder} --run NUMBER", soft_wrap=True, highlight=False)
+    say(f"table {place.folder / TABLE}")
+    say(f"a run simrob sweep {place.folder} --run NUMBER")
     return ExitCode.DONE
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from simrob_drake.cli.options import AllowCode, with_mesh_path
-from simrob_drake.cli.screen import console
+from simrob_drake.cli.screen import say
 from simrob_drake.extras import needed
 
 
@@ -38,12 +38,12 @@ def teach(
     more = [f"what is taught is kept in {folder}; end with Ctrl+C"]
 
     def ready(url: str) -> None:
-        console.print(f"{subject} is taught at {url}", soft_wrap=True, highlight=False)
+        say(f"{subject} is taught at {url}")
         while more:
-            console.print(more.pop(), soft_wrap=True, highlight=False)
+            say(more.pop())
 
     serve(subject, folder, port=port, language=language, ready=ready, browse=not no_browser, allow_code=allow_code)
-    console.print(f"ended; what was taught is in {folder}", soft_wrap=True, highlight=False)
+    say(f"ended; what was taught is in {folder}")
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"teach": teach}

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force, Scheduler, Workers, with_mesh_path
-from simrob_drake.cli.screen import console
+from simrob_drake.cli.screen import console, say
 from simrob_drake.errors import one_of
 from simrob_drake.results.files import default_folder
 
@@ -67,7 +67,7 @@ def tune(
     if plots_there():
         found = [study_in_optuna(name, place.study, place.journal.records) for name, place in places.items()]
         save_convergence(whole / "convergence.png", found)
-    console.print(f"result {whole}", soft_wrap=True, highlight=False)
+    say(f"result {whole}")
     return ExitCode.DONE
 
 
@@ -122,7 +122,7 @@ def dashboard(
     from simrob_drake.tuning.study_folder import StudyFolder
 
     shown = Dashboard({str(folder): StudyFolder.there(folder) for folder in folders}, port)
-    console.print(f"dashboard {shown.address}", soft_wrap=True, highlight=False)
+    say(f"dashboard {shown.address}")
     with suppress(KeyboardInterrupt):
         shown.serve()
     return ExitCode.DONE
@@ -159,7 +159,7 @@ def prove(
     _, words = ProofFolder(folder, proof, force=force).run(workers=workers, scheduler=scheduler)
     for sentence in words:
         console.print(sentence, highlight=False)
-    console.print(f"page {folder / PAGE}", soft_wrap=True, highlight=False)
+    say(f"page {folder / PAGE}")
     return ExitCode.DONE
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import POSE_SIZE, Vector, pose_errors, within
+from simrob_drake.frames import POSE_SIZE, Vector, finite, pose_errors, within
 from simrob_drake.kinematics.chain import IDENTITY, Chain, Indices, skew
 from simrob_drake.kinematics.solver import (
     POSITION_TOLERANCE,
@@ -267,11 +267,8 @@ class NumericSolver(Solver):
 def _checked_weights(weights: npt.ArrayLike) -> Vector:
     """Return six weights of errors along and about x, y, z from weights in pose order [x y z Rz Ry Rx]."""
     expected = "six numbers in pose order [x y z Rz Ry Rx], none negative and not all zero"
-    try:
-        values = np.asarray(weights, dtype=float)
-    except (TypeError, ValueError) as problem:
-        raise InvalidParameter("weights", weights, expected) from problem
-    if values.shape != (POSE_SIZE,) or not np.isfinite(values).all() or (values < 0).any() or not values.any():
+    values = finite(weights)
+    if values.shape != (POSE_SIZE,) or (values < 0).any() or not values.any():
         raise InvalidParameter("weights", weights, expected)
     return values[_FROM_POSE_ORDER]
 

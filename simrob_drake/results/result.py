@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -45,8 +45,14 @@ def table_of(result: RecordedRun) -> list[list[str]]:
     return table
 
 
-def _row(kind: str, cells: Iterable[str]) -> str:
-    return f"<tr>{''.join(f'<{kind}>{escape(cell)}</{kind}>' for cell in cells)}</tr>"
+def html_table(lines: Sequence[Sequence[str]]) -> str:
+    """Return lines of cells, headings first, as a table of HTML."""
+
+    def line(cells: Sequence[str], kind: str) -> str:
+        return f"<tr>{''.join(f'<{kind}>{escape(cell)}</{kind}>' for cell in cells)}</tr>"
+
+    head, *body = lines
+    return f"<table>{line(head, 'th')}{''.join(line(cells, 'td') for cells in body)}</table>"
 
 
 def _piece_table(result: RecordedRun) -> list[list[str]]:
@@ -94,11 +100,10 @@ class SimulationResult(RecordedRun):
         from simrob_drake.results.animation.pictures import film_strip  # which takes its time to load
 
         strip = b64encode(film_strip(self)).decode()
-        head, *rows = table_of(self)
         return (
             f"<p>{'<br>'.join(escape(repr(self)).splitlines())}</p>"
             f'<img alt="film strip" style="max-width: 100%" src="data:image/png;base64,{strip}">'
-            f"<table>{_row('th', head)}{''.join(_row('td', row) for row in rows)}</table>"
+            f"{html_table(table_of(self))}"
         )
 
     def save(

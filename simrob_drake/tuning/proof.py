@@ -18,6 +18,7 @@ from simrob_drake.errors import InvalidConfig
 from simrob_drake.folders import written_at_once
 from simrob_drake.results.colours import BAD, COLOURS, GOOD
 from simrob_drake.results.plots.grid import style
+from simrob_drake.results.result import html_table
 from simrob_drake.sections import Integer, Strict
 from simrob_drake.tuning.conclusion import START, THOUGHT, WON, conclusion, cost_columns
 from simrob_drake.tuning.doubts import KINDS, MOVES, UNKNOWN, doubts, moves
@@ -187,10 +188,10 @@ def page(title: str, proven: bool, words: Sequence[str], rows: Sequence[Row], of
         title=escape(title),
         colour=GOOD if proven else BAD,
         conclusion=f"<p><strong>{first}</strong></p>{''.join(others)}",
-        doubts=_table(_by_doubt(rows)),
-        measures=_table(_by_measure(rows)),
+        doubts=html_table(_by_doubt(rows)),
+        measures=html_table(_by_measure(rows)),
         plot=b64encode(_plot(rows)).decode(),
-        compared=_table(_of_parameters(of)),
+        compared=html_table(_of_parameters(of)),
     )
 
 
@@ -228,14 +229,6 @@ def _compared(rows: Sequence[Row]) -> list[str]:
 def _median(rows: Sequence[Row], name: str) -> str:
     known = [row[name] for row in rows if row.get(name) is not None and row["ended"] == COMPLETED]
     return f"{median(known):.4g}" if known else "–"
-
-
-def _table(lines: Sequence[Sequence[str]]) -> str:
-    def line(cells: Sequence[str], kind: str) -> str:
-        return f"<tr>{''.join(f'<{kind}>{escape(cell)}</{kind}>' for cell in cells)}</tr>"
-
-    head, *body = lines
-    return f"<table>{line(head, 'th')}{''.join(line(cells, 'td') for cells in body)}</table>"
 
 
 def _plot(rows: Sequence[Row]) -> bytes:
