@@ -120,14 +120,12 @@ class Stepped:
         return outputs
 
     def _motion(self, steps: Vector, times: Vector) -> tuple[Vector, Vector]:
-        """Return positions (k, nq) and velocities (k, nv) of Drake's plant at times (k,)."""
         model = self.built.model
         states = _between(steps, self.states[:, 1 : 1 + model.nq + model.nv], times)
         motion = self.built.coordinates.to_drake(states)
         return motion[:, : model.nq], motion[:, model.nq :]
 
     def _stop(self, steps: Vector, times: Vector) -> Stopped | None:
-        """Return when a monitor ends the run: looked for at samples, then at the steps before the one that tells."""
         onsets = dict.fromkeys(self.built.ports.monitors, NOT_YET)
         found = self._looked(steps, times, dict(onsets), onsets)
         if found is None:

@@ -63,7 +63,6 @@ class Gains(Strict):
 
 
 def _axes_by_name(axes: Any) -> Any:
-    """Let a plain list of joints stand for axes of the same names."""
     plain = isinstance(axes, list) and all(isinstance(name, str) for name in axes)
     return {name: {"joint": name} for name in axes} if plain else axes
 

@@ -259,7 +259,6 @@ def _described(file: Path, changed: int) -> PieceModel:
 
 @lru_cache(maxsize=64)
 def _series_poses(series: FrameSeries, name: str) -> tuple[tuple[str, Pose], ...]:
-    """Return the names and poses of all frames of a series."""
     found: list[tuple[str, Pose]] = []
     for places in product(*(range(step.count) for step in series.series)):
         pose = transform_from_pose(series.pose)
@@ -301,7 +300,6 @@ def piece_robot(name: str, piece: PieceModel) -> ET.Element:
 
 
 def _add_link(robot: ET.Element, name: str, piece: PieceModel) -> None:
-    """Add the link that a piece is, with its frames."""
     link = ET.SubElement(robot, "link", name=name)
     if piece.mass > 0:
         set_inertia(link, mass=piece.mass, moments=piece.inertia, pose=RigidTransform(np.array(piece.com)))

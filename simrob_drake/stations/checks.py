@@ -65,7 +65,6 @@ def check_station(config: StationConfig) -> list[Finding]:
 
 
 def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
-    """Say what fingers need in order to hold by friction what friction holds."""
     wrong = None
     if config.contact is None:
         wrong = "the station has no contact: fingers hold nothing; add contact: {model: hydroelastic}"
@@ -78,7 +77,6 @@ def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
 
 
 def _declared(signal: Signal) -> Finding:
-    """Say which columns a piece, a sensor, a force or a controller gives, and in what units."""
     stem = signal.names[0].rpartition(".")[0]
     ends = [name.removeprefix(f"{stem}.") for name in signal.names]
     columns = signal.names[0] if len(ends) == 1 else f"{stem}.{ends[0]} … {ends[-1]}"
@@ -103,7 +101,6 @@ def _import_findings(config: StationConfig, robot: StationRobot) -> list[Finding
 
 
 def _piece_findings(ports: StationPorts) -> list[Finding]:
-    """Say what each piece hangs on."""
     findings = []
     for name, piece in ports.station.pieces.items():
         text = "hangs on nothing: gravity and contact move it"
@@ -141,7 +138,6 @@ def _reference_findings(robot: StationRobot, reference: Reference | None, durati
 
 
 def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
-    """Doubt torques that no motor of such light links has, where the station does not set its own."""
     if config.servo_of(robot.name).torque_limit is not None or any(robot.motors):
         return []
     doubtful = doubtful_efforts(robot.model.element)
@@ -153,7 +149,6 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
 
 
 def _motor_findings(robot: StationRobot) -> list[Finding]:
-    """Say what the motors of a robot have, those alike together."""
     kinds = dict[str, list[str]]()
     for axis, unit, motor in zip(robot.axes, robot.model.units, robot.motors, strict=True):
         if motor is not None:
@@ -218,7 +213,6 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Refer
 
 
 def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding]:
-    """Say how a robot with a free base begins: on what it stands, whether it tips over, what its joints hold."""
     config, subject = ports.config, f"{robot.prefix}base"
     found = standing(ports.plant, robot)
     ground = ports.plant.ground

@@ -127,7 +127,6 @@ def _draw_stops(ports: StationPorts, robots: list[StationRobot]) -> None:
 
 
 def _robot_text(robot: StationRobot) -> str:
-    """Return a robot's name, where there are several, its kind, and its size."""
     kind = robot.model.description.split(",")[0]
     kind = kind if short(kind) else robot.model.name
     title = f"{robot.name}: {kind}" if robot.prefix else kind

@@ -109,7 +109,6 @@ def _culprits(load: Callable[..., StationConfig], overrides: Mapping[str, Any], 
 def _loaded(
     path: Path, overrides: Mapping[str, Any], where: Path | str, *, allow_code: bool, mesh_path: tuple[Path, ...]
 ) -> StationConfig:
-    """Return the configuration of a station's file; ``where`` is to blame for what is wrong with it."""
     border = Border(path, mesh_path)
     content = located(read_yaml(path), path.parent, border)
     if "program" in content:
@@ -217,7 +216,6 @@ def _inlined(program: Any, folder: Path, border: Border | None = None) -> Any:
 
 
 def _override(content: dict[str, Any], key: list[str], value: Any, where: Path | str) -> None:
-    """Set the value under a dotted key."""
     if key == ["program"]:
         content["program"] = _inlined(value, Path.cwd())
         return
@@ -305,7 +303,6 @@ def _allow_imports(content: dict[str, Any], mesh_path: tuple[Path, ...]) -> None
 
 
 def _as_written(text: str) -> str:
-    """Return a key or a message with the keys as the user wrote them."""
     return re.sub(rf"\brobots\.{ONLY_ROBOT}\b", ONLY_ROBOT, text)
 
 

@@ -141,7 +141,7 @@ def add_prescribed_torque(
     plant, axes, prefix, places = ports.plant.plant, robot.axis_map, robot.prefix, list(robot.prescribed)
     motion = builder.GetSubsystemByName(f"{prefix}prescribed").get_output_port()
     rotors = np.diag([_motor(plant, robot.joints[place]).default_reflected_inertia() for place in places])
-    rate, each, count = _RATES[ports.config.solver.sees_inputs], np.eye(len(places)), len(robot.axes)
+    rate, each, count = _RATES[not ports.config.solver.holds_joint_limits], np.eye(len(places)), len(robot.axes)
     measured = axes.state_matrix[[*places, *(count + place for place in places)]]
     desired = np.kron(each, [rate**2, 2 * rate, 1.0])
     law = rotors @ np.hstack([desired, -np.hstack([rate**2 * each, 2 * rate * each]) @ measured])
@@ -166,6 +166,5 @@ def _free_inertia(plant: MultibodyPlant, spread: Vector, rotors: Vector) -> Vect
 
 
 def _motor(plant: MultibodyPlant, joint: Joint) -> JointActuator:
-    """Return the motor of a joint, its first actuator."""
     motors = (plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators()))
     return next(motor for motor in motors if motor.joint().index() == joint.index())

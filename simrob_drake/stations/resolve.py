@@ -70,7 +70,6 @@ def resolve(config: StationConfig) -> ResolvedStation:
 
 
 def _with_inputs(config: StationConfig) -> StationConfig:
-    """Return a station with the inputs that its loops drive."""
     needed = {name for loop in readers_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
     return config.model_copy(update={"inputs": (*config.inputs, *sorted(needed))}) if needed else config
 
@@ -108,7 +107,6 @@ def check_parts(station: ResolvedStation) -> None:
 
 
 def _check_engine(config: StationConfig) -> None:
-    """Check that the engine that is asked for knows what the station is made of."""
     if config.mode == "kinematic" or not isinstance(config.solver, MujocoSolver):
         return
     if config.contact is not None and config.contact.model != "point":
@@ -151,7 +149,6 @@ def _robot_as_described(entry: RobotConfig) -> RobotModel:
 
 
 def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, ResolvedPiece]) -> Ground:
-    """Return what there is to stand on: the floor, and the boxes of pieces that are fixed in the world."""
     places: dict[str, RigidTransform] = {}
     boxes: list[tuple[RigidTransform, Vector]] = []
     for piece in pieces.values():
@@ -225,7 +222,6 @@ def _robot(
 
 
 def _stops(config: StationConfig, robot: str, model: RobotModel) -> tuple[Vector, Vector]:
-    """Return stiffness and damping of the stops of a robot's axes, each shape (n,)."""
     stops, usual = config.stops_of(robot), JointStops().model_dump()
     stiffness, damping = (
         model.axis_vector(value, f"joint_stops.{key}", usual[key]) for key, value in stops.model_dump().items()
@@ -234,11 +230,6 @@ def _stops(config: StationConfig, robot: str, model: RobotModel) -> tuple[Vector
 
 
 def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:
-    """Return where a robot's axes start, shape (n,) [rad or m].
-
-    Raises:
-        InvalidParameter: a start outside the joint limits.
-    """
     position = model.user_units * model.axis_vector(entry.initial_deg, f"robots.{robot}.initial_deg")
     lower, upper = model.axis_limits
     for index, axis in enumerate(model.axes):
@@ -250,7 +241,6 @@ def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vect
 
 
 def _check_axes(config: StationConfig, robot: str, model: RobotModel) -> None:
-    """Check that the axes exist that servos and reference of a robot name."""
     servo, reference = config.servo_of(robot), config.reference_of(robot)
     values: dict[str, AxisValues | None] = {
         **{f"servo.{key}": getattr(servo, key) for key in _SERVO_KEYS},
@@ -262,7 +252,6 @@ def _check_axes(config: StationConfig, robot: str, model: RobotModel) -> None:
 
 
 def _check_movers(config: StationConfig) -> None:
-    """Check that something in the station moves, and by means that its mode has."""
     free = config.free_pieces
     if not (config.robots or free):
         expected = "given as robot: {model: ...}, or a piece have free: true: a station needs something that moves"
@@ -272,12 +261,7 @@ def _check_movers(config: StationConfig) -> None:
 
 
 def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator[ResolvedPiece]:
-    """Yield the pieces, each after what it hangs on.
-
-    Raises:
-        UnknownName: a parent that is no robot, no piece and not the world, or a frame that it does not have.
-        InvalidParameter: pieces that hang on each other in a circle, or a free one without mass.
-    """
+    """Yield the pieces, each after what it hangs on."""
     carriers, models = carriers_of(config), dict[str, PieceModel]()
     for piece, carrier in carriers.items():
         entry, parent = config.pieces[piece], _parent(config, piece)

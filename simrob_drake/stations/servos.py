@@ -34,7 +34,6 @@ def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
 
 
 def _whole(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
-    """Return a motor with all its figures, those that are given over those of its name."""
     motor = Motor(model=choice) if isinstance(choice, str) else choice
     if motor.model == NO_MOTOR:
         return None

@@ -87,7 +87,6 @@ def clearance_findings(config: StationConfig, references: Mapping[str, Reference
 def _floor_findings(
     clearance: Clearance, robot: StationRobot, times: Vector, heights: list[Mapping[str, float]], looked: str
 ) -> list[Finding]:
-    """Say how near a robot whose root is held comes to the ground."""
     ground, subject = clearance.station.ground, f"floor and {robot.name}"
     if not (ground.has_floor or ground.boxes):
         return [Finding("note", subject, "not looked at: there is no floor")]
@@ -118,7 +117,6 @@ def _floor_findings(
 def _self_findings(
     clearance: Clearance, robot: StationRobot, overlaps: list[tuple[float, Overlap]], shapes: int, looked: str
 ) -> list[Finding]:
-    """Say which links of a robot lie in each other that do not do so in every posture."""
     subject = f"links of {robot.name}"
     left_out = sorted(" and ".join(bodies) for bodies, owner in clearance.made_so.items() if owner == robot.name)
     spared = f"; left out: {listed(left_out)}, whose shapes always overlap" if left_out else ""
@@ -129,7 +127,6 @@ def _self_findings(
 
 
 def _other_findings(clearance: Clearance, overlaps: list[tuple[float, Overlap]]) -> list[Finding]:
-    """Say what of different owners, robots and pieces, lies in each other."""
     if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:
         return []
     others = [(time, overlap) for time, overlap in overlaps if not overlap.robot]

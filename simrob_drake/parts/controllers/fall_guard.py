@@ -108,20 +108,18 @@ class FallGuard(LoopSection):
         if self.capture_point is not None:
             point, far = CapturePoint(plant, robot, f"{key}.capture_point"), self.capture_point
             step = plant.num_multibody_states(), lambda state: point.outside(state) > far
-        upright = robot.base.rotation().inverse()
+        upright, toward = robot.base.rotation().inverse(), None
+        if self.toward_deg is not None:
+            angle = math.radians(self.toward_deg)
+            toward = upright @ np.array([math.cos(angle), math.sin(angle), 0.0])
         return ProtectivePosture(
             self,
             posture=robot.model.user_units * robot.model.axis_vector(dict(self.posture_deg), f"{key}.posture_deg"),
             up=upright @ np.array([0.0, 0.0, 1.0]),
-            toward=None if self.toward_deg is None else upright @ _level(self.toward_deg),
+            toward=toward,
             ground=site.plant.ground,
             must_step=step,
         )
-
-
-def _level(angle_deg: float) -> Vector:
-    angle = math.radians(angle_deg)
-    return np.array([math.cos(angle), math.sin(angle), 0.0])
 
 
 class ProtectivePosture(SampledBlock):

@@ -14,7 +14,6 @@ has it, and not turned, with the Jacobian J at that posture:
 """
 
 import weakref
-from collections.abc import Sequence
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -26,7 +25,7 @@ from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection, check_force_is_read
-from simrob_drake.parts.site import WORLD, ResolvedRobot, Site, StationRobot, Surroundings
+from simrob_drake.parts.site import WORLD, Site, StationRobot, Surroundings
 from simrob_drake.parts.targets import frame_of
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.sections import NotNegative, Positive, Triple
@@ -77,10 +76,6 @@ class ForceControl(LoopSection):
         check_force_is_read(self, key)
         if not station.robot(self.robot, key).tcp:
             raise InvalidParameter(key, "for a robot without a tool", "for one that presses with a tool or a piece")
-
-    def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return all axes."""
-        return robot.axes
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""

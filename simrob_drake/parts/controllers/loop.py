@@ -43,12 +43,10 @@ Weight = Annotated[Number, Field(gt=0, le=1)]
 class LoopSection(Strict):
     """A section of ``controllers`` that is a loop of the package's.
 
-    A kind has its key ``kind`` and the methods ``axes(robot)``, the names of the axes that it drives, and
-    ``block(key, robot, site)``, which makes its :class:`~simrob_drake.blocks.sampled.SampledBlock`. What that block
-    gives tells how it drives them: ``offset`` (n) is added to the reference [rad or m], ``target`` (n) takes its place
-    while ``active`` is not zero, ``offset_velocity`` (n) is added to the reference's velocity where the station has one
-    [rad/s or m/s], ``feedforward`` (n) to the torques [N·m or N]; other outputs are signals.
-    An input ``asked`` (n) is the reference as it is below the loop [rad or m].
+    What its block gives tells how it drives axes: ``offset`` (n) is added to the reference [rad or m], ``target`` (n)
+    takes its place while ``active`` is not zero, ``offset_velocity`` (n) is added to the reference's velocity where the
+    station has one [rad/s or m/s], ``feedforward`` (n) to the torques [N·m or N]; other outputs are signals. An input
+    ``asked`` (n) is the reference as it is below the loop [rad or m].
     """
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()
@@ -111,8 +109,8 @@ class LoopSection(Strict):
         return []
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return the names of the axes that it drives."""
-        raise NotImplementedError
+        """Return the names of the axes that it drives: all unless a kind says otherwise."""
+        return robot.axes
 
     def layered(self, robot: ResolvedRobot) -> Sequence[str]:
         """Return those of them whose reference it takes over."""
@@ -263,7 +261,6 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
 
 
 def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSection, wired: Wired) -> None:
-    """Connect the inputs of a loop to what they read."""
     key, robot = f"controllers.{name}", site.robot(section.robot)
     known = {read: port for read, port in wired.inputs.items() if read != ASKED}
     for read in section.reads:

@@ -20,7 +20,6 @@ from pydantic import Field
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
-from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection, check_force_is_read
@@ -96,13 +95,11 @@ class MotorProtection(LoopSection):
         spread = robot.model.axis_vector
         return spread(limit, f"{key}.limit", math.inf), spread(nominal, f"{key}.nominal", math.inf)
 
-    def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return all axes: all stop."""
-        return robot.axes
-
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
         limit, nominal = self._limits(key, robot)
+        sagging = (robot.gains.ki == 0) & (robot.gains.kp > 0)  # not with an integral part
+        sags = np.where(sagging, 1 / np.where(sagging, robot.gains.kp, 1.0), 0.0)
         return GuardedMotors(
             self,
             limit=limit,
@@ -111,14 +108,8 @@ class MotorProtection(LoopSection):
             fastest=robot.model.user_units * self.return_deg,
             names=robot.axes,
             units=robot.model.effort_units,
-            held_by=None if robot.floats else (site.plant.plant, robot.axis_map, _sags(robot.gains)),
+            held_by=None if robot.floats else (site.plant.plant, robot.axis_map, sags),
         )
-
-
-def _sags(gains: ServoGains) -> Vector:
-    """Return how far axes sag under a load, shape (n,) [rad/(N·m)]: not at all with an integral part."""
-    held = (gains.ki == 0) & (gains.kp > 0)
-    return np.where(held, 1 / np.where(held, gains.kp, 1.0), 0.0)
 
 
 class GuardedMotors(SampledBlock):

@@ -196,7 +196,6 @@ def _read(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> No
 
 
 def _drive(builder: DiagramBuilder, site: Site, name: str, port: OutputPort) -> None:
-    """Let an output drive the input of its name."""
     target = site.inputs[port.get_name()]
     if target.size() != port.size():
         sizes = f"of size {port.size()}", f"of size {target.size()}, as the station's input"

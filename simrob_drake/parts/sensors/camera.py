@@ -229,11 +229,7 @@ class CameraSensor(Sensor):
         return parent, frame.GetFixedPoseInBodyFrame() @ transform_from_pose(self.pose)
 
     def _check_outside(self, name: str, station: StationPlant, parent: FrameId, pose: RigidTransform) -> None:
-        """Check that it is not inside of a shape at the start.
-
-        Raises:
-            InvalidParameter: it is.
-        """
+        """Check that it is not inside of a shape at the start."""
         plant, scene_graph = station.plant, station.scene_graph
         state, context, poses = plant.CreateDefaultContext(), scene_graph.CreateDefaultContext(), FramePoseVector()
         for frame in scene_graph.model_inspector().FramesForSource(plant.get_source_id()):

@@ -308,7 +308,6 @@ def _soften_joints(
     names: Names,
     step: float,
 ) -> None:
-    """Give joint stops and dry friction their figures."""
     for robot in plant.robots.values():
         for joint, most in zip(robot.joints, robot.model.friction, strict=True):
             if most > 0:

@@ -172,7 +172,6 @@ class MujocoPlant(Block):
         return np.array(context.get_discrete_state(self._motion).value())
 
     def _begin(self, context: Context, values: DiscreteValues) -> EventStatus:
-        """Tell the torques of the servos where a run begins."""
         if not np.isinf(context.get_discrete_state(self._warm).value()).any():
             return EventStatus.DidNothing()
         self._coordinates.put(self._data, self._state(context))
@@ -236,7 +235,6 @@ class MujocoPlant(Block):
         return desired, extra
 
     def _put_spatial(self, forces: Sequence[ExternallyAppliedSpatialForce]) -> None:
-        """Put forces from outside on the centres of bodies."""
         data = self._data
         data.xfrc_applied[:] = 0.0
         for applied in forces:

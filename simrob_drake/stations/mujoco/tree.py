@@ -182,7 +182,6 @@ def _file(shape: Shape) -> Path | None:
 
 
 def _mesh(spec: mujoco.MjSpec, file: Path, scale: Vector) -> str:
-    """Return the name of a mesh of a size, and add it where it is not known."""
     same = [mesh for mesh in spec.meshes if mesh.file == str(file)]
     for mesh in same:
         if np.array_equal(mesh.scale, scale):
@@ -193,11 +192,7 @@ def _mesh(spec: mujoco.MjSpec, file: Path, scale: Vector) -> str:
 
 
 def _primitive(shape: Shape) -> tuple[mujoco.mjtGeom, list[float]]:
-    """Return MuJoCo's type and size of a shape.
-
-    Raises:
-        InvalidParameter: it has none.
-    """
+    """Return MuJoCo's type and size of a shape."""
     kinds = mujoco.mjtGeom
     match shape:
         case Sphere():
