@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from simrob_drake.arguments import as_path
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.files import ROBOT_FILE, models_root, robot_files
 from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
@@ -331,9 +331,7 @@ def load_robot(name: str) -> RobotModel:
         UnknownName: no such robot.
         InvalidConfig: its ``robot.yaml`` has a wrong entry.
     """
-    if name not in robot_names():
-        raise UnknownName("robot", name, robot_names())
-    return load_robot_file(models_root() / name / ROBOT_FILE)
+    return load_robot_file(models_root() / one_of("robot", name, robot_names()) / ROBOT_FILE)
 
 
 def load_robot_file(file: Path | str) -> RobotModel:

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from pydrake.geometry import Box, Cylinder, Sphere
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import InvalidModel, UnknownName
+from simrob_drake.errors import InvalidModel, one_of
 from simrob_drake.files import PIECE_FILE, models_root, piece_files
 from simrob_drake.frames import pose_from_transform, transform_from_pose
 from simrob_drake.robots.solids import solid_inertia
@@ -181,9 +181,7 @@ def piece_file(name: str) -> Path:
     Raises:
         UnknownName: no such piece.
     """
-    if name not in piece_names():
-        raise UnknownName("piece", name, piece_names())
-    return models_root() / "pieces" / name / PIECE_FILE
+    return models_root() / "pieces" / one_of("piece", name, piece_names()) / PIECE_FILE
 
 
 def load_piece(name: str) -> PieceModel:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import InvalidModel, InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidModel, InvalidParameter, UnknownName, one_of
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
@@ -48,7 +48,8 @@ def resolve(config: StationConfig) -> ResolvedStation:
     Raises:
         SimrobError: a name that stands for nothing, or a figure that does not fit; the message names the key.
     """
-    config = _with_inputs(config)
+    driven = {name for loop in readers_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
+    config = config.model_copy(update={"inputs": (*config.inputs, *sorted(driven))}) if driven else config
     models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}
     pieces = {piece.name: piece for piece in _pieces(config, models)}
     for name in config.pieces:
@@ -67,11 +68,6 @@ def resolve(config: StationConfig) -> ResolvedStation:
         sensors=_sensors(config),
         config=config,
     )
-
-
-def _with_inputs(config: StationConfig) -> StationConfig:
-    needed = {name for loop in readers_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
-    return config.model_copy(update={"inputs": (*config.inputs, *sorted(needed))}) if needed else config
 
 
 def _sensors(config: StationConfig) -> dict[str, Sensor]:
@@ -194,8 +190,8 @@ def _robot(
     held = tuple(piece for piece in carried if piece not in worn)
     frames = {**model.tools, **{piece: f"{piece}_{TCP}" for piece in carried}}
     tcp = tool_in_use(model.tools, held, entry.tcp)
-    if tcp and tcp not in frames:
-        raise UnknownName(f"tool of {name}", tcp, frames)
+    if tcp:
+        one_of(f"tool of {name}", tcp, frames)
     resolved = with_prescribed_axes(
         config,
         ResolvedRobot(
@@ -329,17 +325,14 @@ def _mount(
     """
     if parent in robots:
         places = [*robots[parent].tools, *robots[parent].links]
-        if frame is not None and frame not in places:
-            raise UnknownName(f"tool or link of {parent} for {key}", frame, places)
+        if frame is not None:
+            one_of(f"tool or link of {parent} for {key}", frame, places)
         return flange(robots[parent].tools, robots[parent].root, frame)
     if parent == WORLD:
         if frame is not None:
             raise InvalidParameter(key, frame, "left out: it hangs on the world, which has no frames")
         return ""
-    known = pieces[parent].frame_poses
-    if frame is not None and frame not in known:
-        raise UnknownName(f"frame of {parent}", frame, known)
-    return f"{parent}_{frame or TCP}"
+    return f"{parent}_{one_of(f'frame of {parent}', frame or TCP, pieces[parent].frame_poses)}"
 
 
 def tool_in_use(own: Mapping[str, str], carried: Sequence[str], tcp: str | None) -> str:

@@ -12,7 +12,7 @@ from pydrake.systems.primitives import Adder, AffineSystem, Multiplexer, Saturat
 
 from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.controllers.outputs import add_to, declare_output
@@ -264,8 +264,7 @@ def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSectio
     key, robot = f"controllers.{name}", site.robot(section.robot)
     known = {read: port for read, port in wired.inputs.items() if read != ASKED}
     for read in section.reads:
-        if read not in known:
-            raise UnknownName(f"input of {key} for {key}.reads", read, known)
+        one_of(f"input of {key} for {key}.reads", read, known)
     for read, port in known.items():
         source = section.source(builder, read, robot, site, key)
         if source.size() != port.size():

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
 
-from simrob_drake.errors import InvalidParameter, UnknownName, quoted
+from simrob_drake.errors import InvalidParameter, one_of, quoted
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.controllers.outputs import declare_output
 from simrob_drake.parts.site import Site
@@ -186,8 +186,7 @@ def _read(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> No
             raise InvalidParameter(f"the input {name_of_port} of the block {name}", "abstract", expected)
         builder.Connect(site.images[name_of_port], port)
         return
-    if name_of_port not in site.outputs:
-        raise UnknownName(f"output of the station for the input of the block {name} called", name_of_port, site.outputs)
+    one_of(f"output of the station for the input of the block {name} called", name_of_port, site.outputs)
     source = site.port(builder, name_of_port)
     if source.size() != port.size():
         sizes = f"of size {port.size()}", f"of size {source.size()}, as the station's output"

@@ -190,9 +190,8 @@ class MujocoPlant(Block):
             values.set_value(motors.torque, torques[motors.places])
 
     def _tell_contacts(self, context: Context, output: AbstractValue) -> None:
-        if (
-            self.get_cache_entry(self._step).Eval(context) is not self._latest
-        ):  # what touches is in the data of the step made last
+        # what touches is in the data of the step made last
+        if self.get_cache_entry(self._step).Eval(context) is not self._latest:
             self._made(context)
         output.set_value(self._touching())
 
