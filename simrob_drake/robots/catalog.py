@@ -17,10 +17,9 @@ from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.files import ROBOT_FILE, models_root, robot_files
 from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
-from simrob_drake.robots.bodies import links_without_inertia, tool_links
+from simrob_drake.robots.bodies import Gripper, fingers_of, links_without_inertia, tool_links
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
-from simrob_drake.robots.gripper import Gripper, fingers_of
 from simrob_drake.robots.motors import Drives, Motors, joint_friction, set_drives
 from simrob_drake.robots.urdf import (
     joint_acceleration,

@@ -12,7 +12,7 @@ from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.importer.repairs.structure import drop_lost_frames
-from simrob_drake.robots.gripper import FOLLOWS
+from simrob_drake.robots.bodies import FOLLOWS
 from simrob_drake.robots.urdf import (
     DRAKE,
     MOVABLE_JOINTS,

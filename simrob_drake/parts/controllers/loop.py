@@ -15,7 +15,7 @@ from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.controllers.outputs import add_to, declare_output
+from simrob_drake.parts.controllers.own import add_to, declare_output
 from simrob_drake.parts.sensors.sensor import Sensor
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.sections import Integer, Number, Positive, Strict

@@ -43,7 +43,7 @@ from simrob_drake.parts.controllers.flow_states import (
     TransferFunction,
     ZeroOrderHold,
 )
-from simrob_drake.parts.controllers.outputs import add_to, declare_output
+from simrob_drake.parts.controllers.own import add_to, declare_output
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
