@@ -73,7 +73,13 @@ def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
     Raises:
         InvalidModel: a mesh that Drake cannot read, or that must enclose a volume and doesn't.
     """
-    parts = [_spatial_inertia(solid, closed).ReExpress(solid.pose.rotation()) for solid in solids]
+    own = [
+        _mesh_inertia(solid.shape, solid.scale, closed, solid.shape.stat().st_mtime_ns)
+        if isinstance(solid.shape, Path)
+        else CalcSpatialInertia(solid.shape, 1.0)
+        for solid in solids
+    ]
+    parts = [inertia.ReExpress(solid.pose.rotation()) for inertia, solid in zip(own, solids, strict=True)]
     volumes = np.array([part.get_mass() for part in parts])
     centres = np.array([s.pose.translation() + part.get_com() for s, part in zip(solids, parts, strict=True)])
     centre = volumes @ centres / volumes.sum()
@@ -83,12 +89,6 @@ def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
     ]
     moments = np.sum(about_centre, axis=0)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     return SolidInertia(float(volumes.sum()), centre, np.where(abs(moments) < _NOTHING * moments.max(), 0.0, moments))
-
-
-def _spatial_inertia(solid: Solid, closed: bool) -> SpatialInertia:
-    if isinstance(solid.shape, Path):
-        return _mesh_inertia(solid.shape, solid.scale, closed, solid.shape.stat().st_mtime_ns)
-    return CalcSpatialInertia(solid.shape, 1.0)
 
 
 @lru_cache(maxsize=64)
@@ -343,17 +343,13 @@ def _series_poses(series: FrameSeries, name: str) -> tuple[tuple[str, Pose], ...
     for places in product(*(range(step.count) for step in series.series)):
         pose = transform_from_pose(series.pose)
         for place, step in zip(places, series.series, strict=True):
-            pose = _power(transform_from_pose(step.step), place) @ pose
+            motion, repeated = transform_from_pose(step.step), RigidTransform()
+            for _ in range(place):
+                repeated = motion @ repeated
+            pose = repeated @ pose
         x, y, z, rz, ry, rx = pose_from_transform(pose).tolist()
         found.append(("_".join([name, *map(str, places)]), (x, y, z, rz, ry, rx)))
     return tuple(found)
-
-
-def _power(motion: RigidTransform, times: int) -> RigidTransform:
-    result = RigidTransform()
-    for _ in range(times):
-        result = motion @ result
-    return result
 
 
 FRICTION = {"mu_static": 1.0, "mu_dynamic": 0.9}

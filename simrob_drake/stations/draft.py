@@ -59,7 +59,8 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     file, home = robot_file(urdf, "urdf"), None if folder is None else as_path(folder, "folder")
     robot = robot_from_file(file, options)
     remarks = []
-    if robot.base == "floating" and not robot.links_without_inertia and not _has_shapes(robot):
+    shaped = robot.element.find("link/collision") is not None
+    if robot.base == "floating" and not robot.links_without_inertia and not shaped:
         options = (options or ImportOptions()).model_copy(update={"base": "fixed"})
         robot = robot_from_file(file, options)
         remarks.append(_UNSHAPED)
@@ -72,10 +73,6 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     remarks += _held(robot, content) if kinematic or robot.base == "fixed" else _on_feet(robot, content)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     return _header(robot, file, kinematic) + "".join(f"# {remark}\n" for remark in remarks) + text
-
-
-def _has_shapes(robot: RobotModel) -> bool:
-    return any(link.find("collision") is not None for link in robot.element.iterfind("link"))
 
 
 def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:

@@ -148,7 +148,8 @@ def add_prescribed_torque(
     spread = axes.velocity_matrix[places].T
     bus = joined(builder, f"{prefix}prescribed.bus", motion, ports.state)
     ports.generalized_forces.append(mapped(builder, f"{prefix}prescribed.force", spread @ law, bus))
-    free = _free_inertia(plant, spread, rotors)
+    mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
+    free = np.linalg.inv(spread.T @ mobility @ spread) - rotors  # of the joints at the start, while the rest is free
     taken = np.hstack([law, -(rotors + free) @ spread.T])
     taken[:, : 3 * len(places)] += np.kron(free, [0.0, 0.0, 1.0])
     every = np.eye(count)
@@ -157,12 +158,6 @@ def add_prescribed_torque(
     ports.draw_nothing(*(f"{prefix}prescribed.{part}" for part in ("bus", "efforts", "torque")))
     ports.draw(f"{prefix}prescribed.force", "force", "What moves\nprescribed joints", robot)
     return mapped(builder, f"{prefix}prescribed.torque", np.hstack([every, every[:, places] @ taken]), whole)
-
-
-def _free_inertia(plant: MultibodyPlant, spread: Vector, rotors: Vector) -> Vector:
-    """Return the inertia of prescribed joints at the start while the rest is free, shape (k, k) [kg m² or kg]."""
-    mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
-    return np.asarray(np.linalg.inv(spread.T @ mobility @ spread) - rotors)
 
 
 def _motor(plant: MultibodyPlant, joint: Joint) -> JointActuator:

@@ -13,7 +13,7 @@ from pydrake.math import RotationMatrix
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.parts.sensors.frames import InertialUnit
-from simrob_drake.parts.sensors.leg_odometry import BaseEstimator, Soles
+from simrob_drake.parts.sensors.leg_odometry import BaseEstimator, LegOdometry, Soles
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.quadruped import trot
 from simrob_drake.results.block_diagram.picture import station_dot
@@ -39,9 +39,8 @@ def estimator(station, **changes):
     """Return a block of a station's robot, and what it remembers at the start: at the origin, upright, at rest."""
     robot = robot_of(station)
     soles, start = Soles(robot), np.array([0.0, 0, 0, 1, 0, 0, 0])
-    figures = {"slip": 0.07, "velocity_time": 0.1, "level": False, **changes}
-    size = len(robot.axes)
-    block = BaseEstimator(period=PERIOD, soles=soles, size=size, start=start, gravity=GRAVITY, **figures)
+    section = LegOdometry.model_validate({"kind": "leg_odometry", "rate": 1 / PERIOD})
+    block = BaseEstimator(section, soles, start=start, **changes)
     sizes = dict(zip(NAMES, (7, 6, 3, 4 * len(soles.arms), 3 * len(soles.arms), len(soles.arms)), strict=True))
     return block, {name: np.zeros(size) for name, size in sizes.items()} | {"base_pose": start}
 

@@ -144,10 +144,10 @@ class PowerLimit(MonitorSection):
         robot = station.robot(self.robot, f"monitors.{name}")
         why = f"the power of the joints of {robot.name} reached the limit of {self.limit:g} W{self.lasting}"
 
-        def power(torque: Vector, velocity: Vector) -> float:
-            return float(np.abs(torque * velocity).sum()) - self.limit
+        def power(torque: Vector, velocity: Vector) -> Vector:
+            return np.array([np.abs(torque * velocity).sum() - self.limit])
 
-        return Condition(of_axes(robot, "torque", "velocity"), power, lambda *_: why)
+        return worst(of_axes(robot, "torque", "velocity"), power, lambda *_: why)
 
 
 class EmptyGrip(MonitorSection):

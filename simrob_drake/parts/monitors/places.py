@@ -47,7 +47,7 @@ class ForceLimit(SensorMonitorSection):
         body, limit = station.sensors[sensor].body, force_limit(self.limit)
         region = f" of {self.limit.replace('_', ' ')}" if isinstance(self.limit, str) else ""
         why = f"the force on {body} reached the limit of {limit:g} N{region}{self.lasting}"
-        return Condition({f"force.{sensor}": 3}, lambda force: float(np.linalg.norm(force)) - limit, lambda _: why)
+        return worst({f"force.{sensor}": 3}, lambda force: np.array([np.linalg.norm(force) - limit]), lambda *_: why)
 
 
 class _Table(Strict):
