@@ -20,7 +20,7 @@ from math import isclose
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
@@ -177,6 +177,12 @@ class Gripper(Strict):
     force: Positive | None = None
     """Largest force of each finger [N, or N·m of one that turns]; what its motor has unless given."""
 
+    @model_validator(mode="after")
+    def _opens(self) -> Gripper:
+        if still := [axis for axis, (closed, opened) in self.axes.items() if closed == opened]:
+            raise ValueError(f"{', '.join(still)} must be open elsewhere than closed")
+        return self
+
 
 class _Fingers(NamedTuple):
     """Joints that move together: their positions at both ends of the way, and the link that holds them."""
@@ -210,6 +216,8 @@ def _following(joints: Mapping[str, ET.Element]) -> _Fingers | None:
         if follows is None or leader not in joints:
             continue
         factor, offset = (float(follows.get(key, usual)) for key, usual in (("multiplier", "1"), ("offset", "0")))
+        if factor == 0:  # it stands, and is no finger
+            continue
         group = groups.setdefault(leader, {leader: joint_limits(joints[leader])})
         group[name] = (factor * group[leader][0] + offset, factor * group[leader][1] + offset)
     ends = max(groups.values(), key=len, default={})

@@ -184,7 +184,7 @@ class CameraSensor(Sensor):
     """Farthest depth that it tells [m]."""
     depth_noise: NotNegative = 0.0
     """Standard deviation of the depth of something 1 m away [m]; it grows with the square of the distance."""
-    seed: Integer = 0
+    seed: Integer = Field(default=0, ge=0)
     """Of the noise."""
     in_loop: Boolean = False
     """Give blocks of the user's own an input `image.<sensor>`, an image when they ask for one."""
