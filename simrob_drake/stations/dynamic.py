@@ -19,14 +19,14 @@ from simrob_drake.parts.site import FromState, Site, StationPlant, StationRobot
 from simrob_drake.signals import Role, Signal, applied_signal
 from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.contact import wire_friction, with_friction
-from simrob_drake.stations.drawing import (
+from simrob_drake.stations.ports import (
+    StationPorts,
     draw_actuator_servos,
     draw_computed_torque,
     draw_feedforward,
     draw_integral,
     draw_servos,
 )
-from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque
 from simrob_drake.stations.solver_config import DiscreteSolver, FixedSteps
 
