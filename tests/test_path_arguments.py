@@ -13,10 +13,9 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import models_root
 from simrob_drake.importer.importing import examine_robot, import_robot, robot_from_file
 from simrob_drake.robots.catalog import load_robot_file, load_robot_from_urdf
-from simrob_drake.simulink.comparing import save_differences
 from simrob_drake.simulink.fmi.unit import write_fmu
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.logs import read_log
+from simrob_drake.simulink.logs import read_log, save_differences
 from simrob_drake.stations.draft import draft_station
 from simrob_drake.tuning.study import Study
 from simrob_drake.tuning.study_folder import StudyFolder

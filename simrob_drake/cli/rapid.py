@@ -79,9 +79,7 @@ def export_program(
         SimrobError: no program, or one that cannot be done or said.
     """
     from simrob_drake.programs.arm import Workcell
-    from simrob_drake.rapid.exporting import rapid_text
-    from simrob_drake.rapid.steps import ExportedProgram
-    from simrob_drake.rapid.urscript import urscript_text
+    from simrob_drake.rapid.exporting import ExportedProgram, rapid_text, urscript_text
 
     if not is_program_file(file):
         raise InvalidConfig(file, "", "is no program: --rapid and --urscript write the moves of one")

@@ -227,8 +227,7 @@ def _tell(model: SimulinkModel) -> None:
 
 def compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
     """Hold logged signals of the original against a station's, in numbers and pictures."""
-    from simrob_drake.simulink import comparing
-    from simrob_drake.simulink.logs import read_log
+    from simrob_drake.simulink.logs import NUMBERS, compare, read_log, save_differences
 
     names = {}
     for entry in map_:
@@ -237,9 +236,9 @@ def compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Pat
             raise InvalidParameter("--map", entry, "of the form THEIRS=OURS[:UNIT], as yout.1=q.joint_1:deg")
         names[theirs] = ours
     if out is not None:
-        check_folder(out, marker=comparing.NUMBERS, force=force)
+        check_folder(out, marker=NUMBERS, force=force)
     logged = read_log(log, names)
-    _, differences = comparing.compare(config, logged, progress=True)
+    _, differences = compare(config, logged, progress=True)
     table = Table("signal", "largest difference", "at [s]", "root mean square", box=None, pad_edge=False)
     for found in differences:
         largest, rms = (in_units(value, found.unit) for value in (found.largest, found.rms))
@@ -248,7 +247,7 @@ def compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Pat
     if others := sorted(logged.keys() - {found.signal for found in differences}):
         console.print(f"not among the station's signals: {', '.join(others)}", soft_wrap=True, highlight=False)
     if out is not None:
-        comparing.save_differences(differences, out, force=force)
+        save_differences(differences, out, force=force)
         console.print(f"result   {out}", soft_wrap=True, highlight=False)
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import re
 import tempfile
 import xml.etree.ElementTree as ET
@@ -11,13 +12,15 @@ from os.path import isfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from simrob_drake.arguments import as_path
+from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.files import ROBOT_FILE, NotRead, opened, text_of
 from simrob_drake.folders import cache_entry, filled_at_once
-from simrob_drake.importer.gains import first_gains
+from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.places import mesh_files
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import MANIFEST, package_root, robot_file
@@ -32,6 +35,7 @@ from simrob_drake.importer.repairs.shapes import import_shapes
 from simrob_drake.importer.repairs.structure import repair_structure
 from simrob_drake.importer.trees import HOME, KD, KP, Notes, take_notes
 from simrob_drake.robots.catalog import RobotModel, described_robot, load_robot_from_urdf
+from simrob_drake.robots.parse import lone_robot
 from simrob_drake.robots.urdf import LARGEST_URDF, with_absolute_meshes
 from simrob_drake.robots.urdf_check import check_urdf
 from simrob_drake.yaml_files import parse_json, read_yaml
@@ -50,15 +54,10 @@ _LONGEST = 100  # letters of a robot's name that its file keeps
 
 @dataclass(frozen=True)
 class ImportedRobot:
-    """What an import made.
+    """What an import made."""
 
-    Attributes:
-        model: the robot, in its new folder.
-        report: all that was done to it.
-    """
-
-    model: RobotModel
-    report: ImportReport
+    model: RobotModel  # the robot, in its new folder
+    report: ImportReport  # all that was done to it
 
 
 def import_robot(
@@ -157,7 +156,6 @@ def _source_root(source: Path) -> Path:
 
 
 def _check_apart(source: Path, folder: Path) -> None:
-    """Check that nothing is written into the source."""
     root, target = _source_root(source), folder.resolve()
     if target.is_relative_to(root) or root.is_relative_to(target):
         example = root.parent / f"{source.stem}_imported"
@@ -165,7 +163,6 @@ def _check_apart(source: Path, folder: Path) -> None:
 
 
 def _description(described: RobotModel | None, file: Path, base: Base, notes: Notes, report: ImportReport) -> str:
-    """Return the ``robot.yaml``: the source's own, or a draft."""
     if described is None:
         return draft(load_robot_from_urdf(file).model_copy(update={"base": base}), notes, report)
     if described.base == base:
@@ -249,7 +246,6 @@ def import_summary(robot: RobotModel) -> str:
 
 
 def _summary(folder: Path) -> str:
-    """Return the summary of an import's report; empty without one that is whole."""
     try:
         return str(parse_json(text_of(folder / REPORT_FILE, LARGEST_URDF), folder)["summary"])
     except (NotRead, InvalidConfig, LookupError, TypeError):
@@ -277,3 +273,78 @@ def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
     for file in (*own_files, *mesh_files(robot, source=source, options=options)):
         with opened(file) as content:  # meshes may be larger than what is read of them
             yield hashlib.file_digest(content, "sha256").digest()
+
+
+_FREQUENCY = 30.0  # rad/s; an arm of 0.8 kg m² gets the 700 N·m/rad that are usual for it
+_SAG = math.radians(1.0), 1e-3  # what an axis may give way under gravity [rad], and one that slides [m]
+_LIGHTEST = 1e-9  # a milligram at an arm of 30 mm: what files say below that was rounded [kg m² or kg]
+_POSTURES = 20
+
+
+@dataclass(frozen=True)
+class FirstGains:
+    """Proportional [N·m/rad] and derivative [N·m·s/rad] gain of every axis, each of shape (n,)."""
+
+    kp: Vector
+    kd: Vector
+
+
+def gains_of(robot: RobotModel) -> FirstGains:
+    """Return the gains that a robot brings along if it does, else first ones."""
+    kp, kd = robot.servo.kp, robot.servo.kd
+    if kp is None or kd is None:
+        return first_gains(robot)
+    return FirstGains(robot.axis_vector(kp, "servo.kp"), robot.axis_vector(kd, "servo.kd"))
+
+
+def first_gains(robot: RobotModel) -> FirstGains:
+    """Return gains that hold a robot up and move it without overshoot; every link of it that moves has an inertia.
+
+    With m the largest inertia that an axis meets over some postures, all others at rest, τ the largest torque of
+    gravity and b the damping of its joint, kp = max(ω² m, ω b, τ / sag) with ω = 30 rad/s and a sag of 1 deg or 1 mm.
+    Axes pull at each other: where all had the same kp / m, the modes of the mass matrix M would be those of
+    diag(m)^-½ M diag(m)^-½, and the largest of its eigenvalues λ the one that swings most. kd = 2 √(λ kp m) damps it
+    critically.
+
+    A robot that is not fixed stands on some of its joints, so that each may feel the whole mass at half of the robot's
+    height.
+    """
+    load = _load(robot)
+    stiffness = load.torques / np.where(robot.prismatic, _SAG[1], _SAG[0])
+    kp = np.maximum(stiffness, _FREQUENCY * np.maximum(_FREQUENCY * load.inertias, load.dampings))
+    kd = 2 * np.sqrt(load.coupling * kp * load.inertias)
+    return FirstGains(_rounded(kp), _rounded(kd))
+
+
+@dataclass(frozen=True)
+class _Load:
+    """What n axes have to move and to hold, each of shape (n,): the largest of some postures."""
+
+    inertias: Vector  # all other axes at rest [kg m² or kg], positive
+    torques: Vector  # of gravity [N·m or N]
+    dampings: Vector  # of the joints themselves [N·m·s/rad or N·s/m]
+    coupling: float  # the largest eigenvalue of the mass matrix, scaled by the inertias; 1 where nothing is coupled
+
+
+def _load(robot: RobotModel) -> _Load:
+    lone = lone_robot(robot, floating=robot.base == "floating", collision=False)
+    plant, context, places = lone.plant, lone.plant.CreateDefaultContext(), lone.axes.velocity_places
+    lower, upper = (np.clip(limit, -np.pi, np.pi) for limit in robot.axis_limits)
+    random = np.random.default_rng(0)
+    masses, torques = [], np.zeros(len(lone.joints))
+    for posture in (robot.home, *random.uniform(lower, upper, (_POSTURES, len(lone.joints)))):
+        lone.axes.set_positions(plant, context, posture)
+        masses.append(plant.CalcMassMatrix(context)[np.ix_(places, places)])
+        torques = np.maximum(torques, np.abs(lone.axes.efforts(plant.CalcGravityGeneralizedForces(context))))
+    inertias = np.maximum(np.max([np.diag(mass) for mass in masses], axis=0), _LIGHTEST)
+    if robot.base == "floating":
+        mass, half = plant.CalcTotalMass(context), lone.size / 2
+        inertias, torques = np.maximum(inertias, mass * half**2), np.maximum(torques, mass * STANDARD_GRAVITY * half)
+    scale = np.sqrt(np.outer(inertias, inertias))
+    coupling = max(float(np.linalg.eigvalsh(mass / scale)[-1]) for mass in masses)
+    dampings = np.array([joint.default_damping_vector()[0] for joint in lone.joints])
+    return _Load(inertias, torques, dampings, max(coupling, 1.0))
+
+
+def _rounded(values: Vector) -> Vector:
+    return np.array([float(f"{value:.2g}") for value in values])

@@ -38,30 +38,21 @@ ENTRY_KINDS: tuple[EntryKind, ...] = get_args(EntryKind)
 
 @dataclass(frozen=True)
 class Entry:
-    """One thing that was done to one element.
+    """One thing that was done to one element."""
 
-    Attributes:
-        kind: what was done: ``read`` as it was (worth knowing), ``repaired``, ``approximated`` (by a likeness),
-            ``defaulted`` (a figure was made up), ``dropped`` (it does not change the motion), ``open`` (left to the
-            user, such as inertias that are missing), ``lost`` (the motion is another without it), or ``refused``.
-        element: which element, as in ``joint 'elbow' <limit>``; empty for the whole file.
-        text: in words, with the old and the new figure.
-    """
-
+    # what was done: ``read`` as it was (worth knowing), ``repaired``, ``approximated`` (by a likeness), ``defaulted``
+    # (a figure was made up), ``dropped`` (it does not change the motion), ``open`` (left to the user, such as inertias
+    # that are missing), ``lost`` (the motion is another without it), or ``refused``
     kind: EntryKind
-    element: str
-    text: str
+    element: str  # which element, as in ``joint 'elbow' <limit>``; empty for the whole file
+    text: str  # in words, with the old and the new figure
 
 
 @dataclass
 class ImportReport:
-    """All that an import did, in the order it was done.
+    """All that an import did, in the order it was done."""
 
-    Attributes:
-        source: the file that was imported.
-    """
-
-    source: Path
+    source: Path  # the file that was imported
     entries: list[Entry] = field(default_factory=list)
 
     def add(self, kind: EntryKind, element: str, text: str) -> None:

@@ -203,17 +203,14 @@ class Border:
     """What may be read for one file.
 
     Attributes:
-        source: the file.
-        mesh_path: folders that the user allows, beside those of the environment.
         root: the folder of its package.
     """
 
-    source: Path
-    mesh_path: tuple[Path, ...] = ()
+    source: Path  # the file
+    mesh_path: tuple[Path, ...] = ()  # folders that the user allows, beside those of the environment
     _packages: dict[str, Path | None] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
-        """Know the folders in which all is looked for."""
         self.root = package_root(self.source)
         self.mesh_path = tuple(dict.fromkeys(resolved(folder) for folder in (*self.mesh_path, *granted())))
 

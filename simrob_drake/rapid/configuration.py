@@ -13,7 +13,6 @@ from simrob_drake.kinematics.every_branch import branches
 _SIX = 6
 _QUADRANTS = (0, 3, 5)  # axes 1, 4 and 6
 _BORDER = 1e-4  # quadrants that an axis may lie beyond a border, or that a pose was rounded by
-_WHOLE = 4  # quadrants a turn
 
 
 def has_configuration(chain: Chain) -> bool:

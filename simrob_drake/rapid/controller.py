@@ -26,8 +26,8 @@ from simrob_drake.programs.moves.move_l import MoveL
 from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.programs.plan import Plan
-from simrob_drake.rapid.calls import Call
 from simrob_drake.rapid.configuration import configuration, has_configuration, postures_like
+from simrob_drake.rapid.expressions import Call
 from simrob_drake.rapid.signals import Signals
 from simrob_drake.rapid.syntax import RapidError
 from simrob_drake.rapid.values import RecordValue, WrongType, transform_of
@@ -184,26 +184,27 @@ class Controller:
         if group is None:
             return
         try:
-            self._finish(group)
+            kind, keys = group.motion.kind, self._keys(group)
+            if kind is MoveJ and not self._nearest(group):
+                kind, keys["targets"] = MoveAbsJ, group.postures
+                keys.pop("wobj", None)
+                group.call.remark("goes to another posture than the nearest: written as move_abs_j", lost=False)
+            targets = [list(map(float, row)) for row in keys.pop("targets")]
+            keys["targets"] = targets[0] if len(targets) == 1 else targets
+            if kind is MoveC:
+                keys["via"] = group.via[0] if len(group.via) == 1 else group.via
+            move, plan = self._planned(kind, keys, group)
+            if kind in (MoveL, MoveC):
+                desired, chain = group.configuration, self.arm.chain
+                if self.configured["l"] and desired and has_configuration(chain):
+                    found = str(list(configuration(chain, plan.end)))
+                    if found != desired:
+                        group.call.remark(f"comes to its target with configuration {found}, not {desired}", lost=False)
+            self._do(move, plan)
         except RapidError:
             raise
         except SimrobError as problem:
             raise RapidError(group.call.task.where(group.call.node), str(problem)) from problem
-
-    def _finish(self, group: Group) -> None:
-        kind, keys = group.motion.kind, self._keys(group)
-        if kind is MoveJ and not self._nearest(group):
-            kind, keys["targets"] = MoveAbsJ, group.postures
-            keys.pop("wobj", None)
-            group.call.remark("goes to another posture than the nearest: written as move_abs_j", lost=False)
-        targets = [list(map(float, row)) for row in keys.pop("targets")]
-        keys["targets"] = targets[0] if len(targets) == 1 else targets
-        if kind is MoveC:
-            keys["via"] = group.via[0] if len(group.via) == 1 else group.via
-        move, plan = self._planned(kind, keys, group)
-        if kind in (MoveL, MoveC):
-            self._check_configuration(group, plan)
-        self._do(move, plan)
 
     def _keys(self, group: Group) -> dict[str, Any]:
         motion = group.motion
@@ -248,7 +249,6 @@ class Controller:
         return move, move.plan(self.arm)
 
     def _turn(self, group: Group) -> float:
-        """Return how far the tool turns on its way [rad]."""
         rows = group.poses or [self.arm.chain.forward(posture)[0] for posture in group.postures]
         turns = [self.arm.pose[:3, :3], *(pose[:3, :3] for pose in rows)]
         return float(sum(turned_by(one, other) for one, other in pairwise(turns)))
@@ -277,13 +277,6 @@ class Controller:
         elif self.configured["j"]:
             call.remark("configurations mean nothing to this robot: the nearest posture is taken", lost=False)
         return np.asarray(require(arm.inverse(None).solve(pose[np.newaxis], start), "target")[0])
-
-    def _check_configuration(self, group: Group, plan: Plan) -> None:
-        desired, chain = group.configuration, self.arm.chain
-        if self.configured["l"] and desired and has_configuration(chain):
-            found = str(list(configuration(chain, plan.end)))
-            if found != desired:
-                group.call.remark(f"comes to its target with configuration {found}, not {desired}", lost=False)
 
     def _do(self, move: Move, plan: Plan | None = None) -> None:
         if len(self.moves) >= _MOST_MOVES:
@@ -331,7 +324,6 @@ def _numbers(pose: RigidTransform) -> tuple[float, ...]:
 
 
 def _in_time(keys: dict[str, Any], duration: float) -> dict[str, Any]:
-    """Return the keys of a move that takes a time [s]."""
     kept = {key: value for key, value in keys.items() if key not in ("speed", "acceleration", "duration")}
     kept.pop("stop", None)
     return {**kept, "duration": max(duration, keys.get("duration", 0.0) * _SLOWER), "profile": "s_curve"}

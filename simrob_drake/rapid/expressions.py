@@ -5,13 +5,11 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 from simrob_drake.errors import SimrobError, nearest
-from simrob_drake.rapid.calls import Call, Location
-from simrob_drake.rapid.declarations import Datum, Routine, Scope, declared
-from simrob_drake.rapid.functions import FUNCTIONS
-from simrob_drake.rapid.syntax import Module, Node, RapidError, Remark
+from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Remark, Routine, Scope, declared
 from simrob_drake.rapid.values import RecordValue, SignalName, Value, WrongType, shape
 
 _LONGEST = 1000  # letters of a string
@@ -27,6 +25,76 @@ _OPERATORS: Mapping[str, Callable[[Any, Any], Any]] = {
     "mod": lambda one, other: one - other * float(int(one / other)),
 }
 _LOGIC: Mapping[str, Callable[[Any, Any], Any]] = {"and": operator.and_, "or": operator.or_, "xor": operator.xor}
+
+
+@dataclass(frozen=True)
+class Location:
+    """Where a value is kept that can be assigned to: data, a component or an element."""
+
+    kind: str
+    dimensions: int
+    get: Callable[[], Value]
+    set: Callable[[Value], None]
+
+
+@dataclass(frozen=True)
+class Call:
+    """A call with its arguments, those in order and the optional ones by name in lower case, switches as None."""
+
+    task: Expressions
+    name: str
+    node: Node
+    arguments: tuple[Node, ...]
+    options: dict[str, Node | None]
+
+    @property
+    def count(self) -> int:
+        """How many arguments are given in order."""
+        return len(self.arguments)
+
+    def argument(self, index: int) -> Node:
+        """Return an argument as it is written.
+
+        Raises:
+            WrongType: so many are not given.
+        """
+        if index >= len(self.arguments):
+            raise WrongType(f"{self.name} with {self.count} arguments, of which {index + 1} or more are needed,")
+        return self.arguments[index]
+
+    def value(self, index: int, kind: str = "") -> Any:
+        """Return an argument, as a value of a type if one is named."""
+        node = self.argument(index)
+        return self.task.typed(node, kind) if kind else self.task.value(node)
+
+    def has(self, *names: str) -> bool:
+        """Tell whether an option is given."""
+        return any(name in self.options for name in names)
+
+    def option(self, name: str, kind: str, otherwise: Any = None) -> Any:
+        """Return the value of an option, if it is given."""
+        node = self.options.get(name)
+        return otherwise if node is None else self.task.typed(node, kind)
+
+    def place(self, index: int) -> Location:
+        """Return the place that an argument names."""
+        return self.task.place(self.argument(index))
+
+    def signal(self, index: int = 0) -> str:
+        """Return the name of the signal that an argument is."""
+        return self.task.signal(self.argument(index)).name
+
+    def has_parameter(self, index: int) -> bool:
+        """Tell whether an argument names an optional parameter that was given."""
+        try:
+            self.place(index)
+        except WrongType:
+            return False
+        return True
+
+    def remark(self, text: str, *, lost: bool = True) -> None:
+        """Tell something about its line."""
+        self.task.remark(self.node, text, lost=lost)
 
 
 class Expressions:
@@ -47,14 +115,13 @@ class Expressions:
 
         Args:
             modules: of the program.
-            functions: those that depend on more than their arguments, by name in lower case.
+            functions: by name in lower case.
             signal: gives the value of a signal, or None if there is no such.
         """
-        self._functions, self._signal = {**FUNCTIONS, **functions}, signal
-        found = declared(modules, self._datum)
+        self._functions, self._signal = functions, signal
         self.remarks: list[Remark] = []
-        self.types, self._shared, self._faults = found.types, found.shared, found.faults
-        self._scope, self._locals = found.scopes[-1], dict[str, Datum]()
+        self._locals: dict[str, Datum] = {}
+        self.types, self._scope, self._faults = declared(modules, self._datum)
 
     def remark(self, node: Node, text: str, *, lost: bool = True) -> None:
         """Tell something about a line, once."""
@@ -109,12 +176,11 @@ class Expressions:
         return Location(base.kind, base.dimensions - 1, lambda: rows[row], lambda value: rows.__setitem__(row, value))
 
     def _datum(self, scope: Scope, declaration: tuple[Node, Node]) -> tuple[str, Datum]:
-        """Return the name and the data of an item of a declaration."""
-        node, (name, sizes, first) = declaration[0], declaration[1].children
-        kind, constant = str(node.children[2]).lower(), node.children[1].lower() == "const"
+        parts, (name, sizes, first) = declaration[0], declaration[1].children
+        kind, constant = str(parts[2]).lower(), parts[1].lower() == "const"
 
         def value() -> Value:
-            with self._in(scope, self._locals if scope is self._scope else {}), self._naming_line(node):
+            with self._in(scope, self._locals if scope is self._scope else {}), self._naming_line(parts[2]):
                 counts = [int(self.typed(size, "num")) for size in sizes.children] if sizes else []
                 if first is None:
                     return self.types.default(kind, counts)
@@ -128,7 +194,7 @@ class Expressions:
 
     def _hint(self, name: str, more: Iterable[str] | None = None) -> str:
         """Return the name that was perhaps meant: of data, or of a routine or ``more``."""
-        own = {**self._shared, **self._scope.own, **self._locals}.items()
+        own = {**self._scope.shared, **self._scope.own, **self._locals}.items()
         kind = Datum if more is None else Routine
         text = nearest(str(name).lower(), [*(key for key, held in own if isinstance(held, kind)), *(more or ())])
         return text if "did you mean" in text else ""
@@ -137,6 +203,8 @@ class Expressions:
         """Return what an expression is."""
         if node.data in ("component_of", "element"):
             return self.place(node).get()
+        if node.data in _VALUES:
+            return _VALUES[node.data](self, *node.children)
         result: Value = getattr(self, f"_value_{node.data}")(*node.children)
         return result
 
@@ -165,26 +233,6 @@ class Expressions:
         if found is not None or level is None:
             raise WrongType(f"there is no data '{name}'{self._hint(name)}")
         return level
-
-    def _value_number(self, text: str) -> Value:
-        based = text[:2].lower() in ("0x", "0b")
-        return float(int(text, 0)) if based else float(text)
-
-    def _value_string(self, text: str) -> Value:
-        return text[1:-1].replace('""', '"')
-
-    def _value_aggregate(self, *parts: Node) -> Value:
-        return [self.value(part) for part in parts if part is not None]
-
-    def _value_signed(self, sign: str, node: Node) -> Value:
-        value = self.value(node)
-        return value if sign == "+" else self._applied("*", -1.0, value)
-
-    def _value_negation(self, node: Node) -> Value:
-        return not self.typed(node, "bool")
-
-    def _value_and_not(self, one: Node, _: str, other: Node) -> Value:
-        return bool(self.typed(one, "bool") and not self.typed(other, "bool"))
 
     def _value_binary(self, one: Node, sign: str, other: Node) -> Value:
         key = sign.lower()
@@ -253,12 +301,10 @@ class Expressions:
         return Call(self, str(name), node, tuple(part for part in parts if part.data != "option"), options)
 
     def _called(self, routine: Routine, call: Call) -> Any:
-        """Do a routine as it is called, and return what it gives."""
         raise NotImplementedError
 
     @contextmanager
     def _in(self, scope: Scope, names: dict[str, Datum]) -> Iterator[None]:
-        """Go to another scope for a while."""
         before = self._scope, self._locals
         self._scope, self._locals = scope, names
         try:
@@ -268,7 +314,6 @@ class Expressions:
 
     @contextmanager
     def _naming_line(self, node: Node) -> Iterator[None]:
-        """Put the file and the line before what goes wrong in a statement."""
         try:
             yield
         except RapidError:
@@ -281,6 +326,17 @@ class Expressions:
             raise RapidError(self.where(node), "division by zero") from problem
         except (ArithmeticError, ValueError, TypeError, LookupError) as problem:
             raise RapidError(self.where(node), f"cannot be worked out: {problem}") from problem
+
+
+_VALUES: Mapping[str, Callable[..., Value]] = {
+    "number": lambda task, text: float(int(text, 0)) if text[:2].lower() in ("0x", "0b") else float(text),
+    "string": lambda task, text: text[1:-1].replace('""', '"'),
+    "aggregate": lambda task, *parts: [task.value(part) for part in parts if part is not None],
+    "signed": lambda task, sign, node: task.value(node) if sign == "+" else task._applied("*", -1.0, task.value(node)),
+    "negation": lambda task, node: not task.typed(node, "bool"),
+    "and_not": lambda task, one, _, other: bool(task.typed(one, "bool") and not task.typed(other, "bool")),
+}
+"""What simple expressions are, by their names in the grammar."""
 
 
 def _three(value: Value) -> list[Any]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from simrob_drake.frames import three_point_frame
+from simrob_drake.rapid.expressions import Call
 from simrob_drake.rapid.values import (
     RecordValue,
     Value,
@@ -23,9 +24,6 @@ from simrob_drake.rapid.values import (
     transform_of,
 )
 
-if TYPE_CHECKING:
-    from simrob_drake.rapid.calls import Call
-
 _DECIMALS = 6  # of numbers as texts, unless asked for
 
 
@@ -34,14 +32,6 @@ def _of_numbers(function: Callable[..., float]) -> Callable[[Call], Value]:
         return float(function(*(call.value(index, "num") for index in range(call.count))))
 
     return result
-
-
-def _degrees(function: Callable[..., float]) -> Callable[..., float]:
-    return lambda *values: math.degrees(function(*values))
-
-
-def _of_degrees(function: Callable[[float], float]) -> Callable[[float], float]:
-    return lambda angle: function(math.radians(angle))
 
 
 def _offs(call: Call) -> Value:
@@ -69,10 +59,6 @@ def _rounded(how: Callable[[float], float]) -> Callable[[Call], Value]:
     return result
 
 
-def _half_up(value: float) -> float:
-    return math.copysign(math.floor(abs(value) + 0.5), value)
-
-
 def _euler_zyx(call: Call) -> Value:
     roll_pitch_yaw = RollPitchYaw(rotation_of(call.value(0, "orient"))).vector()
     return math.degrees(roll_pitch_yaw[next(index for index, axis in enumerate("xyz") if call.has(axis))])
@@ -81,14 +67,6 @@ def _euler_zyx(call: Call) -> Value:
 def _orient_zyx(call: Call) -> Value:
     yaw, pitch, roll = (math.radians(call.value(index, "num")) for index in range(3))
     return orient_of(RollPitchYaw(roll, pitch, yaw).ToRotationMatrix())
-
-
-def _pose_mult(call: Call) -> Value:
-    return pose_of(transform_of(call.value(0, "pose")) @ transform_of(call.value(1, "pose")))
-
-
-def _pose_vect(call: Call) -> Value:
-    return pos_of(1e3 * (transform_of(call.value(0, "pose")) @ place_of(call.value(1, "pos"))))
 
 
 def _def_frame(call: Call) -> Value:
@@ -135,14 +113,14 @@ FUNCTIONS: Mapping[str, Callable[[Call], Value]] = {
     "sqrt": _of_numbers(math.sqrt),
     "pow": _of_numbers(math.pow),
     "exp": _of_numbers(math.exp),
-    "sin": _of_numbers(_of_degrees(math.sin)),
-    "cos": _of_numbers(_of_degrees(math.cos)),
-    "tan": _of_numbers(_of_degrees(math.tan)),
-    "asin": _of_numbers(_degrees(math.asin)),
-    "acos": _of_numbers(_degrees(math.acos)),
-    "atan": _of_numbers(_degrees(math.atan)),
-    "atan2": _of_numbers(_degrees(math.atan2)),
-    "round": _rounded(_half_up),
+    "sin": _of_numbers(lambda angle: math.sin(math.radians(angle))),
+    "cos": _of_numbers(lambda angle: math.cos(math.radians(angle))),
+    "tan": _of_numbers(lambda angle: math.tan(math.radians(angle))),
+    "asin": _of_numbers(lambda *values: math.degrees(math.asin(*values))),
+    "acos": _of_numbers(lambda *values: math.degrees(math.acos(*values))),
+    "atan": _of_numbers(lambda *values: math.degrees(math.atan(*values))),
+    "atan2": _of_numbers(lambda *values: math.degrees(math.atan2(*values))),
+    "round": _rounded(lambda value: math.copysign(math.floor(abs(value) + 0.5), value)),
     "trunc": _rounded(math.trunc),
     "bitand": _of_numbers(lambda one, other: int(one) & int(other)),
     "bitor": _of_numbers(lambda one, other: int(one) | int(other)),
@@ -153,9 +131,9 @@ FUNCTIONS: Mapping[str, Callable[[Call], Value]] = {
     "eulerzyx": _euler_zyx,
     "orientzyx": _orient_zyx,
     "norient": lambda call: orient_of(rotation_of(call.value(0, "orient"))),
-    "posemult": _pose_mult,
+    "posemult": lambda call: pose_of(transform_of(call.value(0, "pose")) @ transform_of(call.value(1, "pose"))),
     "poseinv": lambda call: pose_of(transform_of(call.value(0, "pose")).inverse()),
-    "posevect": _pose_vect,
+    "posevect": lambda call: pos_of(1e3 * (transform_of(call.value(0, "pose")) @ place_of(call.value(1, "pos")))),
     "defframe": _def_frame,
     "distance": _of_positions(lambda one, other: np.linalg.norm(one - other)),
     "dotprod": _of_positions(np.dot),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,28 +11,20 @@ from simrob_drake.arguments import as_path
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.program import Program
 from simrob_drake.rapid.controller import Controller
-from simrob_drake.rapid.declarations import Datum, Routine, declared
-from simrob_drake.rapid.functions import FUNCTIONS
 from simrob_drake.rapid.instructions import FUNCTIONS_OF_CONTROLLER, INSTRUCTIONS
 from simrob_drake.rapid.interpreter import Interpreter
 from simrob_drake.rapid.signals import Signals
-from simrob_drake.rapid.syntax import Module, RapidError, Remark, nodes, read_modules
+from simrob_drake.rapid.syntax import RapidError, Remark, read_modules
 from simrob_drake.stations.station import StationLike
 
 
 @dataclass(frozen=True)
 class Imported:
-    """A program, and what its user should know of it.
+    """A program, and what its user should know of it."""
 
-    Attributes:
-        program: the moves.
-        remarks: about lines of the modules, in their order.
-        time: that the program takes [s].
-    """
-
-    program: Program
-    remarks: tuple[Remark, ...]
-    time: float
+    program: Program  # the moves
+    remarks: tuple[Remark, ...]  # about lines of the modules, in their order
+    time: float  # that the program takes [s]
 
     @property
     def lost(self) -> list[Remark]:
@@ -80,17 +72,3 @@ def import_rapid(
     program = Program(description=f"Of the RAPID module {modules[0].name}", robot=name, moves=tuple(controller.moves))
     remarks = sorted(interpreter.remarks, key=lambda remark: (remark.file, remark.line))
     return Imported(program, tuple(remarks), controller.time)
-
-
-def not_understood(modules: Iterable[Module]) -> list[Remark]:
-    """Return what is not understood in modules that need not be done: statements, names of instructions, types."""
-    whole = list(modules)
-    found = declared(whole, lambda scope, item: (str(item[1].children[0]), Datum("num")))
-    own = {"goto", "exit", "exitcycle", *INSTRUCTIONS, *FUNCTIONS, *FUNCTIONS_OF_CONTROLLER}
-    faults = list(found.faults)
-    for module, scope in zip(whole, found.scopes[-len(whole) :], strict=True):
-        called = [node for part in module.declarations for node in nodes(part, "call", "function_call")]
-        names = [node.children[0] for node in called if node.children[0].lower() not in own]
-        strange = [name for name in names if not isinstance(scope.find(name), Routine)]
-        faults += [Remark(module.file, name.line, f"{name} is not known") for name in strange]
-    return faults

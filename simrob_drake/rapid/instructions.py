@@ -17,9 +17,9 @@ from simrob_drake.programs.moves.move_c import MoveC
 from simrob_drake.programs.moves.move_j import MoveJ
 from simrob_drake.programs.moves.move_l import MoveL
 from simrob_drake.programs.timing import ACCELERATION
-from simrob_drake.rapid.calls import Call
 from simrob_drake.rapid.configuration import configuration, has_configuration
 from simrob_drake.rapid.controller import Controller, Motion
+from simrob_drake.rapid.expressions import Call
 from simrob_drake.rapid.values import (
     FREE_AXES,
     RecordValue,
@@ -65,7 +65,6 @@ def _move(kind: type[ArmMotion], *, signal: bool = False) -> Instruction:
 
 
 def _go(controller: Controller, call: Call, motion: Motion, target: RecordValue, near: float) -> None:
-    """Take up a move to a robtarget."""
     here = transform_of(target)
     frame = controller.cell.frame(motion.wobj)
     more: dict[str, Any] = {"pose": (frame @ here).GetAsMatrix4()}
@@ -90,17 +89,12 @@ def _motion(
 
 
 def _axes(controller: Controller, target: RecordValue) -> list[float]:
-    """Return the posture of a jointtarget [rad or m]."""
     model = controller.cell.robot(controller.robot).model
     count = len(model.axes)
     if count > _SIX:
         raise WrongType(f"a jointtarget for {count} axes, of which it has {_SIX},")
     values = np.array(target["robax"].flat()[:count])
     return [float(value) for value in np.where(model.user_units == 1.0, values / 1e3, np.deg2rad(values))]
-
-
-def _wait_time(controller: Controller, call: Call) -> None:
-    controller.wait(call.value(0, "num"))
 
 
 def _set_to(value: float) -> Instruction:
@@ -115,10 +109,6 @@ def _set(controller: Controller, call: Call) -> None:
 def _pulse(controller: Controller, call: Call) -> None:
     for value in (1.0, 0.0):
         controller.put(call, call.signal(), value)
-
-
-def _invert(controller: Controller, call: Call) -> None:
-    controller.put(call, call.signal(), 1.0 - controller.read(call, call.signal()))
 
 
 def _wait_signal(controller: Controller, call: Call) -> None:
@@ -263,8 +253,12 @@ def _read(controller: Controller, call: Call) -> Value:
     return controller.read(call, call.signal())
 
 
-def _nothing(controller: Controller, call: Call) -> None:
-    """Do what changes nothing here."""
+def _remarking(text: str, *, unless: str = "") -> Instruction:
+    def tell(controller: Controller, call: Call) -> None:
+        if not (unless and call.has(unless)):
+            call.remark(f"{call.name} has no effect: {text}", lost=False)
+
+    return tell
 
 
 def _raise(controller: Controller, call: Call) -> None:
@@ -273,13 +267,25 @@ def _raise(controller: Controller, call: Call) -> None:
 
 _WITHOUT_EFFECT = re.findall(
     r"\w+",
-    """tperase tpshow singarea pathresol motionsup actunit deactunit stop waitrob worldacclim isleep iwatch idelete
-    idisable ienable startmove clearpath errwrite open close write eoffson eoffsoff eoffsset softdeact retry trynext
-    mechunitload circpathmode bookerrno errlog setsysdata cornerpathwarning skipwarn""",
+    """tperase tpshow pathresol waitrob isleep iwatch idelete idisable ienable errwrite open close write retry trynext
+    bookerrno errlog setsysdata cornerpathwarning skipwarn""",
 )
+"""What changes nothing of what the robot does."""
+_OF_UNITS = "there are no external axes, nor other mechanical units"
 
 INSTRUCTIONS: Mapping[str, Instruction] = {
-    **dict.fromkeys(_WITHOUT_EFFECT, _nothing),
+    **dict.fromkeys(_WITHOUT_EFFECT, lambda controller, call: None),
+    "stop": _remarking("a controller stands still until somebody goes on; the program goes on here at once"),
+    **dict.fromkeys(
+        ("startmove", "clearpath"), _remarking("a path that was stopped is not kept; moves go on here at once")
+    ),
+    **dict.fromkeys(("eoffson", "eoffsoff", "eoffsset"), _remarking(f"it displaces external axes; {_OF_UNITS}")),
+    **dict.fromkeys(("actunit", "deactunit", "mechunitload"), _remarking(_OF_UNITS)),
+    "worldacclim": _remarking("acceleration in the world is not bounded by it; PathAccLim bounds that of the tool"),
+    "singarea": _remarking("the tool keeps its orientation near singularities", unless="off"),
+    "circpathmode": _remarking("the tool turns evenly along an arc", unless="pathframe"),
+    "motionsup": _remarking("no torque is watched, and no collision stops a move; monitors of a station can do that"),
+    "softdeact": _remarking("axes are as stiff as the station's servos"),
     "moveabsj": _move(MoveAbsJ),
     "movej": _move(MoveJ),
     "movel": _move(MoveL),
@@ -287,12 +293,14 @@ INSTRUCTIONS: Mapping[str, Instruction] = {
     "movejdo": _move(MoveJ, signal=True),
     "moveldo": _move(MoveL, signal=True),
     "movecdo": _move(MoveC, signal=True),
-    "waittime": _wait_time,
+    "waittime": lambda controller, call: controller.wait(call.value(0, "num")),
     "set": _set_to(1.0),
     "reset": _set_to(0.0),
     **dict.fromkeys(("setdo", "setgo", "setao"), _set),
     "pulsedo": _pulse,
-    "invertdo": _invert,
+    "invertdo": lambda controller, call: controller.put(
+        call, call.signal(), 1.0 - controller.read(call, call.signal())
+    ),
     **dict.fromkeys(("waitdi", "waitdo", "waitgi", "waitai"), _wait_signal),
     "waituntil": _wait_condition,
     "raise": _raise,

@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
 from simrob_drake.errors import nearest
-from simrob_drake.rapid.calls import Call, Location
-from simrob_drake.rapid.declarations import Datum, Routine, RoutineParameter
-from simrob_drake.rapid.expressions import Expressions
-from simrob_drake.rapid.syntax import Module, Node, RapidError
+from simrob_drake.rapid.expressions import Call, Expressions, Location
+from simrob_drake.rapid.functions import FUNCTIONS
+from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Routine, RoutineParameter
 from simrob_drake.rapid.values import Value, WrongType
 
 _DEEPEST = 40  # routines that wait for each other
@@ -48,11 +47,11 @@ class Interpreter(Expressions):
         Args:
             modules: of the program.
             instructions: what each does, by name in lower case.
-            functions: as :class:`Expressions` takes them.
+            functions: those that depend on more than their arguments, by name in lower case.
             signal: likewise.
             cycles: how often a loop WHILE TRUE is done.
         """
-        super().__init__(modules, functions, signal)
+        super().__init__(modules, {**FUNCTIONS, **functions}, signal)
         self._instructions = {**instructions, "goto": self._goto, "exit": self._end, "exitcycle": self._end}
         self._cycles, self._depth, self._done = cycles, 0, 0
 
@@ -94,7 +93,7 @@ class Interpreter(Expressions):
 
     def _do_data(self, *parts: Node) -> None:
         for item in parts[3:]:
-            name, datum = self._datum(self._scope, (_Parts(parts), item))
+            name, datum = self._datum(self._scope, (parts, item))
             if not self.types.known(datum.kind):
                 raise WrongType(f"the type {parts[2]} is not known")
             _ = datum.value
@@ -228,10 +227,3 @@ class Interpreter(Expressions):
             dimensions = 1 if isinstance(value, list) and routine.gives not in self.types.records else 0
             return self.types.fitted(routine.gives, value, dimensions)
         return None
-
-
-class _Parts:
-    """The parts of a declaration inside a routine."""
-
-    def __init__(self, parts: tuple[Node, ...]) -> None:
-        self.children, self.line = parts, parts[2].line

@@ -1,10 +1,10 @@
-"""The text of RAPID modules as trees of syntax, by the grammar in `rapid.lark`; what no grammar takes, by its line."""
+"""RAPID modules as trees of syntax, by the grammar in `rapid.lark`, and what they declare: types, data, routines."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 from simrob_drake.errors import SimrobError, shortened
 from simrob_drake.extras import needed
 from simrob_drake.files import NotRead, content_of, text_of
+from simrob_drake.rapid.values import Types, Value, WrongType
 
 SUFFIXES = (".mod", ".modx", ".prg", ".sys", ".sysx")
 """Of modules; a `.pgf` lists those of a program."""
@@ -27,25 +28,17 @@ class RapidError(SimrobError):
     """A module that cannot be understood or done; the message names the file and the line."""
 
     def __init__(self, where: str, problem: str) -> None:
-        """Say where and what."""
         super().__init__(f"{where}: {problem}")
 
 
 @dataclass(frozen=True)
 class Remark:
-    """Something about a module that its user should know.
+    """Something about a module that its user should know."""
 
-    Attributes:
-        file: its name.
-        line: counted from 1.
-        text: what it is.
-        lost: whether something was not understood, and so is not done.
-    """
-
-    file: str
-    line: int
-    text: str
-    lost: bool = True
+    file: str  # its name
+    line: int  # counted from 1
+    text: str  # what it is
+    lost: bool = True  # whether something was not understood, and so is not done
 
     def __str__(self) -> str:
         return f"{self.file}: line {self.line}: {self.text}"
@@ -148,3 +141,112 @@ def _statement_at(text: str, place: int | None) -> tuple[int, int]:
     begin = max(text.rfind("\n", 0, place), text.rfind(";", 0, place)) + 1
     ends = [end for end in (text.find(";", place) + 1, text.find("\n", place)) if end > 0]
     return begin, min(ends, default=len(text))
+
+
+@dataclass
+class Datum:
+    """Data with its type; what it holds at first is worked out when somebody asks."""
+
+    kind: str
+    dimensions: int = 0
+    first: Callable[[], Value] | None = None
+    held: Value | None = None
+    constant: bool = False
+
+    @property
+    def value(self) -> Any:
+        """What it holds.
+
+        Raises:
+            WrongType: its first value depends on itself.
+        """
+        if self.held is None:
+            if self.first is None:
+                raise WrongType("data whose value depends on itself")
+            first, self.first = self.first, None
+            self.held = first()
+        return self.held
+
+
+@dataclass(frozen=True)
+class RoutineParameter:
+    """A parameter of a routine."""
+
+    name: str
+    kind: str
+    dimensions: int
+    optional: bool
+    shared: bool  # what is assigned to it, its caller sees
+
+
+@dataclass(frozen=True)
+class Routine:
+    """A procedure, or a function if it gives something."""
+
+    name: str
+    scope: Scope
+    parameters: tuple[RoutineParameter, ...]
+    body: Node
+    gives: str = ""
+
+
+@dataclass
+class Scope:
+    """The names that are known in a module: its own, and those of all modules; in lower case."""
+
+    file: str
+    shared: dict[str, Any]
+    own: dict[str, Any] = field(default_factory=dict)
+
+    def find(self, name: str) -> Any:
+        """Return what a name stands for: a Datum or a Routine; None if nothing."""
+        key = name.lower()
+        return self.own.get(key, self.shared.get(key))
+
+
+def declared(
+    modules: Iterable[Module], make: Callable[[Scope, Node], tuple[str, Datum]]
+) -> tuple[Types, Scope, list[Remark]]:
+    """Return the types that modules declare, the names that the last one knows, and what was not understood.
+
+    Data are as ``make`` gives them with their names.
+    """
+    types, shared, faults = Types(), dict[str, Any](), list[Remark]()
+    whole = [predefined(), *modules]
+    for node in (node for module in whole for node in module.declarations):
+        if node.data == "alias":
+            types.aliases[node.children[2].lower()] = node.children[1].lower()
+        elif node.data == "record":
+            parts = [part.children for part in node.children[2:]]
+            types.records[node.children[1].lower()] = [(str(kind).lower(), str(name).lower()) for kind, name in parts]
+    for module in whole:
+        scope = Scope(module.file, shared)
+        faults += module.faults
+        for node in module.declarations:
+            names = scope.own if str(node.children[0] or "").lower() == "local" else shared
+            kind: Node = node.children[2] if node.data == "data" else None
+            if node.data in ("routine", "function"):
+                routine = _routine(scope, node)
+                names[routine.name.lower()] = routine
+            elif node.data == "data" and not types.known(kind):
+                faults.append(Remark(scope.file, kind.line, f"the type {kind} is not known"))
+            elif node.data == "data":
+                made = (make(scope, (node.children, item)) for item in node.children[3:])
+                names |= {name.lower(): datum for name, datum in made}
+    return types, scope, faults
+
+
+def _routine(scope: Scope, node: Node) -> Routine:
+    gives = str(node.children[1]).lower() if node.data == "function" else ""
+    name = node.children[2 if gives else 1]
+    parameters = tuple(one for part in nodes(node, "parameter") for one in _parameters(part))
+    return Routine(str(name), scope, parameters, node.children[-1], gives)
+
+
+def _parameters(node: Node) -> Iterable[RoutineParameter]:
+    """Yield the parameters of a node, several where only one of them is given."""
+    optional, mode, *rest = node.children
+    words = [str(token) for token in rest if token is not None and token.type == "NAME"]
+    stars = sum(token is not None and token.type == "STAR" for token in rest)
+    for kind, name in zip(words[::2], words[1::2], strict=True):
+        yield RoutineParameter(name.lower(), kind.lower(), stars, optional is not None, mode is not None)

@@ -30,17 +30,11 @@ Domain = Literal["structure", "mechanics", "signals"]
 
 
 class BlockType(NamedTuple):
-    """A row of the table.
+    """A row of the table."""
 
-    Attributes:
-        domain: what it is part of.
-        fate: what becomes of it unless more is known of the block.
-        text: how it is approximated, what is left open, or what a loss counts as; may be empty.
-    """
-
-    domain: Domain
-    fate: Fate
-    text: str = ""
+    domain: Domain  # what it is part of
+    fate: Fate  # what becomes of it unless more is known of the block
+    text: str = ""  # how it is approximated, what is left open, or what a loss counts as; may be empty
 
 
 @cache
@@ -67,21 +61,14 @@ _SENSING = {*JOINTS, *GEARS, ROD, SPRING, BETWEEN, "Spatial Contact Force", "Wel
 
 @dataclass(frozen=True)
 class BlockOutcome:
-    """What became of one block.
+    """What became of one block."""
 
-    Attributes:
-        path: from the model's top.
-        type: of the block.
-        domain, fate, text: as in the table of block types.
-        noun: what a loss counts as.
-    """
-
-    path: str
-    type: str
-    domain: Domain
+    path: str  # from the model's top
+    type: str  # of the block
+    domain: Domain  # as fate and text in the table of block types
     fate: Fate
     text: str = ""
-    noun: str = ""
+    noun: str = ""  # what a loss counts as
 
 
 def outcomes(model: SimulinkModel) -> list[BlockOutcome]:
@@ -173,19 +160,12 @@ REPORT_FILE = "report.json"
 
 @dataclass(frozen=True)
 class ImportedModel:
-    """What an import made.
+    """What an import made."""
 
-    Attributes:
-        model: what was read.
-        files: what was written.
-        station: the station's file; None where nothing moves.
-        outcomes: what became of every block.
-    """
-
-    model: SimulinkModel
-    files: StationFiles
-    station: Path | None
-    outcomes: list[BlockOutcome]
+    model: SimulinkModel  # what was read
+    files: StationFiles  # what was written
+    station: Path | None  # the station's file; None where nothing moves
+    outcomes: list[BlockOutcome]  # what became of every block
 
     @property
     def fidelity(self) -> str:

@@ -15,14 +15,20 @@ from simrob_drake.simulink.cad.model import read_cad_model
 from simrob_drake.simulink.mechanics.bodies import Bodies, ContactPair, RigidPart, read_bodies, read_contacts
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.loops import close, cuttable
-from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
+from simrob_drake.simulink.mechanics.shapes import MeshFiles
 from simrob_drake.simulink.mechanics.trees import Tree, grow
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Expanded, Findings, Node, expand
 from simrob_drake.simulink.reading.model_file import Libraries, read_model
 from simrob_drake.simulink.signals.forms import Value, flat, terms_of
-from simrob_drake.simulink.signals.laws import ExternalForce, Law, begin_on_motions, read_laws, read_pushes
-from simrob_drake.simulink.signals.touching import forces_of_contacts
+from simrob_drake.simulink.signals.laws import (
+    ExternalForce,
+    Law,
+    begin_on_motions,
+    forces_of_contacts,
+    read_laws,
+    read_pushes,
+)
 from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.values.workspace import find_octave
 
@@ -31,41 +37,24 @@ _LONGEST = 3600.0  # s
 
 @dataclass
 class SimulinkModel:
-    """What a model is.
+    """What a model is."""
 
-    Attributes:
-        path: the file.
-        expanded: its blocks, with libraries put in.
-        network: what is connected with what.
-        bodies, world, trees: its mechanics; the world is None where no frame is it.
-        contacts: what may touch.
-        laws: of the driven degrees of freedom.
-        pushes: forces and torques on bodies, from signals.
-        tracer: that has followed its signals.
-        stopping: contacts whose distance stops the simulation.
-        stops: what else stops it, by the Stop block: as soon as the sum is not 0.
-        opened: blocks that are left to the user, and what is wrong with their figures.
-        gravity: shape (3,) [m/s²]; None where the model does not tell.
-        duration: of a run [s].
-        report: what was found.
-    """
-
-    path: Path
-    expanded: Expanded
-    network: Connections
-    bodies: Bodies
-    world: RigidPart | None
+    path: Path  # the file
+    expanded: Expanded  # its blocks, with libraries put in
+    network: Connections  # what is connected with what
+    bodies: Bodies  # its mechanics
+    world: RigidPart | None  # None where no frame is it
     trees: list[Tree]
-    contacts: list[ContactPair]
-    laws: dict[Freedom, Law]
-    pushes: list[ExternalForce]
-    tracer: Tracer
-    stopping: list[Node]
-    stops: dict[Node, Value]
-    opened: Mapping[Node, str]
-    gravity: Vector | None
-    duration: float
-    report: ImportReport
+    contacts: list[ContactPair]  # what may touch
+    laws: dict[Freedom, Law]  # of the driven degrees of freedom
+    pushes: list[ExternalForce]  # forces and torques on bodies, from signals
+    tracer: Tracer  # that has followed its signals
+    stopping: list[Node]  # contacts whose distance stops the simulation
+    stops: dict[Node, Value]  # what else stops it, by the Stop block: as soon as the sum is not 0
+    opened: Mapping[Node, str]  # blocks that are left to the user, and what is wrong with their figures
+    gravity: Vector | None  # shape (3,) [m/s²]; None where the model does not tell
+    duration: float  # of a run [s]
+    report: ImportReport  # what was found
 
     @property
     def findings(self) -> Findings:
@@ -133,15 +122,12 @@ def undefined_variables(model: SimulinkModel) -> InvalidModel | None:
     missing = model.findings.undefined
     if not missing:
         return None
-    listed = "; ".join(f"{name} ({places[0]}{_more(places)})" for name, places in list(missing.items())[:8])
+    others = {name: f" and {len(places) - 1} more" if len(places) > 1 else "" for name, places in missing.items()}
+    listed = "; ".join(f"{name} ({places[0]}{others[name]})" for name, places in list(missing.items())[:8])
     more = f", and {len(missing) - 8} more" if len(missing) > 8 else ""
     first = next(iter(missing)).partition(" ")[0]
     remedy = f"give them with --set {first}=VALUE or --variables FILE.mat, or take defaults with --assume"
     return InvalidModel(model.path, "", f"variables that only MATLAB knows: {listed}{more}; {remedy}")
-
-
-def _more(places: list[str]) -> str:
-    return f" and {len(places) - 1} more" if len(places) > 1 else ""
 
 
 def _gravity(expanded: Expanded) -> Vector | None:

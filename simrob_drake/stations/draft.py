@@ -13,8 +13,7 @@ from pydrake.systems.framework import Context, EventStatus
 
 from simrob_drake.arguments import as_path
 from simrob_drake.frames import Vector, lean, xyz_quaternion_from_transform
-from simrob_drake.importer.gains import gains_of
-from simrob_drake.importer.importing import robot_from_file
+from simrob_drake.importer.importing import gains_of, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import robot_file
 from simrob_drake.robots.catalog import RobotModel

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.files import models_root
-from simrob_drake.importer.gains import first_gains
+from simrob_drake.importer.importing import first_gains
 from simrob_drake.robots.catalog import load_robot_from_urdf
 from simrob_drake.robots.parse import lone_robot
 from simrob_drake.simulation import simulate

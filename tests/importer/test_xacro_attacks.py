@@ -11,7 +11,7 @@ import pytest
 from simrob_drake.errors import InvalidConfig, InvalidModel
 from simrob_drake.importer.importing import examine_robot
 from simrob_drake.importer.reading import child
-from simrob_drake.importer.reading.expressions import METHODS, NotAllowed, evaluate, symbols
+from simrob_drake.importer.reading.expressions import NotAllowed, evaluate, symbols
 from simrob_drake.stations.load import load_station
 
 HEAD = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>'
@@ -110,20 +110,20 @@ def test_nor_does_it_through_a_station(tmp_path):
 @pytest.mark.parametrize("greed", GREED)
 def test_nothing_grows_without_bound(greed):
     with pytest.raises((NotAllowed, TypeError, RecursionError, MemoryError, SyntaxError)):
-        evaluate(greed, NAMES, METHODS)
+        evaluate(greed, NAMES)
 
 
 def test_nor_do_lists_that_double_each_other():
     names = dict(NAMES, p=[0])
     for _ in range(15):
-        names["p"] = evaluate("[p, p]", names, METHODS)
+        names["p"] = evaluate("[p, p]", names)
     with pytest.raises(NotAllowed, match="a value of more than 1000000 letters"):
-        evaluate("[[p, p], [p, p]]", names, METHODS)
+        evaluate("[[p, p], [p, p]]", names)
 
 
 @pytest.mark.parametrize("text", SAME)
 def test_what_is_allowed_means_what_it_means_in_python(text):
-    assert evaluate(text, NAMES, METHODS) == eval(text, vars(math).copy())
+    assert evaluate(text, NAMES) == eval(text, vars(math).copy())
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_what_is_allowed_means_what_it_means_in_python(text):
 )
 def test_what_is_not_allowed_is_named(text, problem):
     with pytest.raises((NotAllowed, NameError)) as refusal:
-        evaluate(text, NAMES, METHODS)
+        evaluate(text, NAMES)
     assert problem in str(refusal.value)
 
 

@@ -12,10 +12,8 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.program import Program
-from simrob_drake.rapid.exporting import rapid_text
+from simrob_drake.rapid.exporting import ExportedProgram, rapid_text, urscript_text
 from simrob_drake.rapid.importing import import_rapid
-from simrob_drake.rapid.steps import ExportedProgram
-from simrob_drake.rapid.urscript import urscript_text
 from simrob_drake.stations.load import bare_station
 
 STATION = bare_station("irb120")

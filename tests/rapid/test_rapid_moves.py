@@ -9,8 +9,8 @@ from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.every_branch import branches
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.rapid.configuration import configuration, has_configuration, postures_like
-from simrob_drake.rapid.importing import Imported, import_rapid, not_understood
-from simrob_drake.rapid.syntax import RapidError, modules_of
+from simrob_drake.rapid.importing import Imported, import_rapid
+from simrob_drake.rapid.syntax import RapidError
 from simrob_drake.rapid.values import robtarget_of, texted
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.load import bare_station
@@ -175,12 +175,19 @@ def test_what_is_not_known_is_left_out_and_named(done):
     moved = done('MoveAbsJ jHome,v500,fine,tool0;\nSocketSend s;\nTPWrite "at home";')
     assert [remark.text for remark in moved.lost] == ["SocketSend is not known, and left out"]
     assert [remark.text for remark in moved.remarks if not remark.lost] == ["says at home"]
-    modules = modules_of("MODULE A VAR odd x; PROC main() Odd Peculiar(2); ENDPROC ENDMODULE", "A.mod")
-    assert [remark.text for remark in not_understood(modules)] == [
-        "the type odd is not known",
-        "Odd is not known",
-        "Peculiar is not known",
-    ]
+    moved = done("MoveAbsJ jHome,v500,fine,tool0;\nPeculiar 1;", f"{DATA} VAR odd x;")
+    texts = [remark.text.partition(";")[0] for remark in moved.lost]
+    assert texts == ["the type odd is not known", "Peculiar is not known, and left out"]
+
+
+def test_what_a_controller_would_do_and_is_not_done_is_told_with_its_line(done):
+    lines = ["Stop;", "EOffsOn;", "SingArea\\Wrist;", "SingArea\\Off;", "WorldAccLim\\On:=3;", "TPErase;", "StartMove;"]
+    moved = done("\n".join([*lines, "MoveAbsJ jHome,v500,fine,tool0;"]))
+    first = 4 + DATA.count("\n")
+    remarks = [(remark.line - first, remark.text.partition(" ")[0]) for remark in moved.remarks]
+    assert remarks == [(0, "Stop"), (1, "EOffsOn"), (2, "SingArea"), (4, "WorldAccLim"), (6, "StartMove")]
+    assert "until somebody goes on" in moved.remarks[0].text
+    assert not moved.lost
 
 
 def test_where_the_robot_is_can_be_asked(done):

@@ -13,7 +13,7 @@ from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.cad.assembly import End, Instance, Tie
 from simrob_drake.simulink.cad.model import joint_of
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.mechanics.mesh_files import load_mesh
+from simrob_drake.simulink.mechanics.shapes import load_mesh
 from simrob_drake.simulink.mechanics.trees import body_poses
 from simrob_drake.simulink.simulink_model import read_simulink
 
@@ -112,7 +112,7 @@ def test_a_pendulum_of_joints_swings_as_its_figures_say(tmp_path):
     np.testing.assert_allclose(result["q.pivot"], swing(result.times, np.deg2rad(30)), atol=1e-5)
     text = (imported.station.parent / "swing" / "swing.urdf").read_text()
     mesh = load_mesh(imported.station.parent / "swing" / "meshes" / "rod.obj")
-    np.testing.assert_allclose(np.ptp(mesh.corners, axis=0), [0.02, 0.02, 0.4], atol=1e-9)
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), [0.02, 0.02, 0.4], atol=1e-9)
     assert 'rgba="1' in text
 
 
@@ -191,7 +191,7 @@ def test_step_geometry_is_seen_in_its_own_units(tmp_path):
     imported = import_simulink(pendulum(tmp_path, parts=part("stand") + rod), tmp_path / "out")
     mesh = load_mesh(imported.station.parent / "swing" / "meshes" / "rod.obj")
     np.testing.assert_allclose(
-        [mesh.corners.min(axis=0), mesh.corners.max(axis=0)], [[0] * 3, [0.02, 0.03, 0.04]], atol=1e-8
+        [mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)], [[0] * 3, [0.02, 0.03, 0.04]], atol=1e-8
     )
     (robot,) = imported.files.robots.values()
     assert robot.mass == pytest.approx(0.024, rel=1e-6)

@@ -11,8 +11,7 @@ from scipy.io import savemat
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName
-from simrob_drake.simulink.comparing import compare
-from simrob_drake.simulink.logs import read_log
+from simrob_drake.simulink.logs import compare, read_log
 
 
 @pytest.fixture(scope="module")

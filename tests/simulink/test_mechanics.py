@@ -11,7 +11,7 @@ from simrob_drake.errors import InvalidModel
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.simulink.importing import import_simulink
 from simrob_drake.simulink.mechanics.joints import rigid_transform
-from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
+from simrob_drake.simulink.mechanics.shapes import MeshFiles
 from simrob_drake.simulink.mechanics.solids import moved, read_solid, together
 from simrob_drake.simulink.model.nodes import Findings, Node
 from simrob_drake.simulink.reading.graph import SimulinkBlock
@@ -112,7 +112,7 @@ def weight_of(kind, **parameters):
 
 
 def as_mesh(solid):
-    return trimesh.Trimesh(solid.shape.mesh.corners, solid.shape.mesh.faces, process=True)
+    return trimesh.Trimesh(solid.shape.mesh.vertices, solid.shape.mesh.faces, process=True)
 
 
 def test_primitives_weigh_what_their_formulas_say():
@@ -510,7 +510,7 @@ def test_a_block_whose_figures_cannot_be_is_lost_and_the_rest_stands(tmp_path):
 def test_frames_on_the_centre_of_mass_and_on_old_solids(tmp_path):
     """A wedge's centre of mass is a third of its sides from the corner; a corner of a brick is half its sides away."""
     from simrob_drake.simulink.mechanics.solids import frame_pose
-    from simrob_drake.simulink.reading.xml_part import parse_part
+    from simrob_drake.simulink.reading.graph import parse_part
 
     outline = {"ExtrusionCrossSection": "[0 0; 3 0; 0 1.5]", "ExtrusionLength": "1"}
     wedge = node("Extruded Solid", **outline)

@@ -5,8 +5,7 @@ import pytest
 
 from simrob_drake import load_station
 from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
-from simrob_drake.simulink.stepping.elements import legal
-from simrob_drake.simulink.stepping.parameters import parameters_of, with_parameters
+from simrob_drake.simulink.stepping.parameters import legal, parameters_of, with_parameters
 from simrob_drake.simulink.stepping.station import StepFailed, SteppedStation
 from simrob_drake.stations.resolve import resolve
 

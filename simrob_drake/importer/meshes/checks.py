@@ -31,7 +31,7 @@ def references(path: Path) -> list[str]:
     Raises:
         OSError: the file cannot be read.
     """
-    scan = {".obj": _libraries, ".mtl": _maps, ".dae": _images, ".gltf": _uris, ".glb": _uris}.get(path.suffix.lower())
+    scan = _SCANS.get(path.suffix.lower())
     if scan is None:
         return []
     return list(
@@ -51,15 +51,6 @@ def gltf_header(data: bytes) -> Any:
         return json.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError):
         return None
-
-
-def _libraries(data: bytes) -> list[str]:
-    return [_text(name) for name in re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", data, re.MULTILINE)]
-
-
-def _maps(data: bytes) -> list[str]:
-    """Return the colour textures of a material library; other maps change nothing that is shown."""
-    return [_text(name) for name in re.findall(rb"^[ \t]*map_kd[ \t]+([^\r\n]+)", data, re.MULTILINE | re.IGNORECASE)]
 
 
 def _images(data: bytes) -> list[str]:
@@ -209,6 +200,15 @@ def _counted(data: bytes) -> tuple[bytes, list[str]]:
     return data, []
 
 
+_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
+_COLOUR_MAP = re.compile(rb"^[ \t]*map_kd[ \t]+([^\r\n]+)", re.MULTILINE | re.IGNORECASE)
+_SCANS: dict[str, Callable[[bytes], list[str]]] = {
+    ".obj": lambda data: [_text(name) for name in _LIBRARY.findall(data)],
+    ".mtl": lambda data: [_text(name) for name in _COLOUR_MAP.findall(data)],  # other maps change nothing that is shown
+    ".dae": _images,
+    ".gltf": _uris,
+    ".glb": _uris,
+}
 _CHECKS: dict[str, Callable[[bytes], tuple[bytes, list[str]]]] = {
     ".stl": _stl,
     ".obj": _obj,

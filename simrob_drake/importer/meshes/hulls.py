@@ -28,17 +28,11 @@ _THIN = 1e-4
 
 @dataclass(frozen=True)
 class Hull:
-    """A convex body.
+    """A convex body."""
 
-    Attributes:
-        part: its surface.
-        gap: how far the farthest point of the mesh sticks out [m].
-        thickened: how thick a flat mesh was made [m]; 0 for a solid one.
-    """
-
-    part: MeshPart
-    gap: float
-    thickened: float
+    part: MeshPart  # its surface
+    gap: float  # how far the farthest point of the mesh sticks out [m]
+    thickened: float  # how thick a flat mesh was made [m]; 0 for a solid one
 
 
 def hull_of(points: Vector) -> Hull:

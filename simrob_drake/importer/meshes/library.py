@@ -38,23 +38,14 @@ _LARGE = 50.0
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh that can be used.
+    """A mesh that can be used."""
 
-    Attributes:
-        path: its file.
-        parts: one for each colour or texture, mended, in metres.
-        faces: how many the file has.
-        original: the bytes of the file if it can stay as it is, else None.
-        changes: what was mended, in words.
-        remarks: what is worth knowing, in words.
-    """
-
-    path: Path
-    parts: list[MeshPart]
-    faces: int
-    original: bytes | None
-    changes: list[str]
-    remarks: list[str]
+    path: Path  # its file
+    parts: list[MeshPart]  # one for each colour or texture, mended, in metres
+    faces: int  # how many the file has
+    original: bytes | None  # the bytes of the file if it can stay as it is, else None
+    changes: list[str]  # what was mended, in words
+    remarks: list[str]  # what is worth knowing, in words
 
     def remembered(self) -> Mesh:
         """Return what is worth keeping when the mesh is written: not its content, and its remarks are told."""
@@ -63,13 +54,9 @@ class Mesh:
 
 @dataclass
 class MeshLibrary:
-    """Reads the meshes of one robot.
+    """Reads the meshes of one robot."""
 
-    Attributes:
-        places: where they may lie.
-    """
-
-    places: MeshPlaces
+    places: MeshPlaces  # where they may lie
     _meshes: dict[tuple[Path, Scale], Mesh] = field(default_factory=dict, init=False)
     _failures: dict[Path, str] = field(default_factory=dict, init=False)
 
@@ -182,13 +169,9 @@ _KEYWORDS = {b"v", b"vn", b"vt", b"f", b"o", b"g", b"s", b"usemtl", b"mtllib"}
 
 @dataclass
 class MeshWriter:
-    """The mesh files of one import.
+    """The mesh files of one import."""
 
-    Attributes:
-        folder: the output folder; None writes nothing, but names are given all the same.
-    """
-
-    folder: Path | None
+    folder: Path | None  # the output folder; None writes nothing, but names are given all the same
     _written: dict[tuple[str, str], str] = field(default_factory=dict, init=False)
 
     def write(self, part: MeshPart, *, role: str, stem: str, original: bytes | None = None) -> str:
@@ -223,7 +206,6 @@ def may_stay(data: bytes) -> bool:
 
 
 def _relabelled(data: bytes, library: str) -> bytes:
-    """Return an OBJ file that names its material library by our name, or none."""
     data = re.sub(rb"^[ \t]*mtllib\b.*$", f"mtllib {library}".encode(), data, flags=re.MULTILINE) if library else data
     if library:
         return re.sub(rb"^[ \t]*usemtl\b.*$", f"usemtl {_MATERIAL}".encode(), data, flags=re.MULTILINE)

@@ -56,23 +56,15 @@ def as_png(image: Image) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """Triangles of one look.
+    """Triangles of one look."""
 
-    Attributes:
-        vertices: (n, 3) [m, or what the file is written in].
-        faces: (m, 3), indices of vertices; the outside sees the corners counterclockwise.
-        normals: (m, 3, 3), a unit vector for each corner; None where the file gives none.
-        uv: (m, 3, 2), the place of each corner in the image, the origin at its lower left; None without image.
-        rgba: the file's own colour; None where it gives none.
-        image: the texture; None without.
-    """
-
-    vertices: Vector
-    faces: Faces
-    normals: Vector | None = None
+    vertices: Vector  # (n, 3) [m, or what the file is written in]
+    faces: Faces  # (m, 3), indices of vertices; the outside sees the corners counterclockwise
+    normals: Vector | None = None  # (m, 3, 3), a unit vector for each corner; None where the file gives none
     uv: Vector | None = None
-    rgba: Rgba | None = None
-    image: Image | None = None
+    """(m, 3, 2), the place of each corner in the image, the origin at its lower left; None without image."""
+    rgba: Rgba | None = None  # the file's own colour; None where it gives none
+    image: Image | None = None  # the texture; None without
 
     def only(self, kept: NDArray[np.bool_] | Faces) -> MeshPart:
         """Return the part with some of its faces."""

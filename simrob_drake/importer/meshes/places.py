@@ -40,19 +40,13 @@ class _Name(NamedTuple):
 
 @dataclass
 class MeshPlaces:
-    """Where the meshes of one robot may lie.
+    """Where the meshes of one robot may lie."""
 
-    Attributes:
-        source: the URDF, an absolute path.
-        mesh_path: further folders that the user allows.
-    """
-
-    source: Path
-    mesh_path: tuple[Path, ...] = ()
+    source: Path  # the URDF, an absolute path
+    mesh_path: tuple[Path, ...] = ()  # further folders that the user allows
     _found: dict[str, Place] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
-        """Know the folders that every name is looked for in."""
         self.border = Border(self.source, self.mesh_path)
 
     def find(self, uri: str) -> Place:
@@ -148,7 +142,6 @@ def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> li
 
 
 def _named(uri: str) -> _Name:
-    """Take a name apart."""
     text = re.sub(r"^\$\(find ([\w.-]+)\)/*", r"package://\1/", uri.strip().replace("\\", "/"))
     scheme, found, rest = text.partition("://")
     scheme = scheme.lower()
@@ -165,13 +158,13 @@ def _existing(path: Path) -> tuple[Path | None, bool]:
     for name in dict.fromkeys((str(path), unquote(str(path)))):  # a name may well hold %20 itself
         if isfile(Path(name)):
             return resolved(Path(name)), True
-        found = _in_any_case(Path(name))
+        found = in_any_case(Path(name))
         if found is not None:
             return resolved(found), False
     return None, False
 
 
-def _in_any_case(path: Path) -> Path | None:
+def in_any_case(path: Path) -> Path | None:
     """Return the file whose path differs in the case of letters only; the first of several in order."""
     folder = Path(path.anchor)
     for part in path.parts[1:]:

@@ -60,7 +60,6 @@ def robot_from_model(model: Any, name: str, chosen: str, report: ImportReport) -
 
 
 def _tops(model: Any, name: str, report: ImportReport) -> list[int]:
-    """Return the bodies in the world at which the robot's trees begin."""
     tops = [body for body in range(1, len(model.body_parentid)) if model.body_parentid[body] == 0]
     names = {body: body_name(model, body) for body in tops}
     if name:
@@ -89,7 +88,6 @@ def _tops(model: Any, name: str, report: ImportReport) -> list[int]:
 
 
 def _moves(model: Any, top: int) -> bool:
-    """Return whether joints other than its own freedom move anything of a tree."""
     inside = {top}
     for body in range(top, len(model.body_parentid)):
         if model.body_parentid[body] in inside:
@@ -120,7 +118,6 @@ class _Writer:
     joints: list[UrdfJoint] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
-        """Begin with an empty robot."""
         self.robot = ET.Element("robot", name=self.name)
         self._shifts = {0: np.zeros(3)}  # of the links' frames in their bodies
         self._names = FreeNames(map(str, self.model.body_name))
@@ -186,7 +183,6 @@ class _Writer:
             self.report.add("repaired", f"body '{name}'", message)
 
     def _motions(self, joint: int, body: str) -> list[_Motion]:
-        """Return the freedoms of a joint."""
         model, kind = self.model, self.model.jnt_type[joint]
         name = str(model.jnt_name[joint]) or self._joint_names.take(f"{body}_joint")
         turning = "revolute" if model.jnt_limited[joint] else "continuous"
@@ -211,7 +207,6 @@ class _Writer:
             set_inertia(link, mass=mass, moments=self.model.body_inertia[body].tolist(), pose=place)
 
     def _add_shapes(self, body: int) -> None:
-        """Add the geoms of a body to its link."""
         model, link, shift = self.model, self.links[body], self._shifts[body]
         for geom in map(int, np.flatnonzero(model.geom_bodyid == body)):
             shape, own = self._shape(geom)

@@ -30,8 +30,6 @@ class UrdfJoint(NamedTuple):
 
 @dataclass
 class _Drive:
-    """What actuators do to a joint of MuJoCo."""
-
     effort: float = 0.0
     kp: float = 0.0
     kd: float = 0.0

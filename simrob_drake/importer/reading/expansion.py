@@ -18,7 +18,7 @@ import yaml
 from xacro import substitution_args
 
 from simrob_drake.importer.reading.child import ask, serve
-from simrob_drake.importer.reading.expressions import METHODS, Function, NotAllowed, bounded, evaluate, symbols
+from simrob_drake.importer.reading.expressions import Function, NotAllowed, bounded, evaluate, symbols
 
 SECONDS = 20
 """Of processor time that an expansion may take: a xacro can call itself for ever."""
@@ -59,7 +59,7 @@ class _Expansion:
         }
         self._symbols = symbols(**own)
         xacro._global_symbols = self._symbols
-        xacro.safe_eval = lambda text, names: evaluate(text, names, METHODS)
+        xacro.safe_eval = evaluate
         xacro.parse = self._document
         xacro.glob = SimpleNamespace(glob=partial(_ask, "files"))
         substitution_args._eval = self._eval
@@ -93,7 +93,7 @@ class _Expansion:
         return document
 
     def _with_unit(self, loader: _Loader, node: yaml.ScalarNode, *, factor: float) -> float:
-        return float(evaluate(loader.construct_scalar(node), self._symbols, METHODS)) * factor
+        return float(evaluate(loader.construct_scalar(node), self._symbols)) * factor
 
     def _eval(self, text: str, context: dict[str, Any]) -> str:
         """Return the value of ``$(eval ...)``, in which arguments are names."""
@@ -105,7 +105,7 @@ class _Expansion:
             "optenv": Function("optenv", substitution_args._eval_optenv),
         }
         names = {**arguments, **self._symbols, **functions, "true": True, "false": False}
-        return str(evaluate(text, names, METHODS))
+        return str(evaluate(text, names))
 
     def _say(self, *words: Any, **_: Any) -> str:
         if len(self.messages) < _MOST_MESSAGES:

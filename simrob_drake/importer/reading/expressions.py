@@ -60,11 +60,7 @@ class Function:
     run: Callable[..., Any] = field(repr=False)
 
 
-Methods = Mapping[tuple[type, str], Callable[..., Any]]
-"""Functions that are written behind a value, as in ``text.lower()``, by the value's type and their name."""
-
-
-def evaluate(text: str, names: Mapping[str, Any], methods: Methods) -> Any:
+def evaluate(text: str, names: Mapping[str, Any]) -> Any:
     """Return the value of an expression, in which ``names`` stand for values and for each :class:`Function`.
 
     Raises:
@@ -74,7 +70,7 @@ def evaluate(text: str, names: Mapping[str, Any], methods: Methods) -> Any:
     """
     if len(text) > _LONGEST:
         raise NotAllowed(f"an expression of more than {_LONGEST} letters is not allowed")
-    return _Scope(names, methods).value(ast.parse(text.strip(), mode="eval").body)
+    return _Scope(names).value(ast.parse(text.strip(), mode="eval").body)
 
 
 def bounded(value: Any) -> Any:
@@ -111,11 +107,9 @@ class _Scope:
     """What the names in a part of an expression stand for; ``own`` are those of the comprehensions around it."""
 
     names: Mapping[str, Any]
-    methods: Methods
     own: Mapping[str, Any] = field(default_factory=dict)
 
     def value(self, node: ast.expr) -> Any:
-        """Return the value of a part of the expression."""
         if type(node) not in _RULES:
             raise NotAllowed(f"{type(node).__name__} is not allowed in an expression")
         return _RULES[type(node)](self, node)
@@ -192,8 +186,8 @@ def _call(scope: _Scope, node: ast.Call) -> Any:
 def _function(scope: _Scope, node: ast.expr) -> Callable[..., Any]:
     if isinstance(node, ast.Attribute):
         owner = scope.value(node.value)
-        if (type(owner), node.attr) in scope.methods:
-            return partial(scope.methods[type(owner), node.attr], owner)
+        if (type(owner), node.attr) in _METHODS:
+            return partial(_METHODS[type(owner), node.attr], owner)
         found = _under(owner, node.attr)
     else:
         found = scope.value(node)
@@ -253,7 +247,6 @@ def _under(owner: Any, key: str) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value of a kind that expressions may hold."""
     if not isinstance(value, (*_PLAIN, Function)):
         raise NotAllowed(f"a value of the kind {type(value).__name__} is not allowed in an expression")
     return value
@@ -353,10 +346,10 @@ _OF_VALUES = {
     dict: "get",
 }
 
-METHODS: Methods = {
+_METHODS: dict[tuple[type, str], Callable[..., Any]] = {
     **{(kind, name): getattr(kind, name) for kind, names in _OF_VALUES.items() for name in names.split()},
     (str, "join"): _joined,
     (str, "replace"): _replaced,
     **{(dict, name): partial(_listed, name) for name in ("items", "keys", "values")},
 }
-"""What is written behind a value: functions of texts, lists and mappings that published files need."""
+"""What is written behind a value, as in ``text.lower()``: what published files need, by the value's type and name."""

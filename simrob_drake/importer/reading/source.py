@@ -49,7 +49,11 @@ def read_source(path: Path, report: ImportReport, options: ImportOptions | None 
         kind = _OTHER_FORMATS.get(robot.tag)
         message = f"this is {kind}; a URDF is needed" if kind else "the outermost element of a URDF is <robot>"
         raise report.refusal(f"<{robot.tag}>", message)
-    _report_comments(comments, report)
+    hiding = [tags for comment in comments if (tags := _HIDDEN.findall(comment))]
+    if hiding:
+        counts = Counter(tag for tags in hiding for tag in tags)
+        listed = ", ".join(f"{count} <{tag}>" for tag, count in counts.most_common())
+        report.add("read", "", f"{len(hiding)} comment(s) hide elements ({listed}); they are ignored")
     _drop_foreign(robot, report)
     return robot
 
@@ -61,14 +65,6 @@ def _is_xacro(robot: ET.Element, path: Path) -> bool:
         return True
     values = (value for element in robot.iter() for value in element.attrib.values())
     return path.suffix.lower() == ".xacro" and any("${" in value or "$(" in value for value in values)
-
-
-def _report_comments(comments: list[str], report: ImportReport) -> None:
-    hiding = [tags for comment in comments if (tags := _HIDDEN.findall(comment))]
-    if hiding:
-        counts = Counter(tag for tags in hiding for tag in tags)
-        listed = ", ".join(f"{count} <{tag}>" for tag, count in counts.most_common())
-        report.add("read", "", f"{len(hiding)} comment(s) hide elements ({listed}); they are ignored")
 
 
 def _drop_foreign(robot: ET.Element, report: ImportReport) -> None:

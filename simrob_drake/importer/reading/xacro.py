@@ -134,14 +134,12 @@ class _Files:
         return self.texts[name]
 
     def _listed(self, pattern: str) -> list[str]:
-        """Return the files of one folder that a pattern names."""
         folder, name = os.path.split(pattern)
         names = fnmatch.filter(sorted_entries(self.border.readable(Path(folder))), name)
         return [os.path.join(folder, name) for name in names[:_MOST_LISTED]]
 
 
 def _arguments(options: ImportOptions, report: ImportReport) -> dict[str, str]:
-    """Return the values of a xacro's arguments by their names."""
     values = {}
     for text in options.xacro_arg:
         name, means, value = text.partition(":=")
@@ -173,17 +171,11 @@ _LONGEST = 900  # letters of what is told
 
 @dataclass(frozen=True)
 class Outline:
-    """What a file offers.
+    """What a file offers."""
 
-    Attributes:
-        macros: the parameters of each macro that it defines.
-        arguments: the default of each argument; None where it is needed.
-        choices: for each argument for which some are known.
-    """
-
-    macros: dict[str, str]
-    arguments: dict[str, str | None]
-    choices: dict[str, list[str]]
+    macros: dict[str, str]  # the parameters of each macro that it defines
+    arguments: dict[str, str | None]  # the default of each argument; None where it is needed
+    choices: dict[str, list[str]]  # for each argument for which some are known
 
     def summary(self) -> str:
         """Return its arguments in a line, those that are needed and those with choices first; empty without any."""
@@ -243,7 +235,6 @@ def _without_comments(text: str) -> str:
 
 
 def _tags(text: str) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield the name and the attributes of each tag of xacro."""
     for tag in _TAG.finditer(text):
         yield tag[1], {name: html.unescape(one or other) for name, one, other in _ATTRIBUTE.findall(tag[2])}
 

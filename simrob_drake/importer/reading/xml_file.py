@@ -129,8 +129,6 @@ def parse_tree(text: str, report: ImportReport) -> tuple[ET.Element, list[str]]:
 
 
 class _Reader:
-    """One reading of one text."""
-
     def __init__(self, report: ImportReport) -> None:
         self._report = report
         self._comments: list[str] = []

@@ -112,7 +112,6 @@ def _repair_gears(actuator: ET.Element, where: str, report: ImportReport) -> Non
 
 
 def _part_motors(robot: ET.Element, report: ImportReport) -> None:
-    """Give every motor a name of its own."""
     free = FreeNames()
     for drive in robot.iterfind("transmission"):
         for actuator in drive.iterfind("actuator"):
@@ -146,15 +145,12 @@ def _repair_efforts(robot: ET.Element, options: ImportOptions, report: ImportRep
 
 
 class _Load(NamedTuple):
-    """What hangs on a link."""
-
     mass: float  # the link's own included [kg]
     moment: float  # of all masses about the link's origin, when stretched out [kg m]
     reach: float  # to the farthest joint or centre of mass [m]
 
 
 def _loads(robot: ET.Element) -> Mapping[str, _Load]:
-    """Return what hangs on each link, itself included."""
     starts, links = joints_at(robot), {name_of(link): link for link in robot.iterfind("link")}
     order = [root_link(robot), *(link_of(joint, "child") for joint in outward(starts, root_link(robot)))]
     loads: dict[str, _Load] = {}

@@ -274,7 +274,6 @@ def _ball(mass: float, density: float) -> SpatialInertia:
 
 
 def _solid(element: ET.Element, folder: Path | None, density: float) -> SpatialInertia | None:
-    """Return the inertia of a visual or collision element in its link."""
     shape = element.find("geometry/*")
     try:
         solid = None if shape is None else _shape(shape, folder)

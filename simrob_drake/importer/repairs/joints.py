@@ -200,7 +200,6 @@ def _repair_range(
 
 
 def _fix_at(joint: ET.Element, value: float) -> None:
-    """Fix a joint, whose axis is repaired, at a position [rad or m]."""
     x, y, z = (float(word) for word in child_of(joint, "axis").get("xyz", "").split())
     length = math.hypot(x, y, z)
     direction = [x / length, y / length, z / length]

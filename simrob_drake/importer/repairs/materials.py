@@ -39,19 +39,14 @@ def _repair_colour(material: ET.Element, report: ImportReport) -> None:
         report.add("dropped", where, "its colour has no rgba")
         return
     values = [float(word) for word in rgba.split()]
-    right = _in_range(values)
+    rgb, alpha = values[:3], values[3] if len(values) > 3 else 1.0
+    if max(rgb) >= 2.0:  # of eight bits
+        rgb = [value / 255 for value in rgb]
+        alpha = alpha / 255 if alpha > 1 else alpha
+    right = [min(max(value, 0.0), 1.0) for value in (*rgb, alpha)]
     if right != values:
         colour.set("rgba", text(right))
         report.add("repaired", where, f'rgba="{rgba}" written as "{colour.get("rgba")}", four numbers from 0 to 1')
-
-
-def _in_range(values: list[float]) -> list[float]:
-    """Return red, green, blue and alpha in 0 to 1; those of eight bits are from 0 to 255."""
-    rgb, alpha = values[:3], values[3] if len(values) > 3 else 1.0
-    if max(rgb) >= 2.0:
-        rgb = [value / 255 for value in rgb]
-        alpha = alpha / 255 if alpha > 1 else alpha
-    return [min(max(value, 0.0), 1.0) for value in (*rgb, alpha)]
 
 
 def _keep_first_definitions(robot: ET.Element, report: ImportReport) -> dict[str, list[float]]:

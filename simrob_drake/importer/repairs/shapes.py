@@ -214,7 +214,6 @@ class _Shapes:
 
 
 def _check_shapes(link: ET.Element, report: ImportReport) -> None:
-    """Drop what is no shape."""
     for tag in ("visual", "collision"):
         for where, element in _shapes_of(link, tag):
             problem = _check_geometry(element, where, report)
@@ -256,7 +255,6 @@ def _box(element: ET.Element, loaded: Mesh) -> tuple[str, str]:
 
 
 def _drop(link: ET.Element, element: ET.Element, where: str, problem: str, report: ImportReport) -> None:
-    """Take a shape away and say what follows from that."""
     link.remove(element)
     if element.tag == "visual":
         effect = "it is not shown"
@@ -276,13 +274,11 @@ def _shapes_of(link: ET.Element, tag: str) -> list[tuple[str, ET.Element]]:
 
 
 def _set_shape(element: ET.Element, shape: ET.Element) -> None:
-    """Put a shape in the place of the one that a ``<visual>`` or ``<collision>`` has."""
     for geometry in element.iterfind("geometry"):
         geometry[:] = [shape]
 
 
 def _mesh_name(mesh: ET.Element | None) -> str:
-    """Return the words that a message names a mesh by."""
     return f"mesh '{shortened('' if mesh is None else mesh.get('filename', ''))}'"
 
 

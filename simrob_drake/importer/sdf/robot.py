@@ -71,7 +71,6 @@ class RobotWriter:
     robot: ET.Element = field(init=False)
 
     def __post_init__(self) -> None:
-        """Know all frames."""
         place = own_pose(self.model, self.report, f"model '{name_of(self.model)}'")
         self.robot = ET.Element("robot", name=name_of(self.model))
         self._frames = Frames(self.report, place)
@@ -154,7 +153,6 @@ class RobotWriter:
             self.report.add("approximated" if kind == "ball" else "repaired", f"joint '{edge.name}'", message)
 
     def _direction(self, edge: _Edge, axis: ET.Element | None, place: RigidTransform) -> Vector:
-        """Return an axis in its joint's frame."""
         xyz = None if axis is None else axis.find("xyz")
         numbers = numbers_in((xyz.text or "") if xyz is not None else "0 0 1") or []
         if len(numbers) != len("xyz") or not any(numbers):
@@ -177,7 +175,6 @@ class RobotWriter:
             self._add_link(link, self._frames.pose(link))
 
     def _add_link(self, full: str, origin: RigidTransform) -> None:
-        """Add a link whose frame has a pose in the model."""
         self._origins[full] = self._frames.place.inverse() if full == WORLD else origin
         link = ET.SubElement(self.robot, "link", name=self._names[full])
         if full == WORLD:
@@ -187,7 +184,6 @@ class RobotWriter:
         _add_shapes(link, element, place, self.report)
 
     def _add_frames(self) -> None:
-        """Add the named frames, which tools may be."""
         taken = FreeNames(name_of(link) for link in self.robot.iterfind("link"))
         for frame in self.model.iterfind("frame"):
             link = self._frames.link_of(name_of(frame))
@@ -294,7 +290,6 @@ def _add_shapes(link: ET.Element, element: ET.Element, pose: RigidTransform, rep
 
 
 def _geometry(shape: ET.Element) -> tuple[ET.Element | None, str]:
-    """Return the shape as a URDF has it, or what is wrong."""
     geometry = shape.find("geometry/*")
     if geometry is None:
         return None, "has no shape"

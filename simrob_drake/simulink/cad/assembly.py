@@ -13,8 +13,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.errors import InvalidModel
 from simrob_drake.files import NotRead, content_of, opened
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, one_line
-from simrob_drake.simulink.reading.xml_part import Unreadable, parse_part
+from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Unreadable, one_line, parse_part
 from simrob_drake.simulink.values.units import UnknownUnit, factor
 
 ROOT, OLDER = b"SimscapeMultibodyImportXML", (b"PhysicalModelingXMLFile", b"SimMechanicsImportXML")
@@ -29,48 +28,28 @@ _ROTATION = 1e-3
 
 @dataclass(frozen=True)
 class Part:
-    """What instances are made of.
+    """What instances are made of."""
 
-    Attributes:
-        mass: [kg]; None where the file does not tell.
-        com: its place, shape (3,) [m].
-        inertia: about that: Ixx Iyy Izz Iyz Izx Ixy, shape (6,) [kg m²].
-        geometry: name of its geometry file; empty without.
-        unit: of lengths in that, where the file itself does not tell.
-        colour: red, green, blue, opacity.
-    """
-
-    mass: float | None
-    com: Vector
-    inertia: Vector
-    geometry: str
-    unit: str
-    colour: Vector
+    mass: float | None  # [kg]; None where the file does not tell
+    com: Vector  # its place, shape (3,) [m]
+    inertia: Vector  # about that: Ixx Iyy Izz Iyz Izx Ixy, shape (6,) [kg m²]
+    geometry: str  # name of its geometry file; empty without
+    unit: str  # of lengths in that, where the file itself does not tell
+    colour: Vector  # red, green, blue, opacity
 
 
 @dataclass(eq=False)
 class Instance:
-    """A part or an assembly where it is.
+    """A part or an assembly where it is."""
 
-    Attributes:
-        name: with those of the assemblies that it is in.
-        pose: in the root assembly.
-        part: what it is; None of an assembly.
-        inside: the instances in an assembly, by their identifiers.
-        held: whether it is fixed in the assembly that it is in.
-        rigid: whether all in it is one body.
-        group: of its neighbours those that say the same are one body.
-        visible: whether it is seen.
-    """
-
-    name: str
-    pose: RigidTransform
-    part: Part | None = None
-    inside: dict[str, Instance] = field(default_factory=dict)
-    held: bool = False
-    rigid: bool = False
-    group: str = ""
-    visible: bool = True
+    name: str  # with those of the assemblies that it is in
+    pose: RigidTransform  # in the root assembly
+    part: Part | None = None  # what it is; None of an assembly
+    inside: dict[str, Instance] = field(default_factory=dict)  # the instances in an assembly, by their identifiers
+    held: bool = False  # whether it is fixed in the assembly that it is in
+    rigid: bool = False  # whether all in it is one body
+    group: str = ""  # of its neighbours those that say the same are one body
+    visible: bool = True  # whether it is seen
 
     def all(self) -> Iterator[Instance]:
         """Yield it and all in it."""
@@ -81,48 +60,30 @@ class Instance:
 
 @dataclass(frozen=True)
 class End:
-    """Where a joint or constraint is on an instance.
-
-    Attributes:
-        instance: the instance.
-        kind: ``frame``, or the geometry of a constraint: ``point``, ``line``, ``plane``, ``cylinder`` ...
-        pose: in the root assembly; z is the axis of a geometry.
-    """
+    """Where a joint or constraint is on an instance."""
 
     instance: Instance
-    kind: str
-    pose: RigidTransform
+    kind: str  # ``frame``, or the geometry of a constraint: ``point``, ``line``, ``plane``, ``cylinder`` ...
+    pose: RigidTransform  # in the root assembly; z is the axis of a geometry
 
 
 @dataclass(frozen=True)
 class Tie:
-    """A joint or a constraint between two instances.
+    """A joint or a constraint between two instances."""
 
-    Attributes:
-        name: with those of the assemblies that it is in.
-        kind: the name of its element, such as ``Revolute`` or ``Concentric``.
-        base, follower: its ends; a constraint has no order.
-        joins: whether it is a joint.
-    """
-
-    name: str
-    kind: str
-    base: End
+    name: str  # with those of the assemblies that it is in
+    kind: str  # the name of its element, such as ``Revolute`` or ``Concentric``
+    base: End  # its ends; a constraint has no order
     follower: End
-    joins: bool
+    joins: bool  # whether it is a joint
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """A whole file.
+    """A whole file."""
 
-    Attributes:
-        root: the instance that stands for the world.
-        ties: joints and constraints, those of assemblies for each of their instances.
-    """
-
-    root: Instance
-    ties: list[Tie]
+    root: Instance  # the instance that stands for the world
+    ties: list[Tie]  # joints and constraints, those of assemblies for each of their instances
 
 
 def is_export(path: Path) -> bool:

@@ -140,7 +140,6 @@ class _Writer:
                     self._transform(f"{instance.name} place", self._port(first), pose, self._port(instance))
 
     def _joint(self, tie: Tie, kind: str, base: RigidTransform, follower: RigidTransform) -> None:
-        """Add a joint between frames, given in the root assembly."""
         ends = []
         for end, frame, side in ((tie.base, base, "base"), (tie.follower, follower, "follower")):
             first = self._first.get(self._body(end.instance))
@@ -153,7 +152,6 @@ class _Writer:
             self._transform(f"{tie.name} {name}", self._port(first), pose, Port(sid, side, 1))
 
     def _targets(self, tie: Tie, kind: str, pose: RigidTransform) -> dict[str, str]:
-        """Return where a joint stands in the assembly, as its targets."""
         places = ("Px", "Py", "Pz", "Rx", "Ry", "Rz")
         values = dict(zip(places, (*pose.translation(), *xyz_angles(pose.rotation())), strict=True))
         primitives = PRIMITIVES[kind]
@@ -287,7 +285,7 @@ def _slider(_: Vector, slides: Vector) -> tuple[str, RigidTransform]:
 
 def _ball(turns: Vector, _: Vector) -> tuple[str, RigidTransform] | None:
     """Return a ball joint about the point c that stays: v = c × ω for every turn."""
-    across = np.vstack([-_cross(turn[:3]) for turn in turns])
+    across = np.vstack([-np.cross(np.eye(3), turn[:3]) for turn in turns])
     middle = np.linalg.lstsq(across, turns[:, 3:].reshape(-1), rcond=None)[0]
     if np.abs(across @ middle - turns[:, 3:].reshape(-1)).max() > _SAME:
         return None
@@ -366,10 +364,6 @@ def _turning(*directions: Vector) -> Vector:
 def _sliding(place: Vector, *directions: Vector) -> Vector:
     """Return rows for the velocity v + ω × p of a place p along directions."""
     return np.array([np.concatenate([np.cross(place, direction), direction]) for direction in directions])
-
-
-def _cross(vector: Vector) -> Vector:
-    return np.asarray(np.cross(np.eye(3), vector))
 
 
 _RANK = {"point": 0, "line": 1, "plane": 2}

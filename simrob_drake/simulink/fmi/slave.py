@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.simulink.fmi.description import MESSAGE, STOPPED, TIME, variables_of
+from simrob_drake.simulink.fmi.unit import MESSAGE, STOPPED, TIME, variables_of
 from simrob_drake.simulink.stepping.station import StepFailed, SteppedStation
 
 STATION_FILE = "station.yaml"
@@ -34,7 +34,6 @@ class StepResult(NamedTuple):
     terminateSimulation: bool = False  # noqa: N815  # as FMI 3.0 calls it
 
     def __bool__(self) -> bool:
-        """Tell whether the step was taken."""
         return self.status == _OK
 
 

@@ -1,22 +1,133 @@
 """A station as a file that Simulink, OpenModelica, FMPy and others load: a unit of FMI 2.0 or 3.0 for co-simulation."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import distribution
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from uuid import NAMESPACE_OID, uuid5
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from zipfile import ZIP_DEFLATED, ZipFile
 
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.extras import needed
 from simrob_drake.folders import replaced_at_once, writing
-from simrob_drake.simulink.fmi.description import description
 from simrob_drake.simulink.stepping.station import SteppedStation
+from simrob_drake.simulink.values.units import UnknownUnit, parse_unit, plain_unit
 from simrob_drake.simulink.writing.urdf import plain
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_yaml
 from simrob_drake.stations.located import carried
+
+STOPPED, MESSAGE, TIME = "stopped", "message", "time"
+"""Variables beside those of the station: whether and why it was ended, and where it is."""
+_TYPES = {"real": ("Real", "Float64"), "flag": ("Boolean", "Boolean"), "text": ("String", "String")}
+"""In FMI 2.0 and 3.0."""
+_STATES = {2: ("canGetAndSetFMUstate", "canSerializeFMUstate"), 3: ("canGetAndSetFMUState", "canSerializeFMUState")}
+_CATEGORIES = ("logStatusWarning", "logStatusError")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of a unit; its reference is its place in the list of all."""
+
+    name: str
+    causality: str  # as FMI has it
+    variability: str = "continuous"  # as FMI has it
+    kind: str = "real"  # ``real``, ``flag`` or ``text``
+    unit: str = ""  # empty unless it is a real number
+    start: float | None = None  # of inputs and parameters
+
+
+def variables_of(station: SteppedStation) -> list[Variable]:
+    """Return the variables of a unit, in the order of their references."""
+    return [
+        *(Variable(e.name, "input", unit=e.unit, start=station.get(e.name)) for e in station.inputs.values()),
+        *(Variable(e.name, "output", unit=e.unit) for e in station.outputs.values()),
+        *(Variable(p.name, "parameter", "fixed", unit=p.unit, start=p.start) for p in station.parameters.values()),
+        Variable(STOPPED, "output", "discrete", "flag"),
+        Variable(MESSAGE, "output", "discrete", "text"),
+        Variable(TIME, "independent", unit="s"),
+    ]
+
+
+def description(station: SteppedStation, name: str, version: int) -> bytes:
+    """Return the XML of a unit that is called ``name``."""
+    variables = variables_of(station)
+    root = Element(
+        "fmiModelDescription",
+        fmiVersion=f"{version}.0",
+        modelName=name,
+        description=station.config.description,
+        generationTool="simrob_drake",
+        variableNamingConvention="structured",
+    )
+    root.set("guid" if version == 2 else "instantiationToken", str(uuid5(NAMESPACE_OID, f"{name}{variables}")))
+    abilities = {"canHandleVariableCommunicationStepSize": "true", "needsExecutionTool": "true"}
+    abilities |= dict.fromkeys(_STATES[version], "true")
+    SubElement(root, "CoSimulation", {"modelIdentifier": name, **abilities})
+    _add_units(SubElement(root, "UnitDefinitions"), {variable.unit for variable in variables if variable.unit})
+    categories = SubElement(root, "LogCategories")
+    for category in _CATEGORIES:
+        SubElement(categories, "Category", name=category)
+    SubElement(root, "DefaultExperiment", startTime="0", stopTime=repr(station.config.duration), stepSize="0.001")
+    listed = SubElement(root, "ModelVariables")
+    for reference, variable in enumerate(variables):
+        _add_variable(listed, variable, reference, version)
+    _add_structure(SubElement(root, "ModelStructure"), variables, version)
+    indent(root)
+    return bytes(tostring(root, "UTF-8", xml_declaration=True))
+
+
+def _add_variable(listed: Element, variable: Variable, reference: int, version: int) -> None:
+    """Add a variable: in FMI 2.0 its type is an element of its own, and in 3.0 the variable's."""
+    said = {"name": variable.name, "valueReference": str(reference), "causality": variable.causality}
+    said["variability"] = variable.variability
+    values = {"unit": unit_name(variable.unit)} if variable.unit else {}
+    if variable.start is not None:
+        values["start"] = repr(variable.start)
+    kind = _TYPES[variable.kind][version - 2]
+    if version == 3:
+        SubElement(listed, kind, {**said, **values})
+    else:
+        SubElement(SubElement(listed, "ScalarVariable", said), kind, values)
+
+
+def _add_structure(structure: Element, variables: list[Variable], version: int) -> None:
+    """Add the outputs, and that all of them are known when the initialization is over."""
+    outputs = [place for place, variable in enumerate(variables) if variable.causality == "output"]
+    if version == 3:
+        for kind in ("Output", "InitialUnknown"):
+            for place in outputs:
+                SubElement(structure, kind, valueReference=str(place))
+        return
+    for kind in ("Outputs", "InitialUnknowns"):
+        group = SubElement(structure, kind)
+        for place in outputs:
+            SubElement(group, "Unknown", index=str(place + 1))
+
+
+def unit_name(unit: str) -> str:
+    """Return a unit as FMI writes it: ``N·m/rad`` is ``N.m/rad``."""
+    return plain_unit(unit).replace("*", ".").replace("^", "")
+
+
+def _add_units(definitions: Element, units: Iterable[str]) -> None:
+    """Define units by their SI bases; an angle counts as a base where a unit has one."""
+    for unit in sorted(units):
+        defined = SubElement(definitions, "Unit", name=unit_name(unit))
+        try:
+            factor, (kg, m, s) = parse_unit(plain_unit(unit))
+        except UnknownUnit:
+            continue
+        above, _, below = unit.partition("/")
+        angle = any(name in above for name in ("rad", "deg")) - ("rad" in below)
+        powers = {"kg": kg, "m": m, "s": s, "rad": angle}
+        bases = {base: str(power) for base, power in powers.items() if power}
+        SubElement(defined, "BaseUnit", bases | ({} if factor == 1 else {"factor": repr(factor)}))
+
 
 _MAKERS = {2: "pythonfmu", 3: "pythonfmu3"}
 """Packages whose libraries call Python, by version of FMI."""

@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.mechanics.joints import JOINTS, Joint, read_joint, rigid_transform
-from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
+from simrob_drake.simulink.mechanics.shapes import MeshFiles
 from simrob_drake.simulink.mechanics.solids import (
     GEOMETRY,
     REFERENCE,
@@ -28,35 +28,25 @@ _SAME = 1e-6
 
 @dataclass(eq=False)
 class RigidPart:
-    """A rigid body: frames, and what hangs on them.
-
-    Attributes:
-        frames: pose of each of its physical nodes in the first one.
-        solids: with their poses there.
-        marks: Reference Frames, and where external forces act, with their poses.
-        grounded: whether it is the world.
-    """
+    """A rigid body: frames, and what hangs on them."""
 
     frames: dict[Place, RigidTransform] = field(default_factory=dict)
-    solids: list[SolidBody] = field(default_factory=list)
+    """Pose of each of its physical nodes in the first one."""
+    solids: list[SolidBody] = field(default_factory=list)  # with their poses there
     marks: list[tuple[Node, RigidTransform]] = field(default_factory=list)
-    grounded: bool = False
+    """Reference Frames, and where external forces act, with their poses."""
+    grounded: bool = False  # whether it is the world
 
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """What is between two bodies: a gear, rod, spring or force, a joint, or what closes a loop.
-
-    Attributes:
-        node: the block.
-        base, follower: the bodies, and the pose of the block's frame in each.
-    """
+    """What is between two bodies: a gear, rod, spring or force, a joint, or what closes a loop."""
 
     node: Node
     base: RigidPart
     follower: RigidPart
-    in_base: RigidTransform
-    in_follower: RigidTransform
+    in_base: RigidTransform  # pose of the block's frame in the base
+    in_follower: RigidTransform  # likewise in the follower
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,23 +58,14 @@ class Link(Coupling):
 
 @dataclass
 class Bodies:
-    """The mechanics of a model.
+    """The mechanics of a model."""
 
-    Attributes:
-        bodies: all of them; the world first, if there is one.
-        links: the joints that connect them.
-        couplings: what else does.
-        by_place: which body a physical node is on.
-        roots: physical nodes that no transform or joint leads to.
-        standing: planes of the world.
-    """
-
-    bodies: list[RigidPart]
-    links: list[Link]
-    couplings: list[Coupling]
-    by_place: dict[Place, RigidPart]
-    roots: set[Place]
-    standing: set[Node] = field(default_factory=set)
+    bodies: list[RigidPart]  # all of them; the world first, if there is one
+    links: list[Link]  # the joints that connect them
+    couplings: list[Coupling]  # what else does
+    by_place: dict[Place, RigidPart]  # which body a physical node is on
+    roots: set[Place]  # physical nodes that no transform or joint leads to
+    standing: set[Node] = field(default_factory=set)  # planes of the world
 
 
 PUSH = "External Force and Torque"
@@ -155,7 +136,6 @@ class _Frames:
         self.attached: list[tuple[Node, Place]] = []
 
     def take(self, node: Node) -> None:
-        """Note what a block is."""
         if node.kind == "Rigid Transform":
             self._join(*self._ends(node), rigid_transform(node), node)
         elif node.kind == "Weld Joint":
@@ -230,7 +210,7 @@ def _gather(edges: Edges, worlds: set[Place], bodies: Bodies, *, grounded: bool 
                     queue.append(place)
                 elif not body.frames[place].IsNearlyEqualTo(there, _SAME):
                     message = "closes a loop of rigid frames that does not fit: ways to one frame differ; one is taken"
-                    node.findings.report.add("lost", node.path, message)
+                    node.note("lost", message)
 
 
 def _attach(frames: _Frames, bodies: Bodies) -> None:
@@ -246,37 +226,23 @@ def _attach(frames: _Frames, bodies: Bodies) -> None:
 
 @dataclass(frozen=True)
 class ContactParameters:
-    """Figures of a contact.
+    """Figures of a contact."""
 
-    Attributes:
-        stiffness: [N/m].
-        damping: [N·s/m], of a damper beside the spring.
-        static, dynamic: coefficients of friction.
-        speed: below which a contact sticks [m/s].
-    """
-
-    stiffness: float
-    damping: float
-    static: float
-    dynamic: float
-    speed: float
+    stiffness: float  # [N/m]
+    damping: float  # [N·s/m], of a damper beside the spring
+    static: float  # coefficient of friction
+    dynamic: float  # coefficient of friction
+    speed: float  # below which a contact sticks [m/s]
 
 
 @dataclass(frozen=True, eq=False)
 class ContactPair:
-    """A pair that may touch.
-
-    Attributes:
-        node: the block.
-        pair: the two solids or surfaces.
-        surface: the figures.
-        senses_distance: the number of the port that tells the distance, or 0.
-    """
+    """A pair that may touch."""
 
     node: Node
-    pair: tuple[Node, Node]
-    surface: ContactParameters
-    senses_distance: int = 0
+    pair: tuple[Node, Node]  # the two solids or surfaces
+    surface: ContactParameters  # the figures
+    senses_distance: int = 0  # the number of the port that tells the distance, or 0
 
 
 _DISTANCE_AFTER = 2  # it is the first of the sensed signals
@@ -299,7 +265,7 @@ def read_contacts(network: Connections) -> list[ContactPair]:
             continue
         ends = [geometry.get(network.net(node, side)) for side in ("lconn", "rconn")]
         if ends[0] is None or ends[1] is None:
-            node.findings.report.add("lost", node.path, "the contact: one of its ends is no solid or plane")
+            node.note("lost", "the contact: one of its ends is no solid or plane")
             continue
         sensed = _DISTANCE_AFTER if node.is_on("SenseSeparationDistance") else 0
         contacts.append(ContactPair(node, (ends[0], ends[1]), _surface(node), sensed))
@@ -307,7 +273,6 @@ def read_contacts(network: Connections) -> list[ContactPair]:
 
 
 def _geometry_ports(node: Node) -> Iterator[tuple[str, int]]:
-    """Return the ports that hand out a shape."""
     if node.kind in ("Infinite Plane", "Disk", CLOUD):
         yield "rconn", 1
     elif node.kind in SOLIDS:

@@ -15,21 +15,15 @@ _SENSED: dict[str, dict[str, tuple[int, ...]]] = {
 
 @dataclass(frozen=True)
 class Pull:
-    """What acts along or about one axis of the base of a floating joint.
+    """What acts along or about one axis of the base of a floating joint."""
 
-    Attributes:
-        place: 0 to 2 of a force along x, y, z; 3 to 5 of a torque about them.
-        port: the left port of its signal; 0 without.
-        stiffness, rest, damping: of its spring and damper.
-        stops: of a force, a place beyond which a spring pushes back, which way (1 up, -1 down), and how stiff it is.
-    """
-
-    place: int
-    port: int
-    stiffness: float
-    rest: float
-    damping: float
+    place: int  # 0 to 2 of a force along x, y, z; 3 to 5 of a torque about them
+    port: int  # the left port of its signal; 0 without
+    stiffness: float  # of its spring
+    rest: float  # of its spring
+    damping: float  # of its damper
     stops: tuple[tuple[float, float, float], ...] = ()
+    """Of a force, a place beyond which a spring pushes back, which way (1 up, -1 down), and how stiff it is."""
 
 
 def sensed_parts(node: Node) -> dict[int, tuple[int, ...]]:
@@ -51,9 +45,7 @@ def read_pulls(node: Node) -> list[Pull]:
                 bound = node.number(f"{kind}{end}LimitBound", unit="m")
                 stops.append((bound, way, node.number(f"{kind}{end}LimitStiffness", "1e4", unit="N/m")))
         if stops:
-            node.findings.report.add(
-                "approximated", node.path, f"its stops along {kind[1]} are springs without dampers"
-            )
+            node.note("approximated", f"its stops along {kind[1]} are springs without dampers")
         if driven or stiffness or damping or stops:
             rest = node.number(f"{kind}EquilibriumPosition", unit="m") if stiffness else 0.0
             pulls.append(Pull(place, port if driven else 0, stiffness, rest, damping, tuple(stops)))
@@ -65,5 +57,5 @@ def read_pulls(node: Node) -> list[Pull]:
             pulls.append(Pull(3 + place, port if driven else 0, 0.0, 0.0, turning))
         port += driven
     if node.number("SphSpringStiffness", unit="N*m/rad"):
-        node.findings.report.add("lost", node.path, "its spring against turning")
+        node.note("lost", "its spring against turning")
     return pulls

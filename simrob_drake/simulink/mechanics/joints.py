@@ -24,23 +24,18 @@ def rigid_transform(node: Node) -> RigidTransform:
     Raises:
         InvalidModel: a method or figure that cannot be.
     """
-    return RigidTransform(rotation(node), translation(node))
-
-
-def translation(node: Node) -> Vector:
-    """Return the offset of a block's translation parameters, shape (3,) [m]."""
-    method = node.text("TranslationMethod", "None")
-    if method == "None":
-        return np.zeros(3)
+    method, offset = node.text("TranslationMethod", "None"), np.zeros(3)
     if method == "Cartesian":
-        return node.numbers("TranslationCartesianOffset", "[0 0 0]", unit="m", size=3)
-    if method == "StandardAxis":
-        return axis(node, "TranslationStandardAxis") * node.number("TranslationStandardOffset", unit="m")
-    if method == "Cylindrical":
+        offset = node.numbers("TranslationCartesianOffset", "[0 0 0]", unit="m", size=3)
+    elif method == "StandardAxis":
+        offset = axis(node, "TranslationStandardAxis") * node.number("TranslationStandardOffset", unit="m")
+    elif method == "Cylindrical":
         radius = node.number("TranslationROffset", unit="m")
         angle = node.number("TranslationThetaOffset", unit="rad")
-        return np.array([radius * np.cos(angle), radius * np.sin(angle), node.number("TranslationZOffset", unit="m")])
-    raise node.refusal(f"has the unknown translation method '{method}'")
+        offset = np.array([radius * np.cos(angle), radius * np.sin(angle), node.number("TranslationZOffset", unit="m")])
+    elif method != "None":
+        raise node.refusal(f"has the unknown translation method '{method}'")
+    return RigidTransform(rotation(node), offset)
 
 
 def rotation(node: Node, prefix: str = "") -> RotationMatrix:
@@ -162,64 +157,45 @@ _SPHERE_SENSED = ("SensePosition", "SenseVelocityX", "SenseVelocityY", "SenseVel
 
 @dataclass(eq=False)
 class Freedom:
-    """One degree of freedom.
+    """One degree of freedom."""
 
-    Attributes:
-        name: unique in the model once it is put together.
-        turns: whether it turns [rad] or slides [m].
-        axis: shape (3,), in the base frame.
-        lower, upper: limits; infinite without.
-        damping: [N·m·s/rad or N·s/m].
-        stiffness, rest: spring, and where it is slack.
-        start, start_speed: position and speed at the beginning; None if not asked for.
-        start_counts, speed_counts: how much that counts against the others, where a loop cannot have them all.
-        driven: ``torque`` or ``motion`` if a signal drives it, or ``free``.
-        stop: stiffness and damping at the limits; None without limits.
-    """
-
-    name: str
-    turns: bool
-    axis: Vector
-    lower: float = -inf
+    name: str  # unique in the model once it is put together
+    turns: bool  # whether it turns [rad] or slides [m]
+    axis: Vector  # shape (3,), in the base frame
+    lower: float = -inf  # limits; infinite without
     upper: float = inf
-    damping: float = 0.0
-    stiffness: float = 0.0
-    rest: float = 0.0
-    start: float | None = None
-    start_speed: float | None = None
-    start_counts: float = 1e-5
-    speed_counts: float = 1e-5
-    driven: str = "free"
-    stop: tuple[float, float] | None = None
+    damping: float = 0.0  # [N·m·s/rad or N·s/m]
+    stiffness: float = 0.0  # of its spring
+    rest: float = 0.0  # where the spring is slack
+    start: float | None = None  # position at the beginning; None if not asked for
+    start_speed: float | None = None  # speed at the beginning; likewise
+    start_counts: float = 1e-5  # how much the start counts against the others, where a loop cannot have them all
+    speed_counts: float = 1e-5  # how much the speed does
+    driven: str = "free"  # ``torque`` or ``motion`` if a signal drives it, or ``free``
+    stop: tuple[float, float] | None = None  # stiffness and damping at the limits; None without limits
 
 
 @dataclass(eq=False)
 class Joint:
-    """A joint block.
-
-    Attributes:
-        node: the block.
-        freedoms: from base to follower.
-        floating: whether it leaves all six free, as nothing would.
-        start: pose of the follower in the base of a floating joint at the beginning.
-        start_speed: of its origin, then how fast it turns, in the base's axes, shape (6,) [m/s, rad/s].
-        inputs: which freedom an input port drives, and how: by the number of the left port.
-        outputs: which freedom an output port senses, and what of it: by the number of the right port.
-        senses: of a floating joint, which parts of a frame sensor a right port hands out; none of what is not measured.
-        pulls: what acts on the follower of a floating joint, and backwards on its base.
-        screw: how much each freedom counts in a sum of positions that is 0; empty without.
-    """
+    """A joint block."""
 
     node: Node
-    freedoms: list[Freedom] = field(default_factory=list)
-    floating: bool = False
+    freedoms: list[Freedom] = field(default_factory=list)  # from base to follower
+    floating: bool = False  # whether it leaves all six free, as nothing would
     start: RigidTransform = field(default_factory=RigidTransform)
+    """Pose of the follower in the base of a floating joint at the beginning."""
     start_speed: Vector = field(default_factory=lambda: np.zeros(6))
+    """Of its origin, then how fast it turns, in the base's axes, shape (6,) [m/s, rad/s]."""
     inputs: dict[int, tuple[Freedom, str]] = field(default_factory=dict)
+    """Which freedom an input port drives, and how: by the number of the left port."""
     outputs: dict[int, tuple[Freedom, str]] = field(default_factory=dict)
+    """Which freedom an output port senses, and what of it: by the number of the right port."""
     senses: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    """Of a floating joint, which parts of a frame sensor a right port hands out; none of what is not measured."""
     pulls: list[Pull] = field(default_factory=list)
+    """What acts on the follower of a floating joint, and backwards on its base."""
     screw: dict[Freedom, float] = field(default_factory=dict)
+    """How much each freedom counts in a sum of positions that is 0; empty without."""
 
 
 def read_joint(node: Node) -> Joint:
@@ -312,14 +288,13 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
         )
     if freedom.lower >= freedom.upper and node.findings.assume and node.findings.undefined:
         freedom.lower, freedom.upper, freedom.stop = -inf, inf, None
-        node.findings.report.add("defaulted", node.path, "its limits are unknown: none are taken")
+        node.note("defaulted", "its limits are unknown: none are taken")
     if freedom.lower >= freedom.upper:
         raise node.refusal(f"its lower limit {freedom.lower:g} is not below its upper one, {freedom.upper:g}")
     return freedom
 
 
 def _ask(node: Node, prefix: str, freedom: Freedom, quantity: str, value: float) -> None:
-    """Note a target of position or velocity, and how much it counts."""
     counts = _COUNTS.get(node.text(f"{prefix}{quantity}TargetPriority"), _COUNTS["High"])
     if quantity == "Position":
         freedom.start, freedom.start_counts = value, counts
@@ -329,16 +304,14 @@ def _ask(node: Node, prefix: str, freedom: Freedom, quantity: str, value: float)
 
 def _ball(node: Node, prefix: str) -> list[Freedom]:
     """Return a ball joint as three turns about x, y and z."""
-    node.findings.report.add(
-        "approximated", node.path, "ball joint as three turns about x, y and z: singular where the middle one is at 90°"
-    )
+    node.note("approximated", "ball joint as three turns about x, y and z: singular where the middle one is at 90°")
     turns = [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
     damping = node.number(f"{prefix}DampingCoefficient", unit="N*m*s/rad")
     for freedom in turns if damping > 0 else ():
         freedom.damping = damping
     limited = [end for end in ("Lower", "Upper") if node.is_on(f"{prefix}{end}LimitSpecify")]
     if limited or node.number(f"{prefix}SpringStiffness", unit="N*m/rad"):
-        node.findings.report.add("lost", node.path, "the spring and limits of a ball joint")
+        node.note("lost", "the spring and limits of a ball joint")
     if node.is_on(f"{prefix}PositionTargetSpecify"):
         for freedom, angle in zip(turns, xyz_angles(rotation(node, f"{prefix}PositionTarget")), strict=True):
             freedom.start, freedom.start_counts = angle, _COUNTS["High"]

@@ -18,9 +18,9 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.simulink.mechanics import shapes
 from simrob_drake.simulink.mechanics.joints import AXES
-from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
 from simrob_drake.simulink.mechanics.shapes import (
     NOTHING,
+    MeshFiles,
     Shape,
     Weight,
     area,
@@ -30,7 +30,7 @@ from simrob_drake.simulink.mechanics.shapes import (
     revolution_outline,
 )
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.reading.xml_part import Unreadable, parse_part
+from simrob_drake.simulink.reading.graph import Unreadable, parse_part
 
 _SHAPES: dict[str, Callable[[Node], tuple[Shape, Weight]]] = {
     "Brick Solid": shapes.brick,
@@ -60,27 +60,16 @@ _POINT = 1e-8
 
 @dataclass(frozen=True)
 class SolidBody:
-    """A solid on a frame.
-
-    Attributes:
-        node: the block.
-        weight: in the solid's frame.
-        shape: what is seen, or touches; None without.
-        file: a mesh file in place of a shape, already found.
-        scale: of the mesh file.
-        colour: red, green, blue, opacity.
-        visible: whether it is seen.
-        pose: of the solid in the frame of its body.
-    """
+    """A solid on a frame."""
 
     node: Node
-    weight: Weight
-    shape: Shape | None
-    colour: tuple[float, float, float, float]
-    visible: bool = True
-    file: Path | None = None
-    scale: float = 1.0
-    pose: RigidTransform = field(default_factory=RigidTransform)
+    weight: Weight  # in the solid's frame
+    shape: Shape | None  # what is seen, or touches; None without
+    colour: tuple[float, float, float, float]  # red, green, blue, opacity
+    visible: bool = True  # whether it is seen
+    file: Path | None = None  # a mesh file in place of a shape, already found
+    scale: float = 1.0  # of the mesh file
+    pose: RigidTransform = field(default_factory=RigidTransform)  # of the solid in the frame of its body
 
 
 def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
@@ -100,7 +89,7 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
             if _weighs_by_shape(node, kind) and not node.findings.undefined:
                 raise
             message = str(problem).rpartition(f"{node.path}: ")[2]
-            node.findings.report.add("dropped", node.path, f"its shape: it {message}")
+            node.note("dropped", f"its shape: it {message}")
             even = NOTHING
     elif kind == "File Solid":
         file, scale = meshes.of(node)
@@ -301,8 +290,7 @@ def _on_extrusion(node: Node, feature: str) -> Vector | None:
     corners = extrusion_outline(node)
     if not side.isdecimal() or not 1 <= int(side) <= len(corners):
         return None
-    message = f"a frame on '{feature}': in the middle of side {side}, counted as its corners are"
-    node.findings.report.add("approximated", node.path, message)
+    node.note("approximated", f"a frame on '{feature}': in the middle of side {side}, counted as its corners are")
     return np.append((corners[int(side) - 1] + corners[int(side) % len(corners)]) / 2, 0.0)
 
 
@@ -313,14 +301,13 @@ def _on_revolution(node: Node, feature: str) -> Vector | None:
     if where in ("front", "back"):
         x, z = (integral(outline, axis) / area(outline) for axis in (lambda x, _: x, lambda _, z: z))
         turn = angle / 2 if where == "front" else -angle / 2
-        node.findings.report.add("approximated", node.path, f"a frame on '{feature}': on the side of the larger angle")
+        node.note("approximated", f"a frame on '{feature}': on the side of the larger angle")
         return np.array([x * np.cos(turn), x * np.sin(turn), z])
     side = number.rpartition(" ")[2]
     if where != "side" or not side.isdecimal() or not 1 <= int(side) <= len(outline):
         return None
     ends = outline[[int(side) - 1, int(side) % len(outline)]]
-    message = f"a frame on '{feature}': on the axis, counted as its corners are"
-    node.findings.report.add("approximated", node.path, message)
+    node.note("approximated", f"a frame on '{feature}': on the axis, counted as its corners are")
     return np.array([0.0, 0.0, ends[:, 1].mean()])
 
 

@@ -23,15 +23,10 @@ Poses = Mapping[RigidPart, RigidTransform]
 
 @dataclass(frozen=True, eq=False)
 class Closing(Coupling):
-    """What holds two bodies together where a loop is cut.
+    """What holds two bodies together where a loop is cut."""
 
-    Attributes:
-        kind: of the station's coupling.
-        length: of a rod [m].
-    """
-
-    kind: Literal["ball", "rod", "weld", "hinge"]
-    length: float = 0.0
+    kind: Literal["ball", "rod", "weld", "hinge"]  # of the station's coupling
+    length: float = 0.0  # of a rod [m]
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -54,19 +49,12 @@ class Closing(Coupling):
 
 @dataclass(frozen=True, eq=False)
 class BodyOnJoint:
-    """A body on its joint.
-
-    Attributes:
-        body: the body.
-        parent: what it hangs on; None for the world or the root body.
-        link: by which joint.
-        reversed: whether the joint's base is the outer body.
-    """
+    """A body on its joint."""
 
     body: RigidPart
-    parent: RigidPart
-    link: Link
-    reversed: bool
+    parent: RigidPart  # what it hangs on; None for the world or the root body
+    link: Link  # by which joint
+    reversed: bool  # whether the joint's base is the outer body
 
     @property
     def in_parent(self) -> RigidTransform:
@@ -91,29 +79,20 @@ class BodyOnJoint:
 
 @dataclass(eq=False)
 class Tree:
-    """A mechanism.
+    """A mechanism."""
 
-    Attributes:
-        root: the body it starts from: the world, or a free one.
-        frame: pose of the root link's frame in the root body's first frame.
-        base: pose of that frame in the world at the start.
-        speed: of its origin, then how fast it turns, in the world's axes, shape (6,) [m/s, rad/s].
-        branches: in the order they are reached.
-        closures: joints between its bodies that close loops.
-        closings: what holds together where these are cut.
-        couplings: gears and rods between its bodies.
-        gears: how much each degree of freedom counts in sums that stay as they are.
-    """
-
-    root: RigidPart
+    root: RigidPart  # the body it starts from: the world, or a free one
     frame: RigidTransform = field(default_factory=RigidTransform)
-    base: RigidTransform = field(default_factory=RigidTransform)
+    """Pose of the root link's frame in the root body's first frame."""
+    base: RigidTransform = field(default_factory=RigidTransform)  # pose of that frame in the world at the start
     speed: Vector = field(default_factory=lambda: np.zeros(6))
-    branches: list[BodyOnJoint] = field(default_factory=list)
-    closures: list[Link] = field(default_factory=list)
-    closings: list[Closing] = field(default_factory=list)
-    couplings: list[Coupling] = field(default_factory=list)
+    """Of its origin, then how fast it turns, in the world's axes, shape (6,) [m/s, rad/s]."""
+    branches: list[BodyOnJoint] = field(default_factory=list)  # in the order they are reached
+    closures: list[Link] = field(default_factory=list)  # joints between its bodies that close loops
+    closings: list[Closing] = field(default_factory=list)  # what holds together where these are cut
+    couplings: list[Coupling] = field(default_factory=list)  # gears and rods between its bodies
     gears: dict[Node, dict[Freedom, float]] = field(default_factory=dict)
+    """How much each degree of freedom counts in sums that stay as they are."""
 
     @property
     def bodies(self) -> set[RigidPart]:
@@ -137,8 +116,7 @@ def grow(bodies: Bodies, cuttable: Callable[[Link], bool]) -> tuple[RigidPart | 
         trees = _grown(bodies, world, _spanning(bodies.links, cuttable))
     for link in bodies.links:
         if link.joint.floating and link.base is not world:
-            message = "starts from the world: its base is no part of it"
-            link.joint.node.findings.report.add("approximated", link.joint.node.path, message)
+            link.joint.node.note("approximated", "starts from the world: its base is no part of it")
     return world, trees
 
 
@@ -211,7 +189,6 @@ def _free_roots(bodies: Bodies, seen: set[RigidPart]) -> list[RigidPart]:
 
 
 def _free_tree(body: RigidPart, bodies: Bodies) -> Tree:
-    """Return the tree of a free root, where it begins."""
     for link in bodies.links:
         if link.joint.floating and link.follower is body:
             joint = link.in_base @ link.joint.start
@@ -231,7 +208,6 @@ def _seen_from_its_middle(body: RigidPart, first: RigidTransform) -> Tree:
 
 
 def _find_loops(bodies: Bodies, trees: list[Tree]) -> None:
-    """Give each tree the joints that are left over between its bodies."""
     used = {branch.link for tree in trees for branch in tree.branches}
     for link in bodies.links:
         if link in used or link.joint.floating:

@@ -16,7 +16,6 @@ class Connections:
     """The connections of an expanded model."""
 
     def __init__(self, expanded: Expanded) -> None:
-        """Join what lines, subsystem ports and labels connect."""
         self.expanded = expanded
         self._parents: dict[Place, Place] = {}
         self._feeds: dict[Place, tuple[Node, int]] = {}
@@ -144,7 +143,6 @@ class Connections:
                 self._join((id(node), "lconn", 1), (id(node), "rconn", 1))
 
     def _join_ports(self, owner: Node) -> None:
-        """Join a subsystem's outer ports with the port blocks in it."""
         if owner.is_on("Variant") and owner.children:
             choice = chosen_variant(owner)
             inner = _sides(choice) if choice is not None else {}
@@ -179,7 +177,6 @@ def _present(owner: Node, ports: list[Port]) -> Iterator[tuple[Node, Port]]:
 
 
 def _place(node: Node, port: Port) -> Place:
-    """Return a port; a port block has one only, whichever side it is drawn on."""
     return (id(node), "conn", 1) if node.kind == "PMIOPort" else (id(node), port.side, port.number)
 
 

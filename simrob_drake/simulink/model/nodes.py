@@ -10,7 +10,7 @@ import numpy as np
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
-from simrob_drake.importer.options import ImportReport
+from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Mask, MaskParameter, Model, SimulinkBlock, System
 from simrob_drake.simulink.reading.model_file import BUILT_IN, Libraries
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
@@ -21,17 +21,12 @@ from simrob_drake.simulink.values.workspace import Octave, Variables
 
 @dataclass
 class Findings:
-    """What is found while a model is read.
+    """What is found while a model is read."""
 
-    Attributes:
-        report: everything, in words.
-        undefined: variables that no workspace has: name, then the places that ask for it.
-        assume: take the default of a block's parameter whose variable is unknown.
-    """
-
-    report: ImportReport
+    report: ImportReport  # everything, in words
     undefined: dict[str, list[str]] = field(default_factory=dict)
-    assume: bool = False
+    """Variables that no workspace has: name, then the places that ask for it."""
+    assume: bool = False  # take the default of a block's parameter whose variable is unknown
 
     def missing(self, problem: UndefinedVariable, where: str) -> None:
         """Note a variable that is not known."""
@@ -43,27 +38,16 @@ class Findings:
 
 @dataclass(eq=False)
 class Node:
-    """A block of an expanded model.
+    """A block of an expanded model."""
 
-    Attributes:
-        path: from the model's top, ``Arm/joint_1``.
-        block: as it is written.
-        workspace: where its parameters' variables are found.
-        findings: where problems are noted.
-        parent: the subsystem it is in.
-        children: what is in it, by identifier.
-        system: whose lines connect these.
-        home: name of the file it is written in.
-    """
-
-    path: str
-    block: SimulinkBlock
-    workspace: Variables
-    findings: Findings
-    parent: Node | None = None
-    children: dict[str, Node] = field(default_factory=dict)
-    system: System | None = None
-    home: str = ""
+    path: str  # from the model's top, ``Arm/joint_1``
+    block: SimulinkBlock  # as it is written
+    workspace: Variables  # where its parameters' variables are found
+    findings: Findings  # where problems are noted
+    parent: Node | None = None  # the subsystem it is in
+    children: dict[str, Node] = field(default_factory=dict)  # what is in it, by identifier
+    system: System | None = None  # whose lines connect these
+    home: str = ""  # name of the file it is written in
 
     @property
     def kind(self) -> str:
@@ -93,7 +77,7 @@ class Node:
             self.findings.missing(problem, f"{self.path}: {name}")
             if self.findings.assume:
                 taken = unknown or default
-                self.findings.report.add("defaulted", self.path, f"{name} = {text} is unknown: {taken} is taken")
+                self.note("defaulted", f"{name} = {text} is unknown: {taken} is taken")
             return self.workspace.value(unknown or default)
         except NotUnderstood as problem:
             raise self.refusal(f"{name} = {text[:60]} {problem}") from problem
@@ -147,10 +131,14 @@ class Node:
         except UnknownUnit as problem:
             raise self.refusal(f"{name}: {problem}") from problem
 
+    def note(self, kind: EntryKind, text: str) -> None:
+        """Note in the report what became of the block."""
+        self.findings.report.add(kind, self.path, text)
+
     def lose(self, problem: InvalidModel, instead: str = "") -> None:
         """Note that what the block does to the motion is lost, and why."""
         message = str(problem).rpartition(f"{self.path}: ")[2]
-        self.findings.report.add("lost", self.path, message + instead)
+        self.note("lost", message + instead)
 
     def refusal(self, problem: str) -> InvalidModel:
         """Return the error for what this block cannot be."""
@@ -159,23 +147,15 @@ class Node:
 
 @dataclass
 class Expanded:
-    """A model with everything put in.
+    """A model with everything put in."""
 
-    Attributes:
-        model: as it was read.
-        root: a node without a block of its own, whose children are the model's blocks.
-        findings: problems met so far.
-        libraries: the files that were taken in.
-        nodes: its blocks on all levels, except those of ``left_out``.
-        left_out: blocks that take no part, by path: their type, and why.
-    """
-
-    model: Model
-    root: Node
-    findings: Findings
-    libraries: Libraries
-    nodes: list[Node] = field(default_factory=list)
+    model: Model  # as it was read
+    root: Node  # a node without a block of its own, whose children are the model's blocks
+    findings: Findings  # problems met so far
+    libraries: Libraries  # the files that were taken in
+    nodes: list[Node] = field(default_factory=list)  # its blocks on all levels, except those of ``left_out``
     left_out: dict[str, tuple[str, str]] = field(default_factory=dict)
+    """Blocks that take no part, by path: their type, and why."""
 
     def leave_out(self, path: str, block: SimulinkBlock, why: str) -> None:
         """Note a block that takes no part, and all that is in it."""
@@ -183,52 +163,22 @@ class Expanded:
         for inner in block.system.blocks.values() if block.system else ():
             self.leave_out(f"{path}/{inner.name}", inner, why)
 
-
-def expand(
-    model: Model, libraries: Libraries, variables: dict[str, Any], findings: Findings, octave: Octave | None = None
-) -> Expanded:
-    """Return a model with libraries, referenced subsystems and chosen variants put in.
-
-    Raises:
-        InvalidModel: it has no end, or a library cannot be read.
-    """
-    written = Variables(name=model.name, code=model.code, octave=octave)
-    workspace = Variables(name="given", variables=variables, outer=written)
-    root = Node(
-        "",
-        SimulinkBlock("", model.name, "SubSystem", system=model.system),
-        workspace,
-        findings,
-        system=model.system,
-        home=model.name,
-    )
-    if model.mask is not None:
-        root.workspace = _masked(model.name, model.mask, {}, workspace)
-    expanded = Expanded(model, root, findings, libraries)
-    _Expansion(expanded).fill(root, 0)
-    return expanded
-
-
-class _Expansion:
-    def __init__(self, expanded: Expanded) -> None:
-        self._expanded = expanded
-        self._libraries = expanded.libraries
-
-    def fill(self, parent: Node, depth: int) -> None:
+    def fill(self, parent: Node, depth: int = 0) -> None:
+        """Put in all that is in a subsystem."""
         if depth > DEEPEST:
             raise parent.refusal("its libraries contain themselves")
         assert parent.system is not None
         for sid, block in parent.system.blocks.items():
             if block.commented == "on":
-                self._expanded.leave_out(path_below(parent, block), block, "commented out")
+                self.leave_out(path_below(parent, block), block, "commented out")
                 continue
             parent.children[sid] = self._node(parent, block)
         if parent.is_on("Variant"):
             for other in _drop_the_others(parent):
-                self._expanded.leave_out(other.path, other.block, "a variant that is not chosen")
+                self.leave_out(other.path, other.block, "a variant that is not chosen")
         for node in parent.children.values():
-            self._expanded.nodes.append(node)
-            if len(self._expanded.nodes) > MOST_BLOCKS:
+            self.nodes.append(node)
+            if len(self.nodes) > MOST_BLOCKS:
                 raise parent.refusal(f"the model has more than {MOST_BLOCKS} blocks with its libraries")
             if node.system is not None and node.block.commented != "through":
                 self.fill(node, depth + 1)
@@ -255,7 +205,7 @@ class _Expansion:
             named = (block.parameters.get(name, "") for name in ("ModelFile", "ModelNameDialog", "ModelName"))
             referenced = next(filter(None, named), "").removesuffix(".slx").removesuffix(".mdl")
         if referenced:
-            model = self._libraries.model(referenced)
+            model = self.libraries.model(referenced)
             if model is None:
                 self._note_missing(path, referenced, "referenced subsystem", moves=moves)
                 return block, None, None, home
@@ -268,7 +218,7 @@ class _Expansion:
             if source.startswith("$bdroot/"):
                 source = f"{home}/{source.removeprefix('$bdroot/')}"
             home = source.partition("/")[0]
-            found = self._libraries.block(source)
+            found = self.libraries.block(source)
             if found is None:
                 self._note_missing(path, home, f"library block {source}", moves=moves)
                 return block, None, None, home
@@ -277,7 +227,32 @@ class _Expansion:
 
     def _note_missing(self, path: str, name: str, what: str, *, moves: bool) -> None:
         message = f"{what}: the file {name}.slx is missing; give its folder with --library DIR"
-        self._expanded.findings.report.add("lost" if moves else "open", path, message)
+        self.findings.report.add("lost" if moves else "open", path, message)
+
+
+def expand(
+    model: Model, libraries: Libraries, variables: dict[str, Any], findings: Findings, octave: Octave | None = None
+) -> Expanded:
+    """Return a model with libraries, referenced subsystems and chosen variants put in.
+
+    Raises:
+        InvalidModel: it has no end, or a library cannot be read.
+    """
+    written = Variables(name=model.name, code=model.code, octave=octave)
+    workspace = Variables(name="given", variables=variables, outer=written)
+    root = Node(
+        "",
+        SimulinkBlock("", model.name, "SubSystem", system=model.system),
+        workspace,
+        findings,
+        system=model.system,
+        home=model.name,
+    )
+    if model.mask is not None:
+        root.workspace = _masked(model.name, model.mask, {}, workspace)
+    expanded = Expanded(model, root, findings, libraries)
+    expanded.fill(root)
+    return expanded
 
 
 def path_below(parent: Node, block: SimulinkBlock) -> str:
@@ -286,7 +261,6 @@ def path_below(parent: Node, block: SimulinkBlock) -> str:
 
 
 def _own(block: SimulinkBlock) -> dict[str, str]:
-    """Return what a link sets itself, on top of its library block."""
     hidden = "SourceBlock", "SourceType", "LibraryVersion"
     return {name: value for name, value in block.parameters.items() if name not in hidden}
 
@@ -300,7 +274,6 @@ def _masked(name: str, mask: Mask, values: dict[str, str], outer: Variables) -> 
 
 
 def _reader(parameter: MaskParameter, text: str, outer: Variables) -> Callable[[], Any]:
-    """Return how a mask parameter's value is found."""
     if parameter.kind == "checkbox":
         return lambda: outer.value("1" if text == "on" else "0")
     if parameter.kind == "popup":
@@ -337,7 +310,7 @@ def _first_variant(variant: Node) -> Node | None:
         return None
     controls = ", ".join(child.text("VariantControl") or child.block.name for child in choices)
     variant.findings.missing(UndefinedVariable(controls), f"{variant.path}: which variant it is")
-    variant.findings.report.add("defaulted", variant.path, f"the variant {choices[0].block.name}, of {controls}")
+    variant.note("defaulted", f"the variant {choices[0].block.name}, of {controls}")
     variant.block.parameters["LabelModeActiveChoice"] = choices[0].text("VariantControl")
     return choices[0]
 

@@ -1,44 +1,175 @@
-"""A Simulink model as it is written, read from XML elements: blocks, parameters, masks and lines; no values yet."""
+"""A Simulink model as it is written: blocks, parameters, masks and lines; no values yet.
+
+They stand in the XML of a part, or in the text of an old `.mdl` file, read without types or depth that could harm.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, SubElement
+from xml.parsers import expat
 
 from simrob_drake.importer.options import EntryKind
 
+MAX_DEPTH = 200
+"""Of elements in elements."""
+
+
+class Unreadable(ValueError):
+    """A part that is no XML, or XML that no model file has."""
+
+
+def parse_part(content: bytes) -> ET.Element:
+    """Return the outermost element of a part.
+
+    Raises:
+        Unreadable: it is no XML, declares a document type, or is nested too deeply.
+    """
+    builder = ET.TreeBuilder()
+    depth = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise Unreadable(f"nests elements more than {MAX_DEPTH} deep")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def refuse(*_: object) -> None:
+        raise Unreadable("declares a document type or entities, which no model file does")
+
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = builder.data
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(content, True)
+        return builder.close()
+    except expat.ExpatError as problem:
+        raise Unreadable(f"is not XML: {expat.ErrorString(problem.code)} at line {problem.lineno}") from problem
+    except (ValueError, LookupError) as problem:  # characters or encodings that XML cannot hold
+        raise problem if isinstance(problem, Unreadable) else Unreadable(f"is not XML: {problem}") from problem
+
+
+_TOKEN = re.compile(
+    r'\s+|#[^\n]*\n|(?P<text>"(?:\\.|[^"\\])*")|(?P<list>\[[^\]]*\])|(?P<brace>[{}])|(?P<word>[^\s{}"\[]+)'
+)
+_ESCAPE = re.compile(r"\\(.)", re.DOTALL)
+_CONNECTION = re.compile(r"([LR])Conn(\d+)")
+
+
+def parse_mdl(content: bytes) -> Element:
+    """Return the elements of an old model text.
+
+    Raises:
+        Unreadable: it is no such text.
+    """
+    text = content.decode("utf-8", "replace")
+    tokens = _tokens(text)
+    root = Element("ModelInformation")
+    try:
+        for kind, word in tokens:
+            brace = next(tokens)
+            if kind != "word" or brace != ("brace", "{"):
+                raise Unreadable(f"is no Simulink model: '{word[:20]}' stands where a section should begin")
+            _fill(SubElement(root, word), tokens, 0)
+    except StopIteration:
+        raise Unreadable("ends in the middle of a section; it was cut off") from None
+    for line in root.iter("Line"):
+        _rewrite_line(line)
+    return root
+
+
+def _tokens(text: str) -> Iterator[tuple[str, str]]:
+    place = 0
+    while place < len(text):
+        match = _TOKEN.match(text, place)
+        if match is None:
+            line = text.count("\n", 0, place) + 1
+            raise Unreadable(f"is no Simulink model text: line {line} cannot be read")
+        place = match.end()
+        if match.lastgroup == "text":
+            yield "text", _ESCAPE.sub(lambda found: "\n" if found[1] == "n" else found[1], match["text"][1:-1])
+        elif match.lastgroup:
+            yield match.lastgroup, match[0]
+
+
+def _fill(element: Element, tokens: Iterator[tuple[str, str]], depth: int) -> None:
+    """Read ``key value`` and ``Section { ... }`` until the section ends."""
+    if depth > MAX_DEPTH:
+        raise Unreadable(f"nests sections more than {MAX_DEPTH} deep")
+    key: str | None = None
+    last: Element | None = None
+    for kind, word in tokens:
+        if (kind, word) == ("brace", "}"):
+            return
+        if (kind, word) == ("brace", "{"):
+            _fill(SubElement(element, key or "Section"), tokens, depth + 1)
+            key, last = None, None
+        elif key is None and kind == "text" and last is not None:
+            last.text = (last.text or "") + word  # a long text goes on in the next line
+        elif key is None:
+            key = word
+        else:
+            last = _give(element, key, word)
+            key = None
+    raise StopIteration
+
+
+def _give(element: Element, key: str, value: str) -> Element:
+    if element.tag == "Block" and key == "BlockType":
+        element.set(key, value)
+    elif element.tag == "Block" and key == "Name":
+        element.set(key, value)
+        element.set("SID", value)  # lines name the blocks
+    parameter = SubElement(element, "P", Name=key)
+    parameter.text = value
+    return parameter
+
+
+def _rewrite_line(line: Element) -> None:
+    """Write a line's ends as `.slx` does, ``block#out:1``; blocks go by their names there."""
+    physical = False
+    for part in (line, *line.iter("Branch")):
+        texts = {parameter.get("Name", ""): parameter.text or "" for parameter in part.iterfind("P")}
+        for end, side in (("Src", "out"), ("Dst", "in")):
+            if f"{end}Block" in texts:
+                place = texts.get(f"{end}Port", "1")
+                match = _CONNECTION.fullmatch(place)
+                physical |= match is not None
+                port = f"{match[1].lower()}conn:{match[2]}" if match else f"{side}:{place}"
+                SubElement(part, "P", Name=end).text = f"{texts[f'{end}Block']}#{port}"
+    if physical or any(parameter.text == "Connection" for parameter in line.iterfind("P[@Name='LineType']")):
+        line.set("LineType", "Connection")
+
 
 class Port(NamedTuple):
-    """A port of a block within its system.
+    """A port of a block within its system."""
 
-    Attributes:
-        block: the block's identifier in its system (SID).
-        side: ``in``, ``out``, ``lconn`` or ``rconn`` (physical, left and right), or ``enable``, ``trigger`` ...
-        number: from 1.
-    """
-
-    block: str
-    side: str
-    number: int
+    block: str  # the block's identifier in its system (SID)
+    side: str  # ``in``, ``out``, ``lconn`` or ``rconn`` (physical, left and right), or ``enable``, ``trigger`` ...
+    number: int  # from 1
 
 
 @dataclass(frozen=True)
 class MaskParameter:
-    """A parameter of a mask.
+    """A parameter of a mask."""
 
-    Attributes:
-        name, value: its variable, and the expression that gives its value.
-        evaluated: whether the value is an expression, or text as it stands.
-        kind: of its field: ``edit``, ``popup``, ``checkbox`` ...
-    """
-
-    name: str
-    value: str
-    evaluated: bool = True
-    kind: str = "edit"
+    name: str  # its variable
+    value: str  # the expression that gives its value
+    evaluated: bool = True  # whether the value is an expression, or text as it stands
+    kind: str = "edit"  # of its field: ``edit``, ``popup``, ``checkbox`` ...
     choices: tuple[str, ...] = ()
 
 
@@ -52,24 +183,15 @@ class Mask:
 
 @dataclass
 class SimulinkBlock:
-    """A block.
+    """A block."""
 
-    Attributes:
-        sid, name: identifier in its system, and name on one line.
-        kind: its ``BlockType``, or for a link into a library its source, such as ``sm_lib/Joints/Revolute Joint``.
-        linked: whether ``kind`` is a place in a library.
-        parameters: as they are written.
-        mask: of its own.
-        system: what is in a subsystem.
-    """
-
-    sid: str
-    name: str
-    kind: str
-    linked: bool = False
-    parameters: dict[str, str] = field(default_factory=dict)
-    mask: Mask | None = None
-    system: System | None = None
+    sid: str  # identifier in its system
+    name: str  # on one line
+    kind: str  # its ``BlockType``, or for a link into a library its source, such as ``sm_lib/Joints/Revolute Joint``
+    linked: bool = False  # whether ``kind`` is a place in a library
+    parameters: dict[str, str] = field(default_factory=dict)  # as they are written
+    mask: Mask | None = None  # of its own
+    system: System | None = None  # what is in a subsystem
 
     @property
     def commented(self) -> str:
@@ -79,44 +201,28 @@ class SimulinkBlock:
 
 @dataclass
 class System:
-    """The blocks of one level, and the lines between them.
+    """The blocks of one level, and the lines between them."""
 
-    Attributes:
-        blocks: by identifier.
-        wires: signal lines, from an ``out`` port to the ports it feeds.
-        signals: names of lines, by the ports they come from.
-        nets: physical lines: ports that are one node.
-    """
-
-    blocks: dict[str, SimulinkBlock] = field(default_factory=dict)
+    blocks: dict[str, SimulinkBlock] = field(default_factory=dict)  # by identifier
     wires: list[tuple[Port, list[Port]]] = field(default_factory=list)
-    signals: dict[Port, str] = field(default_factory=dict)
-    nets: list[list[Port]] = field(default_factory=list)
+    """Signal lines, from an ``out`` port to the ports it feeds."""
+    signals: dict[Port, str] = field(default_factory=dict)  # names of lines, by the ports they come from
+    nets: list[list[Port]] = field(default_factory=list)  # physical lines: ports that are one node
 
 
 @dataclass
 class Model:
-    """A model file.
+    """A model file."""
 
-    Attributes:
-        path: the file.
-        kind: ``Model``, ``Library`` or ``Subsystem``.
-        system: its outermost level.
-        mask: of a subsystem file as a whole.
-        code: of the model workspace, MATLAB assignments.
-        callbacks: names of callbacks that MATLAB would run, with their code.
-        stop_time: when a run ends, an expression [s].
-        notes: what the report is to say of its making: level, element and text.
-    """
-
-    path: Path
-    kind: str
-    system: System
-    mask: Mask | None = None
-    code: str = ""
-    callbacks: dict[str, str] = field(default_factory=dict)
-    stop_time: str = "10"
+    path: Path  # the file
+    kind: str  # ``Model``, ``Library`` or ``Subsystem``
+    system: System  # its outermost level
+    mask: Mask | None = None  # of a subsystem file as a whole
+    code: str = ""  # of the model workspace, MATLAB assignments
+    callbacks: dict[str, str] = field(default_factory=dict)  # names of callbacks that MATLAB would run, with their code
+    stop_time: str = "10"  # when a run ends, an expression [s]
     notes: list[tuple[EntryKind, str, str]] = field(default_factory=list)
+    """What the report is to say of its making: level, element and text."""
 
     @property
     def name(self) -> str:

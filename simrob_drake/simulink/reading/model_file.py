@@ -19,11 +19,13 @@ from simrob_drake.simulink.reading.graph import (
     System,
     SystemReader,
     TooManyElements,
+    Unreadable,
     one_line,
+    parse_mdl,
+    parse_part,
     read_defaults,
     read_mask,
 )
-from simrob_drake.simulink.reading.xml_part import Unreadable, parse_mdl, parse_part
 
 MOST_PARTS = 20_000
 LARGEST_PART = 64 * 2**20  # bytes
@@ -150,7 +152,6 @@ def read_model(path: Path) -> Model:
 
 
 def _add_scripts(package: Package, system: System) -> None:
-    """Give the MATLAB Functions of a model their code, as a parameter."""
     for name in package.parts:
         for chart in _element(package, name).iter("chart") if name.startswith("simulink/stateflow") else ():
             parts = (parameter for parameter in chart.iter("P") if parameter.get("Name") == "script")
@@ -204,7 +205,6 @@ class Libraries:
     """
 
     def __init__(self, folders: Iterable[Path]) -> None:
-        """Take the folders; those right below them count, too."""
         self._folders = list(folders)
         self._models: dict[str, Model | None] = {}
         self.missing: set[str] = set()

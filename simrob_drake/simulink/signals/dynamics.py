@@ -75,7 +75,7 @@ def rate_of(node: Node, value: Value, lag: float = LAG) -> Value:
         elif term.kind == "sensed" and term.index < _PLACES and not still:
             rate[Term("sensed", term.of, term.index + PARTS.index("vx"))] = factor
         elif term.kind != "one":
-            node.findings.report.add("approximated", node.path, f"its derivative is filtered, by {lag:g} s")
+            node.note("approximated", f"its derivative is filtered, by {lag:g} s")
             return filtered(node, value, [1.0, 0.0], [lag, 1.0])
     return Form(rate) if rate.keys() - {ONE} else rate.get(ONE, 0.0)
 
@@ -101,19 +101,18 @@ def period_of(reader: SignalReader, node: Node) -> float | None:
 
 def _integrator(reader: SignalReader, node: Node, _: int) -> Signal:
     if node.text("ExternalReset", "none") != "none":
-        node.findings.report.add("approximated", node.path, "its reset is left out")
+        node.note("approximated", "its reset is left out")
     start = node.numbers("InitialCondition", "0")
     if node.text("InitialConditionSource", "internal") == "external":
         external = reader.input(node, 2 if node.text("ExternalReset", "none") == "none" else 3)
         known = [one for one in flat(external) if not isinstance(one, Form)]
         if len(known) < external.size:
-            node.findings.report.add("approximated", node.path, "it begins at 0, not at its input")
+            node.note("approximated", "it begins at 0, not at its input")
         start = np.array(known if len(known) == external.size else [0.0], dtype=float)
     return with_states(reader, node, "integrator", *({"initial": float(one), **_limits(node)} for one in start))
 
 
 def _limits(node: Node) -> Parameters:
-    """Return the finite limits of an output that may have them."""
     if not node.is_on("LimitOutput"):
         return {}
     sides = {"lower": ("LowerSaturationLimit", "-inf"), "upper": ("UpperSaturationLimit", "inf")}
@@ -131,7 +130,7 @@ def _discrete_integrator(reader: SignalReader, node: Node, _: int) -> Signal | N
     starts = node.numbers("InitialCondition", "0")
     if "Forward" in method or node.is_on("LimitOutput"):
         if "Forward" not in method:
-            node.findings.report.add("approximated", node.path, "as forward Euler, with its limits")
+            node.note("approximated", "as forward Euler, with its limits")
         limits = {name: one / gain for name, one in _limits(node).items()}
         parameters = [{"initial": float(one) / gain, **limits, "period": period} for one in starts]
         return scaled(with_states(reader, node, "integrator", *parameters), gain)
@@ -152,10 +151,6 @@ def _each(node: Node, kind: str, parameters: Sequence[Parameters], values: Signa
     return signal(made).reshape(values.shape, order="F")
 
 
-def _derivative(reader: SignalReader, node: Node, _: int) -> Signal:
-    return mapped(lambda value: rate_of(node, value), reader.input(node))
-
-
 def _transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | None:
     sampled = _sampled(reader, node, "Discrete" in node.kind)
     several = any(len(node.matrix(name, "1")) > 1 for name in ("Numerator", "Denominator"))
@@ -174,10 +169,6 @@ def _transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | Non
         if node.kind in ("DiscreteFilter", "DiscreteFir"):  # powers of 1/z
             size = max(numerator.size, denominator.size)
             numerator, denominator = (np.append(one, np.zeros(size - one.size)) for one in (numerator, denominator))
-    return _linear(reader, node, numerator, denominator, sampled)
-
-
-def _linear(reader: SignalReader, node: Node, numerator: Vector, denominator: Vector, sampled: Parameters) -> Signal:
     parameters = {"numerator": _listed(numerator), "denominator": _listed(denominator), **sampled}
     if np.trim_zeros(numerator, "f").size < denominator.size:
         return with_states(reader, node, "transfer_function", parameters)
@@ -210,7 +201,7 @@ def _delay(reader: SignalReader, node: Node, _: int) -> Signal:
         steps = int(node.number("DelayLength", "2")) if known else 1
     if period is None or node.kind == "Memory" or steps < 1:
         if steps >= 1:
-            node.findings.report.add("approximated", node.path, "its delay of one step of the solver is left out")
+            node.note("approximated", "its delay of one step of the solver is left out")
         return reader.input(node)
     name = next((name for name in ("InitialCondition", "vinit", "X0") if name in node.block.parameters), "")
     starts = node.numbers(name, "0") if name else np.zeros(1)
@@ -232,7 +223,7 @@ def _transport_delay(reader: SignalReader, node: Node, _: int) -> Signal:
     if late <= 0:
         return reader.input(node)
     steps = int(np.clip(math.ceil(late / _FINEST), 1, _MOST_SAMPLES))
-    node.findings.report.add("approximated", node.path, f"its delay is sampled, each {late / steps:g} s")
+    node.note("approximated", f"its delay is sampled, each {late / steps:g} s")
     return with_states(reader, node, "delay", {"period": late / steps, "steps": steps, "initial": start})
 
 
@@ -243,7 +234,7 @@ def _rate_limiter(reader: SignalReader, node: Node, _: int) -> Signal:
         for own, default in zip(named.values(), ("1", "-1"), strict=True)
     )
     parameters = {"rising": rising, "falling": -falling, "initial": node.number("InitialCondition", "0")}
-    node.findings.report.add("approximated", node.path, f"is late by {LAG:g} s where it follows")
+    node.note("approximated", f"is late by {LAG:g} s where it follows")
     return with_states(reader, node, "rate_limiter", parameters)
 
 
@@ -274,7 +265,7 @@ def _pid(reader: SignalReader, node: Node, _: int) -> Signal | None:
     errors = fitted(node, *errors, *(gain.astype(object) for gain in gains.values()))[: len(errors)]
     for what, name, default in (("reset", "ExternalReset", "none"), ("tracking input", "TrackingMode", "off")):
         if node.text(name, default) != default:
-            node.findings.report.add("approximated", node.path, f"its {what} is left out")
+            node.note("approximated", f"its {what} is left out")
     parameters = _pid_parameters(reader, node, letters)
     if parameters is None:
         return None
@@ -299,7 +290,7 @@ def _unfiltered(node: Node, error: Value, gain: float, parameters: Parameters) -
     measured = all(term.kind in (*_FOLLOWING, "one", "time") for term in terms_of(error))
     if measured and not {"lower", "upper"} & parameters.keys():
         return gain * rate_of(node, error), {"d": 0.0}
-    node.findings.report.add("approximated", node.path, f"its derivative is filtered, by {LAG:g} s")
+    node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
     return 0.0, {"filter": 1 / LAG}
 
 
@@ -332,7 +323,7 @@ def _pid_parameters(reader: SignalReader, node: Node, letters: str) -> Parameter
 DYNAMICS: dict[str, Rule] = {
     "Integrator": _integrator,
     "DiscreteIntegrator": _discrete_integrator,
-    "Derivative": _derivative,
+    "Derivative": lambda reader, node, _: mapped(lambda value: rate_of(node, value), reader.input(node)),
     **dict.fromkeys(
         ("TransferFcn", "ZeroPole", "DiscreteTransferFcn", "DiscreteZeroPole", "DiscreteFilter", "DiscreteFir",
          "Discrete Derivative"), _transfer_function,

@@ -21,39 +21,28 @@ TermKind = Literal["one", "time", "q", "w", "a", "t", "distance", "sensed", "inp
 
 @dataclass(frozen=True)
 class Term:
-    """One thing that a signal depends on.
+    """One thing that a signal depends on."""
 
-    Attributes:
-        kind: ``one`` (a constant), ``time``, ``q``, ``w``, ``a``, ``t`` (position, speed, acceleration, effort of a
-            joint), ``distance``, ``sensed`` (a part of what a Transform Sensor measures), ``input`` (of the model),
-            ``open`` (what a block that is not understood gives), or ``block`` (what is computed).
-        of: the degree of freedom, the block of the model, or the block of the flow.
-        index: which element of its output.
-    """
-
+    # ``one`` (a constant), ``time``, ``q``, ``w``, ``a``, ``t`` (position, speed, acceleration, effort of a joint),
+    # ``distance``, ``sensed`` (a part of what a Transform Sensor measures), ``input`` (of the model), ``open`` (what a
+    # block that is not understood gives), or ``block`` (what is computed)
     kind: TermKind
     of: Freedom | Node | Primitive | None = None
-    index: int = 0
+    """The degree of freedom, the block of the model, or the block of the flow."""
+    index: int = 0  # which element of its output
 
 
 @dataclass(eq=False)
 class Primitive:
-    """One block of a signal flow.
+    """One block of a signal flow."""
 
-    Attributes:
-        kind, parameters: as in a station's file.
-        inputs: gives its inputs, once all is traced: loops go through blocks with states.
-        node: the block of the model that it is, or is a part of.
-        size: elements of its output.
-        place: which element of the block's signal it is; None where there is one only.
-    """
-
-    kind: str
-    parameters: dict[str, Any] = field(default_factory=dict)
+    kind: str  # as in a station's file
+    parameters: dict[str, Any] = field(default_factory=dict)  # as in a station's file
     inputs: Callable[[], Iterable[Value]] = tuple
-    node: Node | None = None
-    size: int = 1
-    place: int | None = None
+    """Gives its inputs, once all is traced: loops go through blocks with states."""
+    node: Node | None = None  # the block of the model that it is, or is a part of
+    size: int = 1  # elements of its output
+    place: int | None = None  # which element of the block's signal it is; None where there is one only
 
     @property
     def outputs(self) -> list[Value]:

@@ -32,7 +32,6 @@ def sensed(node: Node) -> dict[int, Callable[[], Signal]]:
 
 
 def _signal(node: Node, name: str, port: int) -> Signal:
-    """Return what a port hands out; what no station has is open."""
     parts = [Form({Term("sensed", node, index): 1.0}) for index in range(len(PARTS))]
     place, (qw, *turn), (vx, vy, vz) = parts[:3], parts[3:7], parts[7:10]
     x, y, z = place
@@ -65,7 +64,6 @@ def orientation(node: Node) -> Signal:
 
 
 def _rotation(qw: Value, turn: Sequence[Form]) -> Signal:
-    """Return the rotation matrix (3, 3) of a quaternion."""
     qx, qy, qz = turn
     rows: list[list[Value]] = [
         [1.0 - 2.0 * (qy * qy + qz * qz), 2.0 * (qx * qy - qw * qz), 2.0 * (qx * qz + qw * qy)],

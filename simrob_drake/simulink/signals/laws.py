@@ -1,5 +1,6 @@
-"""What drives each joint and acts on each body: sums of signals, or motion over time; servos where the user asks."""
+"""What drives joints and acts on bodies: sums of signals, motion over time, contact; servos where the user asks."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf
 
@@ -11,10 +12,19 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.importer.options import EntryKind
 from simrob_drake.parts.controllers.flow_blocks import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
-from simrob_drake.simulink.mechanics.bodies import BETWEEN, PUSH, Bodies, Coupling, Link, RigidPart
+from simrob_drake.simulink.mechanics.bodies import (
+    BETWEEN,
+    PUSH,
+    Bodies,
+    ContactPair,
+    ContactParameters,
+    Coupling,
+    Link,
+    RigidPart,
+)
 from simrob_drake.simulink.mechanics.joints import Freedom, Joint
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import applied
+from simrob_drake.simulink.signals.arithmetic import applied, limited, table_of
 from simrob_drake.simulink.signals.forms import (
     Form,
     Primitive,
@@ -23,11 +33,12 @@ from simrob_drake.simulink.signals.forms import (
     Value,
     added,
     closure,
+    computed,
     signal,
     terms_of,
     widened,
 )
-from simrob_drake.simulink.signals.frame_sensing import orientation
+from simrob_drake.simulink.signals.frame_sensing import PARTS, orientation
 from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9
@@ -39,18 +50,13 @@ AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
 
 @dataclass
 class Law:
-    """What drives a joint.
+    """What drives a joint."""
 
-    Attributes:
-        net: its torque as a sum; 0 of a servo, and of a joint that a motion drives.
-        reference: the position over time of a motion, or of the joint's reference where an input of the model says it;
-            None where nothing does.
-        kp, ki, kd, limit: of a servo, sat(kp (reference - q) + ki ∫ (reference - q) - kd w).
-    """
-
-    net: Value = 0.0
+    net: Value = 0.0  # its torque as a sum; 0 of a servo, and of a joint that a motion drives
+    # the position over time of a motion, or of the joint's reference where an input of the model says it; None where
+    # nothing does
     reference: Value | None = None
-    kp: float = 0.0
+    kp: float = 0.0  # of a servo, sat(kp (reference - q) + ki ∫ (reference - q) - kd w)
     ki: float = 0.0
     kd: float = 0.0
     limit: float = inf
@@ -123,7 +129,7 @@ def _first(tracer: Tracer, joint: Joint, number: int, how: str, effort: Signal |
         "comes from a port of the model" if outside else "has no elements" if effort is not None else "is not connected"
     )
     deed: EntryKind = "defaulted" if outside else "lost"
-    joint.node.findings.report.add(deed, joint.node.path, f"its {how} input {message}: nothing drives it")
+    joint.node.note(deed, f"its {how} input {message}: nothing drives it")
     return 0.0
 
 
@@ -159,7 +165,6 @@ def _servo(value: Value, freedom: Freedom) -> Law | None:
 
 
 def _take(law: Law, terms: dict[Term, float], freedom: Freedom) -> bool:
-    """Fill a servo in, and tell whether that is all there is to it."""
     terms = _without_pid(law, terms)
     q, w = Term("q", freedom), Term("w", freedom)
     law.kp, law.kd = -terms.pop(q, 0.0), law.kd - terms.pop(w, 0.0)
@@ -195,8 +200,7 @@ def _without_pid(law: Law, terms: dict[Term, float]) -> dict[Term, float]:
                 law.ki -= own * factor * parameters.get("i", 0.0)
                 law.kd -= own * factor * parameters.get("d", 0.0)
         if node is not None and parameters.get("d"):
-            message = "its derivative acts on measured speed alone, unfiltered"
-            node.findings.report.add("approximated", node.path, message)
+            node.note("approximated", "its derivative acts on measured speed alone, unfiltered")
     return total
 
 
@@ -214,23 +218,16 @@ def of_time(value: Value) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class ExternalForce:
-    """What one block applies.
-
-    Attributes:
-        node: the block.
-        body, pose: on which it acts, and its frame in the first one of that.
-        force, torque: along the axes of its frame, each of 3 [N, N·m].
-        senses: whether it acts along the axes of the world, so that the orientation of its frame is measured.
-        ends: the blocks on whose frames what it senses is, and from where that is seen; its own unless given.
-    """
+    """What one block applies."""
 
     node: Node
-    body: RigidPart
-    pose: RigidTransform
-    force: list[Value]
+    body: RigidPart  # on which it acts
+    pose: RigidTransform  # of its frame in the first one of the body
+    force: list[Value]  # along the axes of its frame, each of 3 [N, N·m]
     torque: list[Value]
-    senses: bool
+    senses: bool  # whether it acts along the axes of the world, so that the orientation of its frame is measured
     ends: tuple[Node, Node] | None = None
+    """The blocks on whose frames what it senses is, and from where that is seen; its own unless given."""
 
 
 def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
@@ -243,8 +240,7 @@ def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
                 pushes.append(push)
                 body.marks.remove((node, pose))
             else:
-                message = "it is the port external_force or external_torque of the station, at this frame"
-                node.findings.report.add("read", node.path, message)
+                node.note("read", "it is the port external_force or external_torque of the station, at this frame")
     for coupling in bodies.couplings:
         if coupling.node.kind == BETWEEN:
             pushes += _apart(tracer, coupling)
@@ -265,7 +261,7 @@ def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
         if pull.port and (values := tracer.physical(node, "lconn", pull.port)) is not None:
             wrench[pull.place] += values.ravel()[0]
         elif pull.port:
-            node.findings.report.add("lost", node.path, "its force input is not connected: nothing drives it")
+            node.note("lost", "its force input is not connected: nothing drives it")
         wrench[pull.place] -= pull.stiffness * (place - pull.rest) + pull.damping * speed
         for bound, way, stiffness in pull.stops:
             wrench[pull.place] += way * stiffness * applied("max", 0.0, way * (bound - place))
@@ -280,7 +276,6 @@ def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
 
 
 def _sensed(node: Node, part: int) -> Form:
-    """Return a part of what a frame sensor of a block measures."""
     return Form({Term("sensed", node, part): 1.0})
 
 
@@ -291,7 +286,7 @@ def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
     if values is None:
         values = tracer.physical(node, "rconn", 2)
     if values is None:
-        node.findings.report.add("lost", node.path, "its force input is not connected: nothing drives it")
+        node.note("lost", "its force input is not connected: nothing drives it")
         return []
     line = [_sensed(node, index) for index in range(_PLACES)]
     length = applied("sqrt", sum((part * part for part in line), start=0.0))
@@ -317,8 +312,64 @@ def _push(tracer: Tracer, node: Node, body: RigidPart, pose: RigidTransform) -> 
                 vector = vector + widened(values.ravel(), _PLACES)
             elif values is not None:
                 message = f"its {what.lower()} input has {values.size} elements, not {_PLACES}: nothing drives it"
-                node.findings.report.add("lost", node.path, message)
+                node.note("lost", message)
         if node.text(f"{what}ResolutionFrame", "AttachedFrame") == "World" and any(vector):
             senses, vector = True, orientation(node).T.dot(vector)
         parts.append(list(vector))
     return ExternalForce(node, body, pose, parts[0], parts[1], senses)
+
+
+_SLOWEST = 1e-9  # m/s
+
+
+def forces_of_contacts(contacts: Iterable[ContactPair], bodies: Bodies) -> dict[ContactPair, ExternalForce]:
+    r"""Return what contacts of spheres with planes of the world do to the spheres; others are not there.
+
+    .. math:: f_n = s(d / w) (k d + b \dot d), \qquad f_t = -\mu(|v|) f_n v / |v|
+
+    of the depth d, with :math:`s(x) = 3 x^2 - 2 x^3` over the transition region w, and never pulling: Simscape's own
+    law. The coefficient of friction rises in this way to the static one at the critical speed, and falls to the dynamic
+    one at 1.5 times that.
+    """
+    found: dict[ContactPair, ExternalForce] = {}
+    for contact in contacts:
+        bodies_of = {solid.node: (body, solid) for body in bodies.bodies for solid in body.solids}
+        plane, sphere = sorted(contact.pair, key=lambda node: node in bodies_of)
+        body, solid = bodies_of.get(sphere, (None, None))
+        stands = plane.kind == "Infinite Plane" and plane in bodies.standing
+        if body is None or solid is None or not stands or body.grounded or contact.senses_distance:
+            continue
+        if solid.shape is None or solid.shape.kind != "sphere":
+            continue
+        force, torque = _wrench(contact.node, contact.surface, solid.shape.size[0])
+        found[contact] = ExternalForce(contact.node, body, solid.pose, force, torque, True, (sphere, plane))
+        contact.node.note("read", "by its own law, as forces on the sphere")
+    return found
+
+
+def _wrench(node: Node, surface: ContactParameters, radius: float) -> tuple[list[Value], list[Value]]:
+    """Return force and torque on a sphere in its own axes, from where it is seen from the plane."""
+    seen = {part: Form({Term("sensed", node, index): 1.0}) for index, part in enumerate(PARTS)}
+    width = node.number("NormalTransitionRegionWidth", "1e-4", unit="m")
+    depth = radius - seen["z"]
+    share = limited(depth * (1.0 / width), 0.0, 1.0)
+    pressed = surface.stiffness * depth - surface.damping * seen["vz"]
+    normal = applied("max", 0.0, share * share * (3.0 - 2.0 * share) * pressed)
+    sliding = seen["vx"] - radius * seen["wy"], seen["vy"] + radius * seen["wx"]
+    speed = applied("sqrt", sliding[0] * sliding[0] + sliding[1] * sliding[1])
+    across: list[Value] = [0.0, 0.0]
+    if surface.static:
+        coefficient = computed("lookup", speed, **_friction(surface))
+        grip = coefficient * normal / applied("max", speed, _SLOWEST)
+        across = [-1.0 * (grip * one) for one in sliding]
+    turn = orientation(node).T
+    force, torque = signal([*across, normal]), signal([radius * across[1], -radius * across[0], 0.0])
+    return list(turn.dot(force)), list(turn.dot(torque))
+
+
+def _friction(surface: ContactParameters) -> dict[str, object]:
+    part = np.linspace(0.0, 1.0, 11)
+    smooth = part * part * (3.0 - 2.0 * part)
+    speeds = surface.speed * np.concatenate([part, 1.0 + 0.5 * part[1:]])
+    values = [surface.static * smooth, surface.static + (surface.dynamic - surface.static) * smooth[1:]]
+    return table_of(speeds, np.concatenate(values), clip=True)

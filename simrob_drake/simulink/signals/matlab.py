@@ -39,7 +39,6 @@ class Translation(CodeRun):
     def __init__(
         self, variables: dict[str, Any], lookup: Callable[[str], Any], functions: Mapping[str, ScriptFunction]
     ) -> None:
-        """Take the variables that are there, where others are found, and the functions of the same script."""
         super().__init__(variables, lookup)
         self._functions, self._guards, self.depth = functions, list[Value](), 0
         own = {name: partial(self._first_of, function) for name, function in functions.items()}
@@ -109,11 +108,12 @@ class Translation(CodeRun):
             self.variables[_ENDED] = 1.0
         super()._statement(keyword, part)
 
-    def _assign(self, text: str) -> None:
+    def assign(self, text: str) -> None:
+        """Do an assignment, of several outputs of a function, too."""
         several = _SEVERAL.fullmatch(text)
         call = _CALL.fullmatch(several[2]) if several else None
         if several is None:
-            super()._assign(text)
+            super().assign(text)
         elif call is None or call[1] not in self._functions:
             raise NotUnderstood(text[:60])
         else:
@@ -270,7 +270,6 @@ def _merged(condition: Value, yes: Any, no: Any) -> Any:
 
 
 def _split(text: str) -> list[str]:
-    """Split arguments at their commas, and not at those within brackets."""
     parts, depth = [""], 0
     for letter in text:
         depth += (letter in "([{") - (letter in ")]}")
@@ -300,19 +299,16 @@ def _matlab_function(reader: SignalReader, node: Node, number: int) -> Signal | 
     def translated() -> list[Signal]:
         functions = functions_of(code)
         (main, *_) = functions.values()
-        ports = {child.block.name: child for child in block.children.values() if child.kind == "Inport"}
+        inports = [child for child in block.children.values() if child.kind == "Inport"]
+        ports = {child.block.name: int(child.text("Port", "1") or "1") for child in inports}
         arguments = [
-            _columns(reader.input(node, _place(ports[name]))) if name in ports else block.workspace.lookup(name)
+            _columns(reader.input(node, ports[name])) if name in ports else block.workspace.lookup(name)
             for name in main.inputs
         ]
         return [_as_signal(value) for value in Translation({}, _unknown, functions).called(main, arguments)]
 
     outputs = _understood(block, lambda: reader.once(node, translated))
     return outputs[number - 2] if 0 <= number - 2 < len(outputs) else None
-
-
-def _place(port: Node) -> int:
-    return int(port.text("Port", "1") or "1")
 
 
 def _unknown(name: str) -> Any:

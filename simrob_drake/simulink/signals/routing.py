@@ -38,14 +38,6 @@ def _inport(_: SignalReader, node: Node, __: int) -> Signal:
     return signal(Form({Term("input", node, index): 1.0}) for index in range(max(1, min(size, MOST_ELEMENTS))))
 
 
-def _pass(reader: SignalReader, node: Node, _: int) -> Signal:
-    return reader.input(node)
-
-
-def _mux(reader: SignalReader, node: Node, _: int) -> Signal:
-    return signal(value for part in inputs_of(reader, node) for value in flat(part))
-
-
 def _concatenated(reader: SignalReader, node: Node, _: int) -> Signal:
     parts = inputs_of(reader, node)
     if node.text("Mode", "Vector") == "Vector" and all(part.ndim == 1 for part in parts):
@@ -123,7 +115,6 @@ def _reshape(reader: SignalReader, node: Node, _: int) -> Signal:
 
 
 def _bus_selector(reader: SignalReader, node: Node, number: int) -> Signal | None:
-    """Return the signals that a selector takes by name out of a bus, the ``number``-th or all of them."""
     names = [name.strip() for name in node.text("OutputSignals").split(",")]
     sources = [
         _selected(reader, node, name) for name in (names if node.is_on("OutputAsBus") else names[number - 1 : number])
@@ -170,15 +161,11 @@ def _stored(reader: SignalReader, node: Node, _: int) -> Signal | None:
     same = {kind: [one for one in nodes if one.kind == kind and one.text("DataStoreName", "A") == name] for kind in
             ("DataStoreWrite", "DataStoreMemory")}  # fmt: skip
     if len(same["DataStoreWrite"]) == 1:
-        node.findings.report.add("approximated", node.path, f"the data store {name} holds what is written at that time")
+        node.note("approximated", f"the data store {name} holds what is written at that time")
         return reader.input(same["DataStoreWrite"][0])
     if same["DataStoreWrite"] or not same["DataStoreMemory"]:
         return None
     return signal(float(value) for value in same["DataStoreMemory"][0].numbers("InitialValue", "0"))
-
-
-def _manual_switch(reader: SignalReader, node: Node, _: int) -> Signal:
-    return reader.input(node, 1 if node.text("sw", "1") == "1" else 2)
 
 
 def _multiport_switch(reader: SignalReader, node: Node, _: int) -> Signal | None:
@@ -204,16 +191,18 @@ PASSING = {
 """Blocks whose output is their input."""
 
 ROUTING: dict[str, Rule] = {
-    **dict.fromkeys(PASSING, _pass),
+    **dict.fromkeys((*PASSING, "BusAssignment"), lambda reader, node, _: reader.input(node)),
     **dict.fromkeys(("Inport", "InportShadow"), _inport),
-    **dict.fromkeys(("Mux", "BusCreator"), _mux),
+    **dict.fromkeys(
+        ("Mux", "BusCreator"),
+        lambda reader, node, _: signal(value for part in inputs_of(reader, node) for value in flat(part)),
+    ),
     "Concatenate": _concatenated,
     "Demux": _demux,
     "Selector": _selector,
     "Reshape": _reshape,
     "BusSelector": _bus_selector,
-    "BusAssignment": _pass,
-    "ManualSwitch": _manual_switch,
+    "ManualSwitch": lambda reader, node, _: reader.input(node, 1 if node.text("sw", "1") == "1" else 2),
     "MultiPortSwitch": _multiport_switch,
     "Bias": _bias,
     "DataStoreRead": _stored,
@@ -236,7 +225,7 @@ def conditional(reader: SignalReader, node: Node, number: int) -> Signal | None:
         other = signal(float(one) for one in start)
     if port is not None and port.text("OutputWhenDisabled", "held") == "held":
         message = "while its condition fails its outputs are what they begin with, and not held; its states go on"
-        node.findings.report.add("approximated", node.path, message)
+        node.note("approximated", message)
     return mapped(partial(chosen, condition), *fitted(node, values, other))
 
 
@@ -272,4 +261,4 @@ def _merge(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return merged
 
 
-CONDITIONAL: dict[str, Rule] = {"Merge": _merge}
+ROUTING["Merge"] = _merge

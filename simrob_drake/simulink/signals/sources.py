@@ -38,8 +38,6 @@ from simrob_drake.simulink.signals.forms import (
 )
 from simrob_drake.simulink.values.evaluate import matrix
 
-_HOLD = "Holding final value"
-
 
 def _constant(_: SignalReader, node: Node, __: int) -> Signal:
     value = node.matrix("Value" if "constant" not in node.block.parameters else "constant", "1").astype(object)
@@ -101,7 +99,7 @@ def _generator(_: SignalReader, node: Node, __: int) -> Signal:
         "sawtooth": 2.0 * phase - 1.0,
     }
     if wave not in made:
-        node.findings.report.add("approximated", node.path, f"its {wave} noise is 0, its mean")
+        node.note("approximated", f"its {wave} noise is 0, its mean")
     return signal([node.number("Amplitude", "1") * made.get(wave, 0.0)])
 
 
@@ -173,7 +171,7 @@ def _workspace(_: SignalReader, node: Node, __: int) -> Signal:
 def _noise(_: SignalReader, node: Node, __: int) -> Signal:
     mean = 0.5 * sum(node.number(name, value) for name, value in (("Minimum", "-1"), ("Maximum", "1")))
     mean = {"UniformRandomNumber": mean, "RandomNumber": node.number("Mean", "0")}.get(node.kind, 0.0)
-    node.findings.report.add("approximated", node.path, f"its noise is left out: it is {mean:g}, its mean")
+    node.note("approximated", f"its noise is left out: it is {mean:g}, its mean")
     return signal([mean])
 
 
@@ -235,10 +233,6 @@ def _unit(node: Node, name: str) -> float:
     return node.in_si(node.text(f"{name}_unit", "1"), name)
 
 
-def _ps_constant(_: SignalReader, node: Node, __: int) -> Signal:
-    return signal(float(value) * _unit(node, "constant") for value in node.numbers("constant", "1"))
-
-
 def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
     yes, by, no = (reader.input(node, number) for number in (1, 2, 3))
     return switched(node, yes, by, no, ">=", _figure(node, "Threshold", "threshold", default="0.5"))
@@ -260,10 +254,6 @@ def _math(node: Node) -> Callable[..., Value]:
     return partial(applied, name if name in FUNCTIONS else "sin")
 
 
-def _integrator(reader: SignalReader, node: Node, _: int) -> Signal:
-    return with_states(reader, node, "integrator", {"initial": _figure(node, "x0", "x", default="0")})
-
-
 def _ps_ramp(_: SignalReader, node: Node, __: int) -> Signal:
     begin = _figure(node, "start_time", default="0")
     rising = _figure(node, "slope") * limited(TIME - begin, 0.0, math.inf)
@@ -283,7 +273,9 @@ def _ps_sine(_: SignalReader, node: Node, __: int) -> Signal:
 
 PHYSICAL: dict[str, Rule] = {
     "Simulink-PS Converter": _into_physics,
-    "PS Constant": _ps_constant,
+    "PS Constant": lambda _, node, __: signal(
+        float(value) * _unit(node, "constant") for value in node.numbers("constant", "1")
+    ),
     "PS Gain": lambda reader, node, _: scaled(reader.input(node), _figure(node, "gain")),
     "PS Add": elementwise(lambda u, v: u + v, 2),
     "PS Subtract": elementwise(lambda u, v: u - v, 2),
@@ -299,6 +291,8 @@ PHYSICAL: dict[str, Rule] = {
     "PS Ramp": _ps_ramp,
     "PS Step": _ps_step,
     "PS Sine Wave": _ps_sine,
-    "PS Integrator": _integrator,
+    "PS Integrator": lambda reader, node, _: with_states(
+        reader, node, "integrator", {"initial": _figure(node, "x0", "x", default="0")}
+    ),
 }
 """What blocks give at their right port 1, by type."""

@@ -26,11 +26,11 @@ from simrob_drake.simulink.signals.forms import (
 )
 from simrob_drake.simulink.signals.frame_sensing import SENSOR, sensed
 from simrob_drake.simulink.signals.matlab import MATLAB
-from simrob_drake.simulink.signals.routing import CONDITIONAL, ROUTING, conditional
+from simrob_drake.simulink.signals.routing import ROUTING, conditional
 from simrob_drake.simulink.signals.sources import PHYSICAL, SOURCES, out_of_physics
 
 RULES: dict[str, Rule] = {
-    **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **MATLAB, **CONDITIONAL, **PHYSICAL,
+    **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **MATLAB, **PHYSICAL,
     "PS-Simulink Converter": out_of_physics,
 }  # fmt: skip
 """What each type of block gives."""
@@ -48,7 +48,6 @@ class Tracer:
     """
 
     def __init__(self, network: Connections, joints: list[Joint], contacts: list[ContactPair]) -> None:
-        """Note which physical signals come from where."""
         self.network = network
         self.fixed_step: float | None = None
         self.opened: dict[Node, str] = {}
@@ -99,7 +98,7 @@ class Tracer:
             source = self.network.source(node, number)
             found = None if source is None else self.output(*source)
         if found is None:
-            node.findings.report.add("defaulted", node.path, f"input {number} is not connected: it is 0")
+            node.note("defaulted", f"input {number} is not connected: it is 0")
             return signal([0.0])
         return found
 
@@ -174,7 +173,6 @@ class Tracer:
         return self._open(node, number, why) if found is None else found
 
     def _open(self, node: Node, number: int, why: str = "") -> Signal:
-        """Leave an output open: a block that is not understood, or parameters that cannot be."""
         if node not in self.opened:
             self.opened[node] = why
         return _one(Term("open", node, (number - 1) * MOST_ELEMENTS))
@@ -185,7 +183,7 @@ class Tracer:
             return _one(Term("open", node))
         way = [one.path for one, _ in self._under_way]
         loop = " → ".join([*way[way.index(node.path) :], node.path])
-        node.findings.report.add("approximated", node.path, f"an algebraic loop, late by {LAG:g} s: {loop}")
+        node.note("approximated", f"an algebraic loop, late by {LAG:g} s: {loop}")
         shape = self._shape_of(node, number)
 
         def late(index: int) -> Primitive:

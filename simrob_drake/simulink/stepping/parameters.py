@@ -1,4 +1,4 @@
-"""What of a station can be set before it begins: gains, masses, pushes and other numbers of its file."""
+"""The numbers of a station: elements of its ports, and of its file the parameters that can be set before it starts."""
 
 import math
 import re
@@ -6,14 +6,104 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from simrob_drake.frames import XYZ_QUATERNION_NAMES
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.urdf import mass_of, name_of
 from simrob_drake.sections import Strict, field_texts
-from simrob_drake.simulink.stepping.elements import legal
 from simrob_drake.simulink.values.units import UnknownUnit, parse_unit, plain_unit
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, with_settings
+from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.poses import VELOCITY_NAMES
 from simrob_drake.stations.resolve import resolve
+
+_XYZ = ("x", "y", "z")
+_UNDECLARED = {
+    "pose": (XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4),
+    "velocity": (VELOCITY_NAMES, ("m/s",) * 3 + ("rad/s",) * 3),
+    "force": (_XYZ, ("N",) * 3),
+    "torque": (_XYZ, ("N·m",) * 3),
+}
+"""Names and units of ports that no signal of a result tells, by what is in the port's name."""
+
+_ODD = r"""[^ !#-&(-[\]-~]"""
+"""Letters that FMI has not even in quotes."""
+
+
+@dataclass(frozen=True)
+class Element:
+    """One number of a port."""
+
+    name: str  # ``<port>.<element>``, as :func:`legal` has it; ``<port>`` alone where it is the only one
+    port: str
+    index: int  # in the port
+    unit: str  # of SI
+
+
+def legal(name: str) -> str:
+    """Return a dotted name as FMI has structured ones: ``walk.capture.0`` is ``walk.capture[1]``, ``a-b`` is ``'a-b'``.
+
+    Elements without a name count from 1, as in MATLAB; those of a matrix are ``A[1,2]``.
+    """
+    parts = ""
+    for part in name.split("."):
+        if part.isdecimal() and parts:
+            parts = f"{parts.removesuffix(']')}{',' if parts.endswith(']') else '['}{int(part) + 1}]"
+        else:
+            parts += f"{'.' if parts else ''}{_part(part)}"
+    return parts
+
+
+def _part(part: str) -> str:
+    if re.fullmatch(r"[A-Za-z_]\w*", part, re.ASCII):
+        return part
+    return f"'{re.sub(_ODD, lambda found: f'u{ord(found[0]):x}', part)}'"
+
+
+def elements(ports: StationPorts) -> tuple[dict[str, Element], dict[str, Element]]:
+    """Return the numbers of a station's inputs and of its outputs, by name and in order.
+
+    A robot's reference is an input alone.
+    """
+    named = _declared(ports)
+    inputs = _of_ports({name: port.size() for name, port in ports.inputs.items()}, named)
+    outputs = _of_ports({name: port.size() for name, port in ports.outputs.items()}, named)
+    return inputs, {name: element for name, element in outputs.items() if name not in inputs}
+
+
+def _declared(ports: StationPorts) -> dict[str, dict[int, tuple[str, str]]]:
+    """Return the names and units of numbers by their place, by port: those of signals, and of inputs by axis."""
+    found: dict[str, dict[int, tuple[str, str]]] = {}
+    for signal in ports.signals:
+        port = signal.output or signal.names[0].rpartition(".")[0]
+        names = [port if name == port else f"{port}.{name.rpartition('.')[2]}" for name in signal.names]
+        places = signal.entries or range(len(names))
+        found.setdefault(port, {}).update(zip(places, zip(names, signal.units, strict=True), strict=True))
+    for robot in ports.plant.robots.values():
+        for suffix, units in (
+            ("reference_velocity", [f"{unit.si}/s" for unit in robot.model.units]),
+            ("feedforward", [unit.effort for unit in robot.model.units]),
+        ):
+            port = f"{robot.prefix}{suffix}"
+            names = [f"{port}.{axis}" for axis in robot.axes]
+            found[port] = dict(enumerate(zip(names, units, strict=True)))
+    return found
+
+
+def _of_ports(sizes: Mapping[str, int], named: Mapping[str, Mapping[int, tuple[str, str]]]) -> dict[str, Element]:
+    found = {}
+    for port, size in sizes.items():
+        for place, (name, unit) in (named.get(port) or _undeclared(port, size)).items():
+            found[legal(name)] = Element(legal(name), port, place, unit)
+    return found
+
+
+def _undeclared(port: str, size: int) -> dict[int, tuple[str, str]]:
+    for kind, (names, units) in _UNDECLARED.items():
+        if kind in port and len(names) == size:
+            return {place: (f"{port}.{name}", units[place]) for place, name in enumerate(names)}
+    return {place: (port if size == 1 else f"{port}.{place}", "1") for place in range(size)}
+
 
 _GAINS = {"kp": "{effort}/{si}", "ki": "{effort}/({si}·s)", "kd": "{effort}·s/{si}", "torque_limit": "{effort}"}
 _OF_COMPUTED_TORQUE = {"kp": "1/s²", "kd": "1/s", "torque_limit": "{effort}"}
@@ -26,19 +116,12 @@ _LONGEST = 9
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of a station's file.
+    """A number of a station's file."""
 
-    Attributes:
-        name: by its key, as ``servo.kp.joint_1`` or ``forces.push.force[1]``, as FMI has names.
-        way: to it in the station's file.
-        start: its value where it is not set.
-        unit: of SI, or ``deg``.
-    """
-
-    name: str
-    way: tuple[str, ...]
-    start: float
-    unit: str
+    name: str  # by its key, as ``servo.kp.joint_1`` or ``forces.push.force[1]``, as FMI has names
+    way: tuple[str, ...]  # to it in the station's file
+    start: float  # its value where it is not set
+    unit: str  # of SI, or ``deg``
 
 
 def parameters_of(config: StationConfig) -> dict[str, Parameter]:

@@ -47,7 +47,6 @@ class ServedStation:
     """The station of one client."""
 
     def __init__(self, config: StationConfig) -> None:
-        """Build the station; errors as of :class:`SteppedStation`."""
         self._station = SteppedStation(config)
 
     def answer(self, line: bytes) -> dict[str, Any]:

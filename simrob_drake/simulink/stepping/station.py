@@ -12,8 +12,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import built
 from simrob_drake.results.record.state import State
-from simrob_drake.simulink.stepping.elements import elements
-from simrob_drake.simulink.stepping.parameters import parameters_of, with_parameters
+from simrob_drake.simulink.stepping.parameters import elements, parameters_of, with_parameters
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solver_config import ContinuousSolver
 from simrob_drake.stations.station import StationLike, config_of
@@ -65,7 +64,6 @@ class SteppedStation:
         return with_parameters(self.config, {self.parameters[name]: value for name, value in parameters.items()})
 
     def _build(self, config: StationConfig) -> None:
-        """Build the station at its start, and hold the inputs that are given."""
         builder = DiagramBuilder()
         ports = add_station(builder, config)
         for name, port in ports.inputs.items():
@@ -96,7 +94,6 @@ class SteppedStation:
             self._hold(name, value)
 
     def _ready(self) -> None:
-        """Build the station anew if parameters were set since."""
         if self._stale:
             self._build(self._with(self._changed))
 
@@ -170,7 +167,8 @@ class SteppedStation:
                 self._begun = True
             status = self._simulator.AdvanceTo(time)
         except (RuntimeError, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
-            raise StepFailed(f"{self.config.name} diverged before {time:.6g} s: {_sentence(problem)}") from problem
+            sentence = " ".join(str(problem).split()).split(". ")[0][:200]
+            raise StepFailed(f"{self.config.name} diverged before {time:.6g} s: {sentence}") from problem
         if status.reason() == SimulatorStatus.ReturnReason.kReachedTerminationCondition:
             self.stopped = status.message()
 
@@ -201,10 +199,6 @@ class SteppedStation:
         self._values.clear()
         self._simulator.Initialize()
         self._begun = True
-
-
-def _sentence(problem: BaseException) -> str:
-    return " ".join(str(problem).split()).split(". ")[0][:200]
 
 
 def with_fixed_steps(config: StationConfig, step: float) -> StationConfig:

@@ -32,7 +32,6 @@ class CodeRun:
     """
 
     def __init__(self, variables: dict[str, Any], lookup: Callable[[str], Any]) -> None:
-        """Take the variables that are there, changed in place, and where others are found."""
         self.variables = variables
         self.unknown: set[str] = set()
         self._outside = lookup
@@ -56,7 +55,6 @@ class CodeRun:
             place = self._next(lines, place)
 
     def _next(self, lines: list[str], place: int) -> int:
-        """Run the statement or section that begins at a line, and return the line behind it."""
         self._steps += 1
         if self._steps > MOST_STEPS:
             raise NotUnderstood(f"runs for more than {MOST_STEPS} statements")
@@ -71,19 +69,23 @@ class CodeRun:
 
     def _statement(self, keyword: str, part: list[str]) -> None:
         if keyword == "if":
-            self._if(part)
+            self._choose(branches(part[:-1], ("if", "elseif", "else")))
         elif keyword == "switch":
             self._switch(part)
         elif keyword == "for":
-            self._for(part)
+            name, _, values = part[0].removeprefix("for").strip().partition("=")
+            for column in matrix(self._value(values.strip().removesuffix(","))).T:
+                self.variables[name.strip(" (")] = matrix(column).T
+                self._block(part[1:-1])
         elif keyword in ("return", "end") or not part[0]:
             return
         elif keyword:
             raise NotUnderstood(keyword)
         else:
-            self._assign(part[0])
+            self.assign(part[0])
 
-    def _assign(self, text: str) -> None:
+    def assign(self, text: str) -> None:
+        """Do an assignment, of a field or element, too."""
         match = _ASSIGNMENT.fullmatch(text)
         if match is None:
             raise NotUnderstood(text)
@@ -96,7 +98,7 @@ class CodeRun:
             target = dict(self._known_structure(name))
             self.variables[name] = target
             for field in fields[:-1]:
-                target[field] = dict(target.get(field, {}))
+                target[field] = dict(target[field]) if isinstance(target.get(field), dict) else {}
                 target = target[field]
             target[fields[-1]] = value
         self.unknown.discard(name)
@@ -136,9 +138,6 @@ class CodeRun:
             raise NotUnderstood(word)
         return places
 
-    def _if(self, part: list[str]) -> None:
-        self._choose(branches(part[:-1], ("if", "elseif", "else")))
-
     def _switch(self, part: list[str]) -> None:
         head, *ways = branches(part[:-1], ("switch", "case", "otherwise"))
         subject = head[0].removeprefix("switch").strip()
@@ -167,14 +166,7 @@ class CodeRun:
     def _split_by(self, condition: Any, yes: Callable[[], None], no: Callable[[], None]) -> None:
         (yes if condition else no)()
 
-    def _for(self, part: list[str]) -> None:
-        name, _, values = part[0].removeprefix("for").strip().partition("=")
-        for column in matrix(self._value(values.strip().removesuffix(","))).T:
-            self.variables[name.strip(" (")] = matrix(column).T
-            self._block(part[1:-1])
-
     def _pass_over(self, part: list[str], _: Exception) -> None:
-        """Go on behind a statement outside the subset."""
         for match in filter(None, map(_TARGETS.match, part)):
             names = {name for name in _NAME.findall(match[1]) if not _KEYWORD.fullmatch(name)}
             self.unknown |= names

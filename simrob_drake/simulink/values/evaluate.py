@@ -77,20 +77,12 @@ def _diag(value: Any) -> Vector:
     return np.diag(array.reshape(-1)) if 1 in array.shape else matrix(np.diag(array)).T
 
 
-def _linspace(start: Any, stop: Any, number: Any = 100) -> Vector:
-    return matrix(np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(number)))
-
-
 def _repmat(value: Any, *times: Any) -> Vector:
     rows, columns = _shape(times)
     array = matrix(value)
     if array.size * rows * columns > LARGEST:
         raise NotUnderstood(f"makes a matrix of more than {LARGEST} elements")
     return np.tile(array, (rows, columns))
-
-
-def _reshape(value: Any, *sizes: Any) -> Vector:
-    return matrix(value).reshape(_shape(sizes), order="F")
 
 
 def _size(value: Any, axis: Any = None) -> Vector:
@@ -165,9 +157,9 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "inv": lambda value: np.linalg.inv(matrix(value)),
     "trace": lambda value: np.trace(matrix(value)),
     "transpose": lambda value: matrix(value).T,
-    "linspace": _linspace,
+    "linspace": lambda start, stop, number=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(number)),
     "repmat": _repmat,
-    "reshape": _reshape,
+    "reshape": lambda value, *sizes: matrix(value).reshape(_shape(sizes), order="F"),
     "size": _size,
     "numel": lambda value: matrix(value).size,
     "length": lambda value: max(matrix(value).shape) if matrix(value).size else 0,
@@ -188,15 +180,10 @@ Lookup = Callable[[str], Any]
 
 @dataclass(frozen=True)
 class Algebra:
-    """What an expression is computed with.
+    """What an expression is computed with."""
 
-    Attributes:
-        operators: elementwise, on two matrices.
-        functions: by name, on matrices.
-    """
-
-    operators: Mapping[str, Callable[[Vector, Vector], Any]]
-    functions: Mapping[str, Callable[..., Any]]
+    operators: Mapping[str, Callable[[Vector, Vector], Any]]  # elementwise, on two matrices
+    functions: Mapping[str, Callable[..., Any]]  # by name, on matrices
 
 
 class UndefinedVariable(LookupError):
@@ -356,7 +343,6 @@ class _Evaluation:
 
 
 def _written(node: Expression) -> str:
-    """Return a name with its fields as it is written."""
     if node.kind == "field":
         return f"{_written(node.parts[0])}.{node.parts[1]}"
     return str(node.parts[0]) if node.kind == "name" else "(…)"

@@ -59,7 +59,6 @@ class _Scan:
         self._order, self._room, self._elements = order, LARGEST, _MOST_ELEMENTS
 
     def check(self, data: memoryview) -> None:
-        """Check all variables of a file, packed or not."""
         for kind, content in self._elements_of(data):
             packed = self._elements_of(memoryview(self._inflated(content))) if kind == _COMPRESSED else ()
             for inner, variable in packed or ((kind, content),):
@@ -188,7 +187,6 @@ def find_octave() -> Octave:
 
 
 def _names_needed(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
-    """Return the variables that are known of those that code names."""
     known = {}
     for name in dict.fromkeys(_NAME.findall(code)):
         try:
@@ -219,25 +217,16 @@ def _run(program: str, code: str, variables: dict[str, Any], folder: Path) -> di
 
 @dataclass
 class Variables:
-    """Variables of one level.
+    """Variables of one level."""
 
-    Attributes:
-        name: of the mask or model, for messages.
-        variables: those that are known.
-        outer: where others are looked up.
-        pending: those that are computed when they are first asked for.
-        unknown: names that code outside the subset sets.
-        code: what sets further variables, once one is asked for that is not known.
-        octave: what runs code outside the subset; that of the outer levels unless given.
-    """
-
-    name: str = ""
-    variables: dict[str, Any] = field(default_factory=dict)
-    outer: Variables | None = None
+    name: str = ""  # of the mask or model, for messages
+    variables: dict[str, Any] = field(default_factory=dict)  # those that are known
+    outer: Variables | None = None  # where others are looked up
     pending: dict[str, Callable[[], Any]] = field(default_factory=dict)
-    unknown: set[str] = field(default_factory=set)
-    code: str = ""
-    octave: Octave | None = None
+    """Those that are computed when they are first asked for."""
+    unknown: set[str] = field(default_factory=set)  # names that code outside the subset sets
+    code: str = ""  # what sets further variables, once one is asked for that is not known
+    octave: Octave | None = None  # what runs code outside the subset; that of the outer levels unless given
 
     def lookup(self, name: str) -> Any:
         """Return a variable's value.
@@ -282,7 +271,6 @@ class Variables:
         return self.octave or (self.outer._octave() if self.outer is not None else None)
 
     def _lookup_before(self, name: str) -> Any:
-        """Look a variable up that its own code does not set."""
         if name in self.unknown:
             raise UndefinedVariable(name)
         return self.lookup(name)
@@ -311,23 +299,13 @@ def variables_of(settings: Mapping[str, str], files: list[Path]) -> dict[str, An
                 ) from problem
     for name, text in settings.items():
         try:
-            value = evaluate(parse(text), lambda other: _known(run.variables, other))
+            run.assign(f"{name}={text}")
         except (NotUnderstood, UndefinedVariable) as problem:
             raise InvalidParameter(
                 f"--set {name}", text, f"an expression such as [0 0 1] or 30*pi/180: it {problem}"
             ) from problem
-        target, *fields = name.split(".")
-        here = run.variables
-        for part in [target, *fields][:-1]:
-            here[part] = dict(here[part]) if isinstance(here.get(part), dict) else {}
-            here = here[part]
-        here[name.split(".")[-1]] = value
     return run.variables
 
 
 def _undefined(name: str) -> Any:
     raise UndefinedVariable(name)
-
-
-def _known(variables: dict[str, Any], name: str) -> Any:
-    return variables[name] if name in variables else _undefined(name)

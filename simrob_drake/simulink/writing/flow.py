@@ -1,7 +1,6 @@
 """Control laws as a signal flow of a station, with the same blocks by the same names, and the sensors it reads."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,19 +26,6 @@ from simrob_drake.simulink.writing.urdf import UniqueNames, plain, pose_list
 Sum = dict[str, float]
 _MOST_SIGNALS = 60
 """Blocks of a law that are signals of its station."""
-
-
-@dataclass
-class OpenBlock:
-    """A block of the model that a station leaves open.
-
-    Attributes:
-        outputs: the inputs of the station that it would drive, by the element of its outputs.
-        inputs: the outputs of the station that hold what it takes, each with its size.
-    """
-
-    outputs: dict[int, str] = field(default_factory=dict)
-    inputs: dict[str, int] = field(default_factory=dict)
 
 
 class FlowWriter:
@@ -69,7 +55,7 @@ class FlowWriter:
         self._known: dict[Primitive, list[str]] = {}
         self.blocks: dict[str, dict[str, Any]] = {}
         self.shown: list[str] = []
-        self.opened: dict[Node, OpenBlock] = {}
+        self.opened: dict[Node, dict[int, str]] = {}
 
     def sum(self, value: Value) -> Sum:
         """Return a value as a sum of signals, and add the blocks that it takes."""
@@ -108,8 +94,7 @@ class FlowWriter:
         self.blocks[name] = {"kind": "input"}
         message = f"it is the input {self.name}.{name} of the station, at 0 until something drives it"
         if isinstance(node, Node) and term.kind == "open":
-            opened = self.opened.setdefault(node, OpenBlock())
-            opened.outputs[term.index] = f"{self.name}.{name}"
+            self.opened.setdefault(node, {})[term.index] = f"{self.name}.{name}"
         self._report.add("open", path, message)
         return {name: 1.0}
 
@@ -123,11 +108,9 @@ class FlowWriter:
             name = self._names.give(f"{node.path}_in_{number}")
             self.blocks[name] = {"kind": "sum"}
             self.blocks[name]["of"] = [self.sum(value) for value in values]
-            self.opened[node].inputs[f"{self.name}.{name}"] = len(values)
             self.shown.append(name)
 
     def _block(self, block: Primitive) -> list[str]:
-        """Return the names of a block's outputs, by element."""
         if block not in self._known:
             name = self._give(block)
             outputs = [f"{name}.{index}" for index in range(block.size)] if block.size > 1 else [name]
@@ -137,7 +120,7 @@ class FlowWriter:
             if sums or block.kind != "step":
                 self.blocks[name]["of"] = sums[0] if len(sums) == 1 else sums
             if (problem := _problem(name, self.blocks[name])) is not None and block.node is not None:
-                self._report.add("open", block.node.path, f"{problem}: it is left open, at 0")
+                block.node.note("open", f"{problem}: it is left open, at 0")
                 self.blocks[name] = {"kind": "input"}
                 outputs[:] = [name] * block.size
         return self._known[block]
@@ -178,7 +161,6 @@ def _problem(name: str, block: dict[str, Any]) -> str | None:
 
 
 def _measured(model: SimulinkModel, files: StationFiles, sensors: Collection[str]) -> dict[Term, Sum]:
-    """Return joints, inputs and distances as signals of the station."""
     several = len(files.robots) > 1
     found: dict[Term, Sum] = {}
     for name, robot in files.robots.items():
@@ -212,8 +194,8 @@ def flows_of(
     sensors: Collection[str],
     sensed: Mapping[Term, Sum],
     turn: RigidTransform,
-) -> tuple[dict[str, Any], dict[Node, OpenBlock]]:
-    """Return the controllers of a station, a signal flow for each robot with a law, and what they leave open.
+) -> dict[str, Any]:
+    """Return the controllers of a station, a signal flow for each robot with a law.
 
     Stops that no contact gives, and forces on bodies, are part of the first. Frame sensors are measured as ``sensed``
     says; ``turn`` places the model's world in ours.
@@ -221,7 +203,6 @@ def flows_of(
     several = len(files.robots) > 1
     measured = {**_measured(model, files, sensors), **sensed}
     flows: dict[str, Any] = {}
-    opened: dict[Node, OpenBlock] = {}
     stops, pushes = dict(model.stops), list(model.pushes)
     for name, robot in files.robots.items() or [("", None)]:
         called = f"law_{name}" if several else "law"
@@ -238,17 +219,16 @@ def flows_of(
         section: dict[str, Any] = {"kind": "signal_flow", **({"robot": name} if several else {})}
         parts = {"torque": torque, "forces": forces, "stops": ends}
         flows[called] = section | writer.section | {key: part for key, part in parts.items() if part}
-        for node, block in writer.opened.items():
-            opened.setdefault(node, block)
-            measured |= {Term("open", node, index): {one: 1.0} for index, one in block.outputs.items()}
-    return flows, opened
+        for node, outputs in writer.opened.items():
+            measured |= {Term("open", node, index): {one: 1.0} for index, one in outputs.items()}
+    return flows
 
 
 def _force(writer: FlowWriter, push: ExternalForce, files: StationFiles, turn: RigidTransform) -> dict[str, Any]:
     """Return what a block applies, along the axes of the link or piece that it acts on; nothing of what cannot move."""
     named = files.named(push.body, turn)
     if named is None or push.body.grounded:
-        push.node.findings.report.add("dropped", push.node.path, "a force on what stands fixed")
+        push.node.note("dropped", "a force on what stands fixed")
         return {}
     place, own = named
     pose = own @ push.pose
@@ -257,12 +237,11 @@ def _force(writer: FlowWriter, push: ExternalForce, files: StationFiles, turn: R
     for what, vector in (("force", push.force), ("torque", push.torque)):
         if any(vector):
             section[what] = [writer.sum(part) for part in axes.dot(signal(vector))]
-    push.node.findings.report.add("read", push.node.path, f"it acts on {place}, by {writer.name}")
+    push.node.note("read", f"it acts on {place}, by {writer.name}")
     return section
 
 
 def _take_inputs(writer: FlowWriter, model: SimulinkModel) -> None:
-    """Add what open blocks take, and what is open on the way there."""
     done: set[Node] = set()
     while waiting := [node for node in writer.opened if node not in done]:
         for node in waiting:
@@ -275,29 +254,28 @@ _VECTORS = (0, 7, 10)
 """Where position, velocity and turning rate begin among the parts."""
 
 
-@dataclass
-class FrameSensors:
-    """What is written of them.
+def frame_sensors(
+    model: SimulinkModel, files: StationFiles, turn: RigidTransform, names: UniqueNames
+) -> tuple[dict[str, dict[str, Any]], dict[Term, Sum]]:
+    """Return a model's Transform Sensors by name, and what their terms are in the station as sums of signals.
 
-    Attributes:
-        sections: by name.
-        measured: what their terms are in the station, as sums of signals.
+    ``turn`` places the model's world in ours.
     """
-
-    sections: dict[str, dict[str, Any]]
-    measured: dict[Term, dict[str, float]]
-
-
-def frame_sensors(model: SimulinkModel, files: StationFiles, turn: RigidTransform, names: UniqueNames) -> FrameSensors:
-    """Return a model's Transform Sensors; ``turn`` places its world in ours."""
-    found = FrameSensors({}, {})
+    sections, measured = dict[str, dict[str, Any]](), dict[Term, Sum]()
     sensing = {push.node: push.ends for push in model.pushes if push.senses}
     sensing |= {link.joint.node: None for link in model.bodies.links if link.joint.senses or link.joint.pulls}
     for node in model.expanded.nodes:
         if (node.kind == SENSOR or node in sensing) and node.block.commented == "off":
             places = _ends(node, sensing.get(node), model.network)
-            _take(node, places, found, model, files, turn, names)
-    return found
+            if (section := _sensor(node, places, model, files, turn)) is None:
+                continue
+            name, rotation = names.give(node.path), np.eye(3)
+            if section["axes"] == "world":
+                rotation = turn.rotation().matrix()
+            sections[name] = section
+            measured |= {Term("sensed", node, index): _part(name, index, rotation) for index in range(len(PARTS))}
+            node.note("read", f"{node.kind}: the sensor {name}, with the signals frame.{name}.*")
+    return sections, measured
 
 
 def _ends(node: Node, ends: tuple[Node, Node] | None, network: Connections) -> list[Place]:
@@ -307,36 +285,27 @@ def _ends(node: Node, ends: tuple[Node, Node] | None, network: Connections) -> l
     return [network.net(node, side) for side in ("rconn", "lconn") if node.kind != PUSH or side == "rconn"]
 
 
-def _take(
-    node: Node, places: list[Place], found: FrameSensors, model: SimulinkModel, files: StationFiles,
-    turn: RigidTransform, names: UniqueNames,
-) -> None:  # fmt: skip
+def _sensor(
+    node: Node, places: list[Place], model: SimulinkModel, files: StationFiles, turn: RigidTransform
+) -> dict[str, Any] | None:
     poses = []
     for place, end in zip(places, ("follower", "base"), strict=False):
         body = model.bodies.by_place[place]
         named = files.named(body, turn)
         if named is None:
-            model.report.add("dropped", node.path, f"{node.kind}: its {end} is on no robot or piece")
-            return
+            node.note("dropped", f"{node.kind}: its {end} is on no robot or piece")
+            return None
         poses.append((named[0], pose_list(named[1] @ body.frames[place])))
     (frame, offset), (base, base_offset) = *poses, *([] if len(poses) > 1 else [(WORLD, pose_list(turn))])
-    name, observer = (
-        names.give(node.path),
-        node.text("MeasurementFrame", "World" if node.kind in (SENSOR, PUSH) else "Base"),
-    )
+    observer = node.text("MeasurementFrame", "World" if node.kind in (SENSOR, PUSH) else "Base")
     axes = _AXES.get(observer.removeprefix("NonRotating"), "world")
     ends = {"frame": frame, "offset": offset, "base": base, "base_offset": base_offset}
     section: dict[str, Any] = {"kind": "frame", **ends}
     section |= {"axes": axes, **({"turning": False} if observer.startswith("NonRotating") else {})}
-    found.sections[name] = {key: value for key, value in section.items() if value != [0.0] * 6}
-    rotation = turn.rotation().matrix() if axes == "world" else RigidTransform().rotation().matrix()
-    for index in range(len(PARTS)):
-        found.measured[Term("sensed", node, index)] = _part(name, index, rotation)
-    model.report.add("read", node.path, f"{node.kind}: the sensor {name}, with the signals frame.{name}.*")
+    return {key: value for key, value in section.items() if value != [0.0] * 6}
 
 
 def _part(name: str, index: int, rotation: Vector) -> dict[str, float]:
-    """Return one part of a sensor as the model's own axes tell it."""
     first = next((first for first in _VECTORS if first <= index < first + 3), None)
     if first is None:
         return {f"frame.{name}.{PARTS[index]}": 1.0}

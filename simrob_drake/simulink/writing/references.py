@@ -32,21 +32,13 @@ RATE = 200.0
 
 @dataclass
 class JointMotions:
-    """Where the joints of a robot are asked to be.
+    """Where the joints of a robot are asked to be."""
 
-    Attributes:
-        axes: names by degree of freedom.
-        values: positions [rad or m]; None of what nothing drives.
-        start: where each axis is at the beginning, by name [rad or m].
-        duration: of the run [s].
-        table: the CSV file to write where positions change over time.
-    """
-
-    axes: dict[Freedom, str]
-    values: dict[Freedom, Value | None]
-    start: dict[str, float]
-    duration: float
-    table: Path
+    axes: dict[Freedom, str]  # names by degree of freedom
+    values: dict[Freedom, Value | None]  # positions [rad or m]; None of what nothing drives
+    start: dict[str, float]  # where each axis is at the beginning, by name [rad or m]
+    duration: float  # of the run [s]
+    table: Path  # the CSV file to write where positions change over time
 
     @property
     def moving(self) -> dict[Freedom, Form]:
@@ -146,17 +138,16 @@ def coupling_sections(
 
     def add(node: Node, section: dict[str, Any]) -> None:
         if kinematic:
-            model.report.add("lost", node.path, "holds nothing in a station whose motion is given")
+            node.note("lost", "holds nothing in a station whose motion is given")
             return
         name = names.give(node.path)
         sections[name] = section
-        model.report.add("read", node.path, f"it is the coupling {name}, of kind {section['kind']}")
+        node.note("read", f"it is the coupling {name}, of kind {section['kind']}")
 
     def tie(tied: Coupling, kind: str, **values: float) -> None:
         ends = _ends(tied, files, turn, framed=kind in ("weld", "hinge"))
         if ends is None:
-            message = "one of its ends is on nothing that moves here, or both are on one body"
-            model.report.add("lost", tied.node.path, message)
+            tied.node.note("lost", "one of its ends is on nothing that moves here, or both are on one body")
         else:
             add(tied.node, {"kind": kind, **ends, **values})
 
@@ -180,7 +171,7 @@ def _tell_of_loose(model: SimulinkModel) -> None:
     held = {coupling for tree in model.trees for coupling in tree.couplings}
     for coupling in model.bodies.couplings:
         if coupling.node.kind in (*GEARS, ROD) and coupling not in held:
-            model.report.add("lost", coupling.node.path, "couples mechanisms of which one is held by nothing")
+            coupling.node.note("lost", "couples mechanisms of which one is held by nothing")
 
 
 def _ends(held: Coupling, files: StationFiles, turn: RigidTransform, *, framed: bool) -> dict[str, Any] | None:

@@ -19,10 +19,10 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import closure, terms_of
+from simrob_drake.simulink.signals.forms import Term, closure, terms_of
 from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
-from simrob_drake.simulink.writing.flow import FrameSensors, flows_of, frame_sensors
+from simrob_drake.simulink.writing.flow import Sum, flows_of, frame_sensors
 from simrob_drake.simulink.writing.references import JointMotions, coupling_sections, start_state
 from simrob_drake.simulink.writing.touching import ContactSections, StationFiles, feet_of, read_touching
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
@@ -111,7 +111,6 @@ class StationWriter:
         return pieces
 
     def _piece(self, pieces: dict[str, Any], path: str, solids: list[SolidBody], entry: dict[str, Any]) -> str:
-        """Write a piece, and return its name; empty where there is nothing to it."""
         name = self._names.give(path)
         fixed = "free" not in entry
         if not fixed and sum(solid.weight.mass for solid in solids) <= 0:
@@ -151,9 +150,9 @@ class StationWriter:
         if self._touching.ends and not kinematic:
             sections = ContactSections(self._touching, self._files, self._model, self._gravity, self._names)
             content |= {"contact": sections.contact(), **sections.sensors()}
-        seen = frame_sensors(model, self._files, self._turn, self._names)
-        if seen.sections:
-            content["sensors"] = {**content.get("sensors", {}), **seen.sections}
+        seen, measured = frame_sensors(model, self._files, self._turn, self._names)
+        if seen:
+            content["sensors"] = {**content.get("sensors", {}), **seen}
         content["gravity"] = self._gravity
         if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
             content["inputs"] = self._pushes()
@@ -162,7 +161,7 @@ class StationWriter:
                 "dropped", push.node.path, "a force, in a station without forces: what moves is prescribed"
             )
         content |= coupling_sections(model, self._files, self._turn, self._names, kinematic=kinematic)
-        content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}), seen)
+        content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}), measured)
         content["duration"] = duration
         return content
 
@@ -174,9 +173,9 @@ class StationWriter:
         pulls = any(node.is_on(f"EnableForce{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
         return [*(["external_force"] if pulls or not turns else []), *(["external_torque"] if turns else [])]
 
-    def _dynamics(self, robots: dict[str, Any], sensors: dict[str, Any], seen: FrameSensors) -> dict[str, Any]:
+    def _dynamics(self, robots: dict[str, Any], sensors: dict[str, Any], measured: dict[Term, Sum]) -> dict[str, Any]:
         """Return what only a station of torques has: its solver, laws that are no servos, and speeds at the start."""
-        flows, _ = flows_of(self._model, self._files, sensors, seen.measured, self._turn)
+        flows = flows_of(self._model, self._files, sensors, measured, self._turn)
         content: dict[str, Any] = {"controllers": flows} if flows else {}
         content["solver"] = self._solver(robots)
         moved = any(map(_is_moved, self._files.robots.values()))
@@ -319,7 +318,6 @@ def _home(tree: Tree) -> str:
 
 
 def _is_moved(robot: RobotFile) -> bool:
-    """Tell whether a motion is the input of one of its joints."""
     return any(freedom.driven == "motion" for freedom in robot.axes)
 
 
@@ -337,7 +335,6 @@ def _together(trees: list[Tree]) -> list[Tree]:
 
 
 def _robot_sections(robots: dict[str, Any]) -> dict[str, Any]:
-    """Return the robots as a station's file has them; one robot's servo and reference stand on top."""
     if len(robots) != 1:
         return {"robots": robots} if robots else {}
     (robot,) = robots.values()
@@ -358,7 +355,6 @@ def _servo(robot: RobotFile, laws: dict[Freedom, Law]) -> dict[str, Any]:
 
 
 def _stops(robot: RobotFile) -> dict[str, Any]:
-    """Return the stops of a robot's joints, if they are not a station's own."""
     found = {axis: freedom.stop for freedom, axis in robot.axes.items() if freedom.stop}
     usual = tuple(JointStops().model_dump().values())
     if all(np.allclose(stop, usual, rtol=1e-3) for stop in found.values()):
@@ -371,7 +367,6 @@ def _stops(robot: RobotFile) -> dict[str, Any]:
 
 
 def _at_once(values: dict[str, float]) -> dict[str, float] | float:
-    """Return one number where all axes have the same."""
     return next(iter(values.values())) if len(set(values.values())) == 1 else values
 
 

@@ -36,21 +36,15 @@ MOST_DISSIPATION = 50.0
 
 @dataclass
 class Touching:
-    """The contacts of a station.
-
-    Attributes:
-        ends: bodies and solids of each contact.
-        floor: whether a plane at z = 0 is one of the ends.
-        slabs: other planes and disks of the world, as what is under them, in the model's world.
-        colliding: solids that touch.
-        standing: those of them that are feet of robots.
-    """
+    """The contacts of a station."""
 
     ends: list[tuple[ContactPair, tuple[RigidPart, Node], tuple[RigidPart, Node]]] = field(default_factory=list)
-    floor: bool = False
+    """Bodies and solids of each contact."""
+    floor: bool = False  # whether a plane at z = 0 is one of the ends
     slabs: dict[Node, SolidBody] = field(default_factory=dict)
-    colliding: set[Node] = field(default_factory=set)
-    standing: set[Node] = field(default_factory=set)
+    """Other planes and disks of the world, as what is under them, in the model's world."""
+    colliding: set[Node] = field(default_factory=set)  # solids that touch
+    standing: set[Node] = field(default_factory=set)  # those of them that are feet of robots
 
 
 def read_touching(contacts: list[ContactPair], bodies: Bodies, network: Connections, turn: RigidTransform) -> Touching:
@@ -101,8 +95,7 @@ def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
     while len(taken) < min(_MOST_POINTS, len(points)) and away.max() > 0:
         taken.append(int(away.argmax()))
         away = np.minimum(away, np.linalg.norm(points - points[taken[-1]], axis=1))
-    message = f"{len(taken)} of its {len(points)} points touch, as spheres of {_POINT:g} m"
-    node.findings.report.add("approximated", node.path, message)
+    node.note("approximated", f"{len(taken)} of its {len(points)} points touch, as spheres of {_POINT:g} m")
     sphere, grey = Shape("sphere", (_POINT,)), (0.5, 0.5, 0.5, 1.0)
     places = [pose @ RigidTransform(points[place]) for place in taken]
     return [SolidBody(node, NOTHING, sphere, grey, visible=False, pose=place) for place in places]
@@ -185,21 +178,15 @@ def bounded_dissipation(surface: ContactParameters, weight: float, report: Impor
 
 @dataclass
 class StationFiles:
-    """What is written.
+    """What is written."""
 
-    Attributes:
-        robots: by name, with their `robot.yaml`.
-        pieces: names.
-        groups: of those that stand in the world, by the subsystem or block that they come from.
-        free: of those that nothing holds, by what they are.
-        content: of the station's file; empty where nothing moves, and there is no station.
-    """
-
-    robots: dict[str, RobotFile] = field(default_factory=dict)
-    pieces: list[str] = field(default_factory=list)
+    robots: dict[str, RobotFile] = field(default_factory=dict)  # by name, with their `robot.yaml`
+    pieces: list[str] = field(default_factory=list)  # names
     groups: dict[str, str] = field(default_factory=dict)
-    free: dict[Tree, str] = field(default_factory=dict)
+    """Of those that stand in the world, by the subsystem or block that they come from."""
+    free: dict[Tree, str] = field(default_factory=dict)  # of those that nothing holds, by what they are
     content: dict[str, Any] = field(default_factory=dict)
+    """Of the station's file; empty where nothing moves, and there is no station."""
 
     def named(self, body: RigidPart, turn: RigidTransform) -> tuple[str, RigidTransform] | None:
         """Return what a body is called in the station, and the pose of its first frame there; None if it is not in it.
@@ -217,19 +204,13 @@ class StationFiles:
 
 @dataclass
 class ContactSections:
-    """The sections `contact`, `sensors` and `monitors` of a station.
+    """The sections `contact`, `sensors` and `monitors` of a station."""
 
-    Attributes:
-        touching, files, model: the contacts, the robots and pieces that are written, and what was read.
-        gravity: [m/s²].
-        names: those that are given.
-    """
-
-    touching: Touching
-    files: StationFiles
-    model: SimulinkModel
-    gravity: float
-    names: UniqueNames
+    touching: Touching  # the contacts
+    files: StationFiles  # the robots and pieces that are written
+    model: SimulinkModel  # what was read
+    gravity: float  # [m/s²]
+    names: UniqueNames  # those that are given
 
     def contact(self) -> dict[str, Any]:
         """Return the contact section: the figures of the first contact that no robot's feet tell."""

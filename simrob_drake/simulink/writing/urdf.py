@@ -17,35 +17,24 @@ from simrob_drake.files import PIECE_FILE
 from simrob_drake.frames import Vector, pose_from_transform
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.options import ImportReport
+from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.robots.urdf import add_colour, add_joint, add_motor, place, set_inertia, text
 from simrob_drake.simulink.mechanics.bodies import PUSH, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
-from simrob_drake.simulink.mechanics.mesh_files import load_mesh, write_obj
-from simrob_drake.simulink.mechanics.shapes import Triangles, Weight
+from simrob_drake.simulink.mechanics.shapes import Weight, load_mesh, write_obj
 from simrob_drake.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
 from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Tree
 from simrob_drake.simulink.model.nodes import Node
 
 
-class UniqueNames:
+class UniqueNames(FreeNames):
     """Gives names, and never the same twice."""
-
-    def __init__(self, taken: tuple[str, ...] = ()) -> None:
-        """Take names that are not to be given."""
-        self._taken = set(taken)
 
     def give(self, path: str) -> str:
         """Return a name for a path: its last part, with the parts before it where that is taken."""
         parts = [plain(part) for part in path.split("/")]
-        for count in range(1, len(parts) + 1):
-            name = "_".join(parts[-count:])
-            if name not in self._taken:
-                break
-        number, base = 2, name
-        while name in self._taken:
-            name, number = f"{base}_{number}", number + 1
-        self._taken.add(name)
-        return name
+        names = ["_".join(parts[-count:]) for count in range(1, len(parts) + 1)]
+        return self.take(next((name for name in names if name not in self._taken), names[-1]))
 
 
 def plain(text: str) -> str:
@@ -64,29 +53,18 @@ _TINY = 1e-9
 
 @dataclass
 class RobotFile:
-    """A robot being written.
+    """A robot being written."""
 
-    Attributes:
-        tree: what it is.
-        element: its URDF.
-        axes: names of its joints by degree of freedom.
-        links: names of its links by body.
-        frames: pose of each link's frame in its body's first frame.
-        tools: names of frames on it.
-        pushed: the tool at which an external force acts; empty without.
-        weightless: links that move and have no mass.
-        mass: of all that moves [kg].
-    """
-
-    tree: Tree
-    element: ET.Element
-    axes: dict[Freedom, str] = field(default_factory=dict)
-    links: dict[RigidPart, str] = field(default_factory=dict)
+    tree: Tree  # what it is
+    element: ET.Element  # its URDF
+    axes: dict[Freedom, str] = field(default_factory=dict)  # names of its joints by degree of freedom
+    links: dict[RigidPart, str] = field(default_factory=dict)  # names of its links by body
     frames: dict[RigidPart, RigidTransform] = field(default_factory=dict)
-    tools: dict[str, str] = field(default_factory=dict)
-    pushed: str = ""
-    weightless: list[str] = field(default_factory=list)
-    mass: float = 0.0
+    """Pose of each link's frame in its body's first frame."""
+    tools: dict[str, str] = field(default_factory=dict)  # names of frames on it
+    pushed: str = ""  # the tool at which an external force acts; empty without
+    weightless: list[str] = field(default_factory=list)  # links that move and have no mass
+    mass: float = 0.0  # of all that moves [kg]
 
     def by_axis(self, values: Mapping[Freedom, float], prefix: str) -> dict[str, float]:
         """Return values by the names of axes, each behind a prefix."""
@@ -97,7 +75,6 @@ class UrdfWriter:
     """Writes what is seen and weighed of one robot or piece, meshes into a folder of its own."""
 
     def __init__(self, folder: Path, report: ImportReport, names: UniqueNames) -> None:
-        """Take where to write; names of joints and links are given once in a model."""
         folder.mkdir(exist_ok=True)
         self._folder, self._report, self._names = folder, report, names
         self._meshes = UniqueNames()
@@ -213,11 +190,11 @@ class UrdfWriter:
         try:
             mesh = load_mesh(solid.file)
         except UnreadableMesh as problem:
-            self._report.add("dropped", solid.node.path, f"the mesh {solid.file.name} {problem}")
+            solid.node.note("dropped", f"the mesh {solid.file.name} {problem}")
             return None
         folder.mkdir(exist_ok=True)
         name = f"meshes/{self._meshes.give(solid.file.stem)}.obj"
-        write_obj(Triangles(mesh.corners * solid.scale, mesh.faces), self._folder / name)
+        write_obj(mesh.moved(np.diag([*[solid.scale] * 3, 1.0])), self._folder / name)
         return name
 
     def _add_tools(self, robot: RobotFile) -> None:
@@ -281,7 +258,6 @@ def _weight_keys(weight: Weight, inertia: Vector) -> dict[str, Any]:
 
 
 def _shape(solid: SolidBody, collides: bool, writer: UrdfWriter) -> dict[str, Any] | None:
-    """Return a solid as a shape of a `piece.yaml`; None where nothing is seen of it and it does not touch."""
     if not solid.visible and not collides:
         return None
     entry: dict[str, Any] = {}
