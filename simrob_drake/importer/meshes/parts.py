@@ -145,13 +145,10 @@ def unit(vectors: Vector) -> Vector:
 MOST_FACES = 50_000
 """A shape with more is decimated; with its own texture, which decimation loses, from four times as many on."""
 _TEXTURED = 4
-_DECIMALS = 9
-"""Vertices are rounded to nanometres: STL's single figures keep all they know, and files get shorter."""
+_DECIMALS = 9  # vertices are rounded to nanometres: STL's single figures keep all they know, and files get shorter
 _BLOCK = 100_000
-_FARTHEST = 1e6
-"""Vertices farther out are no shape of a robot [m]."""
-_SMOOTH = np.deg2rad(35.0)
-"""Faces that meet at less are one curved surface and shaded as such."""
+_FARTHEST = 1e6  # vertices farther out are no shape of a robot [m]
+_SMOOTH = np.deg2rad(35.0)  # faces that meet at less are one curved surface and shaded as such
 
 
 def mend(part: MeshPart) -> MeshPart:

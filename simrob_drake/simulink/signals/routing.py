@@ -28,8 +28,7 @@ from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood
 
 _MOST_INPUTS = 1000
-_BETWEEN = re.compile(r",(?![^\[]*\])")
-"""The commas between the indices of a matrix, and not those within brackets."""
+_BETWEEN = re.compile(r",(?![^\[]*\])")  # the commas between the indices of a matrix, and not those within brackets
 
 
 def _inport(_: SignalReader, node: Node, __: int) -> Signal:
