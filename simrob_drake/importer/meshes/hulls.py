@@ -135,8 +135,7 @@ def _fewest(corners: Vector) -> tuple[list[int], float]:
 
 def _heights(points: Vector, planes: Vector) -> Vector:
     """Return how far each point (n, 3) is over each plane (m, 4), as (n, m)."""
-    heights: Vector = np.einsum("ik,jk->ij", points, planes[:, :3]) + planes[:, 3]
-    return heights
+    return np.asarray(np.einsum("ik,jk->ij", points, planes[:, :3]) + planes[:, 3])
 
 
 def _extremes(points: Vector) -> list[int]:

@@ -94,8 +94,7 @@ def _selector(reader: SignalReader, node: Node, _: int) -> Signal | None:
         one.max(initial=0) >= size or one.min(initial=0) < 0 for one, size in zip(chosen, values.shape, strict=True)
     ):
         return None
-    found: Signal = values[np.ix_(*chosen)]
-    return found
+    return np.asarray(values[np.ix_(*chosen)], dtype=object)
 
 
 def _reshape(reader: SignalReader, node: Node, _: int) -> Signal:
