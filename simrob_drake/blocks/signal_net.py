@@ -84,13 +84,11 @@ def signal_net(blocks: Mapping[str, WiredBlock], measured: int) -> LeafSystem:
 
 
 def _places(blocks: Mapping[str, WiredBlock], measured: int) -> list[slice]:
-    """Return where the outputs of each block are among the values."""
     ends = accumulate((one.block.size for one in blocks.values()), initial=2 + measured)
     return [slice(*pair) for pair in pairwise(ends)]
 
 
 def _sorted(blocks: Mapping[str, WiredBlock], measured: int) -> list[int]:
-    """Return the places of the blocks in the order of computation."""
     names, places = list(blocks), _places(blocks, measured)
     owner = {place: name for name, found in zip(names, places, strict=True) for place in range(found.start, found.stop)}
     graph = {
@@ -153,11 +151,7 @@ def _symbolic(wired: Sequence[WiredBlock], measured: int, order: Sequence[int]) 
 
 
 def _common_step(periods: Sequence[float]) -> float:
-    """Return the longest step of which all periods are multiples.
-
-    Raises:
-        ValueError: there is none that is long enough.
-    """
+    """Return the longest step of which all periods are multiples; a ValueError without one long enough."""
     exact = [Fraction(period).limit_denominator(1_000_000) for period in periods]
     below = reduce(lcm, (one.denominator for one in exact), 1)
     step = Fraction(reduce(gcd, (int(one * below) for one in exact)), below)
@@ -216,7 +210,6 @@ class SignalNet(Block):
         return [sum(factor * values[place] for place, factor in terms) for terms in self._blocks[number].inputs]
 
     def _known(self, context: Context) -> list[float]:
-        """Return the values before those of blocks."""
         return [1.0, context.get_time(), *(self._input.Eval(context).tolist() if self._input.size() else [])]
 
     def _computed(self, context: Context, *, sampled: bool = False) -> tuple[list[float], list[float], list[float]]:

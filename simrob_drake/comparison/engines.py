@@ -91,8 +91,7 @@ def _of_motion(name: str, config: StationConfig) -> Account:
 
 def _in_mujoco(name: str, config: StationConfig) -> Account:
     require("it", "mujoco", "mujoco")
-    from simrob_drake.mujoco.inverse import inverse_run
-    from simrob_drake.mujoco.runner import MujocoRunner
+    from simrob_drake.mujoco.runner import MujocoRunner, inverse_run
 
     if config.mode == "kinematic":
         if config.program is not None:

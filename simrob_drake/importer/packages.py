@@ -22,23 +22,18 @@ from simrob_drake.files import NotRead, diagrams_root, models_root, opened
 from simrob_drake.folders import cache_root
 
 MANIFEST = "package.xml"
-MODEL_MANIFEST = "model.config"
-"""Of a model of Gazebo."""
+MODEL_MANIFEST = "model.config"  # of a model of Gazebo
 REPOSITORY = ".git"  # a folder, or a file in the worktree of a repository
 _PACKAGES = "ROS_PACKAGE_PATH", "GZ_SIM_RESOURCE_PATH", "GAZEBO_MODEL_PATH"
 """Environment variables with folders below which ROS 1 looks for packages, and Gazebo for models."""
-_PREFIXES = "AMENT_PREFIX_PATH"
-"""The one with folders in which ROS 2 installs packages, as ``share/NAME``."""
+_PREFIXES = "AMENT_PREFIX_PATH"  # the one with folders in which ROS 2 installs packages, as ``share/NAME``
 DESCRIPTIONS_VARIABLE = "ROBOT_DESCRIPTIONS_CACHE"
 """The environment variable that says where ``robot_descriptions`` keeps what it downloaded."""
-_LEVELS = 4
-"""How far up from a URDF the manifest of its package is looked for, and from a package others are."""
+_LEVELS = 4  # how far up from a URDF the manifest of its package is looked for, and from a package others are
 _INNER = ("urdf", "urdfs", "xacro", "robot", "robots", "description", "model", "models")
 """Names of folders that lie inside a package and hold its URDF."""
-_DEPTH = 3
-"""How far down below a folder of ``--mesh-path``."""
-_FOLDERS = 5000
-"""How many folders are looked into at most, so that ``--mesh-path /`` ends."""
+_DEPTH = 3  # how far down below a folder of ``--mesh-path``
+_FOLDERS = 5000  # how many folders are looked into at most, so that ``--mesh-path /`` ends
 
 
 def package_root(source: Path) -> Path:
@@ -136,8 +131,7 @@ def sorted_entries(folder: Path) -> list[str]:
         return []
 
 
-ROBOT_SUFFIXES = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".world")
-"""How the names of files with robots end."""
+ROBOT_SUFFIXES = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".world")  # how the names of files with robots end
 _DESCRIPTION = re.compile(r"[a-z]\w*_description", re.ASCII)
 _PARTS = ("_cache", "_repositories", "_descriptions")
 _PATHS = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")

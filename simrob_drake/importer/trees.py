@@ -12,16 +12,13 @@ from pydrake.math import RigidTransform
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.robots.urdf import name_of, set_inertia, written
 
-ROOT = "robot_world"
-"""The link that stands for the world."""
-_SHARE = 1e-9
-"""Of a body's mass and moments, for links between its joints: some simulators take none without."""
+ROOT = "robot_world"  # the link that stands for the world
+_SHARE = 1e-9  # of a body's mass and moments, for links between its joints: some simulators take none without
 _LEAST = 1e-9  # kg, and kg m²
 HOME, KP, KD = "simrob_home", "simrob_kp", "simrob_kd"
 """Attributes of a joint: where it is at home [rad or m], gains of its servo [N·m/rad, N·m·s/rad; N/m, N·s/m]."""
 
-Notes = Mapping[str, Mapping[str, float]]
-"""By key and joint."""
+Notes = Mapping[str, Mapping[str, float]]  # by key and joint
 
 
 def add_between(robot: ET.Element, free: FreeNames, name: str, mass: float = 1.0, moment: float = 0.01) -> str:

@@ -315,7 +315,6 @@ class Gear(CouplingSection):
             raise InvalidParameter(f"{key}.ratios", f"of {len(self.ratios)} axes", older)
 
     def _counts(self, robot: StationRobot) -> Vector:
-        """Return how much each axis of a robot counts, shape (n,)."""
         return np.array([self.ratios.get(f"{robot.prefix}{axis}", 0.0) for axis in robot.axes])
 
     def _kept(self, plant: StationPlant) -> float:

@@ -16,7 +16,7 @@ from simrob_drake.blocks.block import fed
 from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.site import Site, StationPlant, Surroundings, named
@@ -66,8 +66,8 @@ class ForceSection(Strict, ABC):
         if station.mode == "kinematic":
             raise InvalidParameter(key, "a force in a kinematic station", "left out: it knows no forces")
         known = [*station.robots, *(name for name in frame_names(station) if name != "world")]
-        if self.at is not None and self.at not in known:
-            raise UnknownName(f"robot, tool, link or piece for {key}.at", self.at, known)
+        if self.at is not None:
+            one_of(f"robot, tool, link or piece for {key}.at", self.at, known)
         self.place_name(key, station)
 
     def place_name(self, key: str, station: Surroundings) -> str:

@@ -7,9 +7,9 @@ and their owner is the piece, or the robot that carries it. The floor has no own
 from collections.abc import Iterator
 
 from pydrake.geometry import GeometryId, Role, SceneGraphInspector
-from pydrake.multibody.tree import Frame, ModelInstanceIndex, RigidBody
+from pydrake.multibody.tree import Frame, RigidBody
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
 
 FLOOR = "floor"
@@ -73,8 +73,7 @@ def check_body(station: Surroundings, key: str, name: str) -> None:
     """
     if name == FLOOR and not station.ground.has_floor:
         raise InvalidParameter(key, name, "something that the station has; it has no floor: section")
-    if name not in body_names(station):
-        raise UnknownName(f"body or shape for {key}", name, body_names(station))
+    one_of(f"body or shape for {key}", name, body_names(station))
 
 
 def check_frame(station: Surroundings, key: str, name: str) -> None:
@@ -83,8 +82,7 @@ def check_frame(station: Surroundings, key: str, name: str) -> None:
     Raises:
         UnknownName: with the nearest known name.
     """
-    if name not in frame_names(station):
-        raise UnknownName(f"frame for {key}", name, frame_names(station))
+    one_of(f"frame for {key}", name, frame_names(station))
 
 
 def shapes_of(plant: StationPlant, station: Surroundings, name: str) -> list[GeometryId]:
@@ -127,17 +125,12 @@ def _candidates(plant: StationPlant, station: Surroundings, name: str) -> Iterat
 
 
 def _is_robots(plant: StationPlant, body: RigidBody, name: str) -> bool:
-    """Tell whether a body is part of the robot, or of the link of a robot, that is called ``name``."""
-    for robot in plant.robots.values():
-        if body.model_instance() == robot.instance:
-            return name == robot.name or _is_link(plant, robot.instance, name.removeprefix(robot.prefix), body)
-    return False
-
-
-def _is_link(plant: StationPlant, instance: ModelInstanceIndex, link: str, body: RigidBody) -> bool:
-    """Tell whether a link is a body, or has been made part of it."""
-    own = plant.plant
-    return own.HasFrameNamed(link, instance) and bool(own.GetFrameByName(link, instance).body().index() == body.index())
+    """Tell whether a body is part of a robot, or of a link, or of what a link has been made part of, of that name."""
+    robot = next((one for one in plant.robots.values() if one.instance == body.model_instance()), None)
+    if robot is None or name == robot.name:
+        return robot is not None
+    own, link = plant.plant, name.removeprefix(robot.prefix)
+    return own.HasFrameNamed(link, robot.instance) and own.GetFrameByName(link, robot.instance).body() is body
 
 
 def _link_names(station: Surroundings) -> list[str]:

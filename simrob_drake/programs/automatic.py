@@ -10,7 +10,7 @@ from typing import Any
 from simrob_drake.arguments import instance
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.controllers import loops_of
-from simrob_drake.parts.controllers.sequencer import Cell, Pace, Sequencer
+from simrob_drake.parts.controllers.postures import Cell, Pace, Sequencer
 from simrob_drake.programs.geometry import CellRobot
 from simrob_drake.programs.moves.joints import JointMove
 from simrob_drake.results.result import SimulationResult

@@ -13,7 +13,7 @@ from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Remark, R
 from simrob_drake.rapid.values import RecordValue, SignalName, Value, WrongType, shape
 
 _LONGEST = 1000  # letters of a string
-_OPERATORS: Mapping[str, Callable[[Any, Any], Any]] = {
+_OPERATORS: Mapping[str, Callable[[float, float], float]] = {
     "<": operator.lt,
     ">": operator.gt,
     "<=": operator.le,
@@ -24,7 +24,7 @@ _OPERATORS: Mapping[str, Callable[[Any, Any], Any]] = {
     "div": lambda one, other: float(int(one / other)),
     "mod": lambda one, other: one - other * float(int(one / other)),
 }
-_LOGIC: Mapping[str, Callable[[Any, Any], Any]] = {"and": operator.and_, "or": operator.or_, "xor": operator.xor}
+_LOGIC: Mapping[str, Callable[[Any, Any], bool]] = {"and": operator.and_, "or": operator.or_, "xor": operator.xor}
 
 
 @dataclass(frozen=True)
@@ -237,8 +237,7 @@ class Expressions:
     def _value_binary(self, one: Node, sign: str, other: Node) -> Value:
         key = sign.lower()
         if key in _LOGIC:
-            result: bool = _LOGIC[key](self.typed(one, "bool"), self.typed(other, "bool"))
-            return result
+            return _LOGIC[key](self.typed(one, "bool"), self.typed(other, "bool"))
         return self._applied(key, self.value(one), self.value(other))
 
     def _applied(self, key: str, one: Value, other: Value) -> Value:
@@ -256,9 +255,7 @@ class Expressions:
                 raise WrongType(f"a string of more than {_LONGEST} letters")
             return one + other
         if isinstance(one, float) and isinstance(other, float):
-            function = operator.add if key == "+" else _OPERATORS[key]
-            result: Value = function(one, other)
-            return result
+            return one + other if key == "+" else _OPERATORS[key](one, other)
         return self._of_positions(key, one, other)
 
     def _of_positions(self, key: str, one: Value, other: Value) -> Value:
@@ -286,8 +283,7 @@ class Expressions:
             return result
         if name.lower() not in self._functions:
             raise WrongType(f"there is no function '{name}'{self._hint(name, self._functions)}")
-        value: Value = self._functions[name.lower()](call)
-        return value
+        return self._functions[name.lower()](call)
 
     def _call_of(self, name: str, node: Node, arguments: Node | None) -> Call:
         parts = [part for part in (arguments.children if arguments else ()) if part is not None]

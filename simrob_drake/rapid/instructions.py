@@ -267,7 +267,7 @@ def _raise(controller: Controller, call: Call) -> None:
 
 _WITHOUT_EFFECT = re.findall(
     r"\w+",
-    """tperase tpshow pathresol waitrob isleep iwatch idelete idisable ienable errwrite open close write retry trynext
+    """tperase tpshow pathresol isleep iwatch idelete idisable ienable errwrite open close write retry trynext
     bookerrno errlog setsysdata cornerpathwarning skipwarn""",
 )
 """What changes nothing of what the robot does."""
@@ -275,6 +275,7 @@ _OF_UNITS = "there are no external axes, nor other mechanical units"
 
 INSTRUCTIONS: Mapping[str, Instruction] = {
     **dict.fromkeys(_WITHOUT_EFFECT, lambda controller, call: None),
+    "waitrob": lambda controller, call: controller.finish(),  # which ends a zone: the robot rests
     "stop": _remarking("a controller stands still until somebody goes on; the program goes on here at once"),
     **dict.fromkeys(
         ("startmove", "clearpath"), _remarking("a path that was stopped is not kept; moves go on here at once")

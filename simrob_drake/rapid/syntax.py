@@ -14,14 +14,12 @@ from simrob_drake.extras import needed
 from simrob_drake.files import NotRead, content_of, text_of
 from simrob_drake.rapid.values import Types, Value, WrongType
 
-SUFFIXES = (".mod", ".modx", ".prg", ".sys", ".sysx")
-"""Of modules; a `.pgf` lists those of a program."""
+SUFFIXES = (".mod", ".modx", ".prg", ".sys", ".sysx")  # of modules; a `.pgf` lists those of a program
 _LARGEST = 4_000_000  # bytes; offline programming writes one target after the other
 _HERE = Path(__file__).parent
 _MOST_FAULTS = 20  # of one module, before it is taken for something else
 
-Node = Any
-"""A tree or a token of lark, which has no types for what it holds."""
+Node = Any  # a tree or a token of lark, which has no types for what it holds
 
 
 class RapidError(SimrobError):

@@ -183,8 +183,7 @@ def pose_of(transform: RigidTransform) -> RecordValue:
     return RecordValue("pose", {"trans": pos_of(1e3 * transform.translation()), "rot": orient_of(transform.rotation())})
 
 
-FREE_AXES = _vector("extjoint", "eax_a eax_b eax_c eax_d eax_e eax_f", [9e9] * 6)
-"""Of robots without external axes."""
+FREE_AXES = _vector("extjoint", "eax_a eax_b eax_c eax_d eax_e eax_f", [9e9] * 6)  # of robots without external axes
 confdata_of = partial(_vector, "confdata", "cf1 cf4 cf6 cfx")
 robjoint_of = partial(_vector, "robjoint", "rax_1 rax_2 rax_3 rax_4 rax_5 rax_6")
 

@@ -13,14 +13,13 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from simrob_drake.arguments import as_path
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.files import ROBOT_FILE, models_root, robot_files
 from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
-from simrob_drake.robots.bodies import links_without_inertia, tool_links
+from simrob_drake.robots.bodies import Gripper, fingers_of, links_without_inertia, tool_links
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
-from simrob_drake.robots.gripper import Gripper, fingers_of
 from simrob_drake.robots.motors import Drives, Motors, joint_friction, set_drives
 from simrob_drake.robots.urdf import (
     joint_acceleration,
@@ -63,7 +62,6 @@ class Gains(Strict):
 
 
 def _axes_by_name(axes: Any) -> Any:
-    """Let a plain list of joints stand for axes of the same names."""
     plain = isinstance(axes, list) and all(isinstance(name, str) for name in axes)
     return {name: {"joint": name} for name in axes} if plain else axes
 
@@ -332,9 +330,7 @@ def load_robot(name: str) -> RobotModel:
         UnknownName: no such robot.
         InvalidConfig: its ``robot.yaml`` has a wrong entry.
     """
-    if name not in robot_names():
-        raise UnknownName("robot", name, robot_names())
-    return load_robot_file(models_root() / name / ROBOT_FILE)
+    return load_robot_file(models_root() / one_of("robot", name, robot_names()) / ROBOT_FILE)
 
 
 def load_robot_file(file: Path | str) -> RobotModel:

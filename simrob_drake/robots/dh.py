@@ -15,7 +15,7 @@ from pydrake.geometry import Cylinder, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from simrob_drake.frames import Vector, transform_from_pose
-from simrob_drake.robots.solids import solid_inertia
+from simrob_drake.robots.pieces import solid_inertia
 from simrob_drake.robots.urdf import Solid, add_colour, add_joint, add_motor, add_solid, set_inertia, written
 from simrob_drake.sections import ORIGIN, Colour, Inertia, NotNegative, Number, Pose, Positive, Strict, Triple
 
@@ -225,9 +225,14 @@ def link_shapes(table: DhTable) -> list[list[LinkShape]]:
     links = []
     for number, (end, radius) in enumerate(zip(origins, radii, strict=True)):
         shapes = [LinkShape(tube, table.colour) for tube in _tubes(end.translation(), radius)]
-        shapes += _joint(table, number, radius) if number else [_foot(table, radius)]
+        if number:
+            shapes.append(LinkShape(_joint(table, number, radius), table.joint_colour))
+        else:
+            wide, high = (part * radius for part in _FOOT)
+            shapes.append(LinkShape(_drum(RigidTransform(), wide, high, high / 2), table.joint_colour))
         if number == len(table.rows):
-            shapes.append(_flange(end, radius))
+            wide, long = (part * radius for part in _FLANGE)
+            shapes.append(LinkShape(_drum(end, wide, long, -long / 2), _FLANGE_COLOUR))
         links.append(shapes)
     return links
 
@@ -246,26 +251,18 @@ def _tubes(end: Vector, radius: float) -> list[Solid]:
     return [*tubes, Solid(RigidTransform(corner), Sphere(radius))] if len(tubes) > 1 else tubes
 
 
-def _joint(table: DhTable, number: int, radius: float) -> list[LinkShape]:
+def _joint(table: DhTable, number: int, radius: float) -> Solid:
     row = table.rows[number - 1]
     if row.type == "prismatic":  # a rod that slides through the link before
-        rod = _tube(np.array([0.0, 0.0, -row.range[1]]), np.array([0.0, 0.0, radius]), 0.7 * radius)
-        return [LinkShape(rod, table.joint_colour)]
+        return _tube(np.array([0.0, 0.0, -row.range[1]]), np.array([0.0, 0.0, radius]), 0.7 * radius)
     wide, long = _DRUM[0] * radius, _DRUM[1] * radius
     stands = number == 1 and not _apart(table.origins()[0].translation(), np.zeros(3))  # on the ground, not half in it
-    place = RigidTransform(np.array([0.0, 0.0, long / 2 if stands else 0.0]))
-    return [LinkShape(Solid(place, Cylinder(wide, long)), table.joint_colour)]
+    return _drum(RigidTransform(), wide, long, long / 2 if stands else 0.0)
 
 
-def _foot(table: DhTable, radius: float) -> LinkShape:
-    wide, high = (part * radius for part in _FOOT)
-    return LinkShape(Solid(RigidTransform(np.array([0.0, 0.0, high / 2])), Cylinder(wide, high)), table.joint_colour)
-
-
-def _flange(tool: RigidTransform, radius: float) -> LinkShape:
-    wide, long = (part * radius for part in _FLANGE)
-    place = tool @ RigidTransform(np.array([0.0, 0.0, -long / 2]))
-    return LinkShape(Solid(place, Cylinder(wide, long)), _FLANGE_COLOUR)
+def _drum(frame: RigidTransform, wide: float, long: float, middle: float) -> Solid:
+    """Return a cylinder along z of a frame, its middle at a place there."""
+    return Solid(frame @ RigidTransform(np.array([0.0, 0.0, middle])), Cylinder(wide, long))
 
 
 def _tube(start: Vector, end: Vector, radius: float) -> Solid:

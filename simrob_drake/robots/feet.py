@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from pydrake.geometry import Box, Sphere
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import UnknownName
+from simrob_drake.errors import one_of
 from simrob_drake.frames import Vector
 from simrob_drake.robots.urdf import Solid, add_contact, add_solid, name_of
 from simrob_drake.sections import NotNegative, Positive, Strict, Triple
@@ -96,9 +96,7 @@ class Feet(Strict):
         Raises:
             UnknownName: there is no such kind.
         """
-        if name is not None and name not in self.contacts:
-            raise UnknownName("kind of feet", name, self.contacts)
-        return self.contacts[name or self.default]
+        return self.contacts[self.default if name is None else one_of("kind of feet", name, self.contacts)]
 
 
 def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
@@ -109,9 +107,7 @@ def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
     """
     links = {name_of(link): link for link in robot.iterfind("link")}
     for name in feet.links:
-        if name not in links:
-            raise UnknownName("link (under feet)", name, links)
-        link = links[name]
+        link = links[one_of("link (under feet)", name, links)]
         for old in link.findall("collision"):
             link.remove(old)
         solids = [Solid(RigidTransform(np.array(point)), Sphere(feet.radius)) for point in feet.points.get(name, ())]

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.files import models_root
 from simrob_drake.robots.catalog import RobotModel, robot_names
 from simrob_drake.sections import Number, validated
@@ -60,9 +60,8 @@ def gaits_file(robot: str | RobotModel) -> GaitsFile:
         InvalidParameter: a robot without gaits.
         InvalidConfig: a file that cannot be read.
     """
-    if isinstance(robot, str) and robot not in robot_names():
-        raise UnknownName("robot", robot, robot_names())
-    name, folder = (robot, models_root() / robot) if isinstance(robot, str) else (robot.name, robot.folder)
+    name = one_of("robot", robot, robot_names()) if isinstance(robot, str) else robot.name
+    folder = models_root() / robot if isinstance(robot, str) else robot.folder
     file = folder / GAITS_FILE
     if not file.is_file():
         raise InvalidParameter(f"robot {name}", "one without gaits", f"one with a file {GAITS_FILE}")

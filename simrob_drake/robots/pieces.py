@@ -1,9 +1,10 @@
-"""Work objects, tools and loads: rigid bodies with mass, named frames, colour and simple shapes."""
+"""Work objects, tools and loads: rigid bodies with mass, named frames, colour and shapes, perhaps filled evenly."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from os.path import isfile
@@ -12,13 +13,13 @@ from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, model_validator
-from pydrake.geometry import Box, Cylinder, Sphere
+from pydrake.geometry import Box, Convex, Cylinder, Mesh, ReadObjToTriangleSurfaceMesh, Sphere
 from pydrake.math import RigidTransform
+from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 
-from simrob_drake.errors import InvalidModel, UnknownName
+from simrob_drake.errors import InvalidModel, one_of
 from simrob_drake.files import PIECE_FILE, models_root, piece_files
-from simrob_drake.frames import pose_from_transform, transform_from_pose
-from simrob_drake.robots.solids import solid_inertia
+from simrob_drake.frames import Vector, pose_from_transform, transform_from_pose
 from simrob_drake.robots.urdf import (
     Solid,
     add_colour,
@@ -44,6 +45,87 @@ from simrob_drake.sections import (
     validated,
 )
 from simrob_drake.yaml_files import read_yaml
+
+_NOTHING = 1e-12
+"""Products of inertia smaller than this part of the largest moment are rounding."""
+
+
+@dataclass(frozen=True)
+class SolidInertia:
+    """What follows from a body's form alone.
+
+    Attributes:
+        volume: [m³], positive.
+        centre: of mass, shape (3,) [m].
+        moments: about the centre, for a density of 1 kg/m³: Ixx Iyy Izz Ixy Ixz Iyz, shape (6,) [m⁵].
+    """
+
+    volume: float
+    centre: Vector
+    moments: Vector
+
+
+def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
+    """Return the figures of bodies, at least one, as one; where two overlap, both count.
+
+    Every mesh must enclose a volume if ``closed``; if not, one that doesn't counts as its convex hull.
+
+    Raises:
+        InvalidModel: a mesh that Drake cannot read, or that must enclose a volume and doesn't.
+    """
+    own = [
+        _mesh_inertia(solid.shape, solid.scale, closed, solid.shape.stat().st_mtime_ns)
+        if isinstance(solid.shape, Path)
+        else CalcSpatialInertia(solid.shape, 1.0)
+        for solid in solids
+    ]
+    parts = [inertia.ReExpress(solid.pose.rotation()) for inertia, solid in zip(own, solids, strict=True)]
+    volumes = np.array([part.get_mass() for part in parts])
+    centres = np.array([s.pose.translation() + part.get_com() for s, part in zip(solids, parts, strict=True)])
+    centre = volumes @ centres / volumes.sum()
+    about_centre = [
+        part.Shift(centre - solid.pose.translation()).CalcRotationalInertia().CopyToFullMatrix3()
+        for solid, part in zip(solids, parts, strict=True)
+    ]
+    moments = np.sum(about_centre, axis=0)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    return SolidInertia(float(volumes.sum()), centre, np.where(abs(moments) < _NOTHING * moments.max(), 0.0, moments))
+
+
+@lru_cache(maxsize=64)
+def _mesh_inertia(file: Path, scale: float, closed: bool, changed: int) -> SpatialInertia:
+    """Return the inertia of what a mesh encloses; ``changed`` makes a mesh that was written anew be read anew."""
+    try:
+        whole = _is_closed(file)
+        if closed and not whole:
+            problem = "is no OBJ that encloses a volume, so a density does not tell its mass; give the mass instead"
+            raise InvalidModel(file, "", problem)
+        return CalcSpatialInertia(Mesh(str(file), scale) if whole else Convex(str(file), scale), 1.0)
+    except (RuntimeError, ValueError, SystemExit) as problem:  # failed assertions come as SystemExit
+        if isinstance(problem, InvalidModel):
+            raise
+        raise InvalidModel(file, "", f"Drake cannot read it: {' '.join(str(problem).split())}") from problem
+
+
+def _is_closed(file: Path) -> bool:
+    """Return whether every edge of an OBJ mesh has a face on either side, and the faces look outwards."""
+    if file.suffix.lower() != ".obj":
+        return False
+    surface = ReadObjToTriangleSurfaceMesh(str(file))
+    faces = np.array([[face.vertex(corner) for corner in range(3)] for face in surface.triangles()])
+    points = np.array(surface.vertices())
+    if faces.max() >= len(points):  # a face of points that are not there, which Drake lets pass
+        return False
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    a, b, c = points[faces.T]
+    inside_out = np.einsum("ij,ij->", a, np.cross(b, c)) <= 0
+    return not inside_out and np.array_equal(_sorted_rows(edges), _sorted_rows(edges[:, ::-1]))
+
+
+def _sorted_rows(
+    rows: np.ndarray[tuple[int, ...], np.dtype[np.int64]],
+) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    return rows[np.lexsort(rows.T)]
+
 
 TCP = "tcp"
 """The frame that every piece has."""
@@ -181,9 +263,7 @@ def piece_file(name: str) -> Path:
     Raises:
         UnknownName: no such piece.
     """
-    if name not in piece_names():
-        raise UnknownName("piece", name, piece_names())
-    return models_root() / "pieces" / name / PIECE_FILE
+    return models_root() / "pieces" / one_of("piece", name, piece_names()) / PIECE_FILE
 
 
 def load_piece(name: str) -> PieceModel:
@@ -259,22 +339,17 @@ def _described(file: Path, changed: int) -> PieceModel:
 
 @lru_cache(maxsize=64)
 def _series_poses(series: FrameSeries, name: str) -> tuple[tuple[str, Pose], ...]:
-    """Return the names and poses of all frames of a series."""
     found: list[tuple[str, Pose]] = []
     for places in product(*(range(step.count) for step in series.series)):
         pose = transform_from_pose(series.pose)
         for place, step in zip(places, series.series, strict=True):
-            pose = _power(transform_from_pose(step.step), place) @ pose
+            motion, repeated = transform_from_pose(step.step), RigidTransform()
+            for _ in range(place):
+                repeated = motion @ repeated
+            pose = repeated @ pose
         x, y, z, rz, ry, rx = pose_from_transform(pose).tolist()
         found.append(("_".join([name, *map(str, places)]), (x, y, z, rz, ry, rx)))
     return tuple(found)
-
-
-def _power(motion: RigidTransform, times: int) -> RigidTransform:
-    result = RigidTransform()
-    for _ in range(times):
-        result = motion @ result
-    return result
 
 
 FRICTION = {"mu_static": 1.0, "mu_dynamic": 0.9}
@@ -301,7 +376,6 @@ def piece_robot(name: str, piece: PieceModel) -> ET.Element:
 
 
 def _add_link(robot: ET.Element, name: str, piece: PieceModel) -> None:
-    """Add the link that a piece is, with its frames."""
     link = ET.SubElement(robot, "link", name=name)
     if piece.mass > 0:
         set_inertia(link, mass=piece.mass, moments=piece.inertia, pose=RigidTransform(np.array(piece.com)))

@@ -196,18 +196,15 @@ def read_urdf(path: Path) -> ET.Element:
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
         raise InvalidModel(path, "", "declares entities or a document type, which a URDF never needs")
     try:
-        root = ET.fromstring(_with_drake_namespace(text))
+        # the prefix ``drake:`` is declared in several ways or, since Drake does not mind, not at all
+        text = re.sub(r"""\sxmlns:drake\s*=\s*(".*?"|'.*?')""", "", text)
+        declared = rf'\g<0> xmlns:drake="{DRAKE.strip("{}")}"'
+        root = ET.fromstring(_OUTERMOST.sub(declared, text) if "drake:" in text else text)
     except ET.ParseError as problem:
         raise InvalidModel(path, "", f"is not XML: {problem}") from problem
     if root.tag != "robot":
         raise InvalidModel(path, f"<{root.tag}>", "the outermost element of a URDF is <robot>")
     return root
-
-
-def _with_drake_namespace(text: str) -> str:
-    """Declare the prefix ``drake:`` in one way: files do so in several or, since Drake does not mind, not at all."""
-    text = re.sub(r"""\sxmlns:drake\s*=\s*(".*?"|'.*?')""", "", text)
-    return _OUTERMOST.sub(rf'\g<0> xmlns:drake="{DRAKE.strip("{}")}"', text) if "drake:" in text else text
 
 
 def movable_joints(root: ET.Element) -> list[str]:

@@ -28,7 +28,7 @@ from simrob_drake.robots.urdf import (
 NUMBER_COUNTS = {
     **dict.fromkeys(("xyz", "rpy", "size"), (3,)),
     **dict.fromkeys(("lower", "upper", "effort", "velocity", "damping", "friction", "radius", "length", "value"), (1,)),
-    **dict.fromkeys(MOMENTS, (1,)),
+    **dict.fromkeys((*MOMENTS, "multiplier", "offset"), (1,)),
     "scale": (1, 3),
     "rgba": (4,),
 }

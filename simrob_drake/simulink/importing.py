@@ -23,8 +23,7 @@ from simrob_drake.simulink.writing.touching import StationFiles
 from simrob_drake.simulink.writing.urdf import plain
 
 Fate = Literal["exact", "ignored", "approximated", "open", "lost"]
-FATES: tuple[Fate, ...] = get_args(Fate)
-"""What can become of a block, the least loss first."""
+FATES: tuple[Fate, ...] = get_args(Fate)  # what can become of a block, the least loss first
 
 Domain = Literal["structure", "mechanics", "signals"]
 

@@ -23,10 +23,8 @@ from simrob_drake.simulink.values.workspace import contents_of_mat
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
-TIMES = ("time", "tout", "t")
-"""What the column of times may be called, with capitals or without."""
-_CARRIERS = ("signals", "values", "data")
-"""Fields of structures that add nothing to a signal's name."""
+TIMES = ("time", "tout", "t")  # what the column of times may be called, with capitals or without
+_CARRIERS = ("signals", "values", "data")  # fields of structures that add nothing to a signal's name
 _EXPORTS = {
     "timeseries": "tout = {name}.Time; yout = squeeze({name}.Data); save -v7 log.mat tout yout",
     "timetable": "tout = seconds({name}.Properties.RowTimes); yout = {name}.Variables; save -v7 log.mat tout yout",
@@ -176,8 +174,7 @@ def _vector(value: Any) -> Vector | None:
     return value.astype(float).reshape(-1) if plain and value.size == max(value.shape) else None
 
 
-NUMBERS = "differences.csv"
-"""The file that every folder of a comparison holds."""
+NUMBERS = "differences.csv"  # the file that every folder of a comparison holds
 
 
 @dataclass(frozen=True)

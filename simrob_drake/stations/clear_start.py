@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from pydrake.multibody.tree import JacobianWrtVariable, RigidBody
+from pydrake.multibody.tree import JacobianWrtVariable
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
@@ -73,6 +72,7 @@ class ClearStart:
         """
         self._clearance, self._robot, self._duration, self._torque = clearance, robot, duration, torque
         self._random, self._home, self._near = np.random.default_rng(0), robot.model.home, robot.model.home
+        self._chain = max(clearance.chains(robot), key=lambda chain: len(chain[1]))
         self._postures = self._random.uniform(*span(robot), (_RANDOM, len(robot.axes)))
         bodies = [clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)]
         moves = np.array([not clearance.plant.IsAnchored(body) for body in bodies], dtype=bool)
@@ -163,15 +163,9 @@ class ClearStart:
         lower, upper = self._robot.model.axis_limits
         return bool(((posture >= lower) & (posture <= upper)).all())
 
-    @cached_property
-    def _chain(self) -> tuple[RigidBody, list[int]]:
-        """The body at the end of the most axes that stand one behind the other, and these."""
-        chains = self._clearance.chains(self._robot)
-        return max(chains, key=lambda chain: len(chain[1]))
-
     def _dexterity(self, posture: Vector) -> float:
         """Return the least singular value of the Jacobian of the longest chain, its lengths by its reach; else 1."""
-        body, axes = self._chain
+        body, axes = self._chain  # that at the end of the most axes one behind the other, and these
         if len(axes) < _CHAIN:
             return 1.0
         self._clearance.place_robots({self._robot.name: posture})

@@ -241,7 +241,6 @@ def check_reference(robot: ResolvedRobot, reference: Reference, duration: float)
 
 
 def _through(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Trajectory:
-    """Return the trajectory through samples."""
     positions = np.asarray(samples[1], dtype=float)
     if positions.ndim != 2 or positions.shape[1] != len(robot.axes):
         shape = " x ".join(str(size) for size in positions.shape)

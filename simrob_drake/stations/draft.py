@@ -58,7 +58,8 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     file, home = robot_file(urdf, "urdf"), None if folder is None else as_path(folder, "folder")
     robot = robot_from_file(file, options)
     remarks = []
-    if robot.base == "floating" and not robot.links_without_inertia and not _has_shapes(robot):
+    shaped = robot.element.find("link/collision") is not None
+    if robot.base == "floating" and not robot.links_without_inertia and not shaped:
         options = (options or ImportOptions()).model_copy(update={"base": "fixed"})
         robot = robot_from_file(file, options)
         remarks.append(_UNSHAPED)
@@ -73,12 +74,7 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     return _header(robot, file, kinematic) + "".join(f"# {remark}\n" for remark in remarks) + text
 
 
-def _has_shapes(robot: RobotModel) -> bool:
-    return any(link.find("collision") is not None for link in robot.element.iterfind("link"))
-
-
 def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
-    """Fill in the station of a robot whose root is held; return remarks."""
     kinematic = content["mode"] == "kinematic"
     if not kinematic:
         content["servo"] = _servo(robot, "per_joint")
@@ -104,7 +100,6 @@ def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
 
 
 def _on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
-    """Fill in the station of a robot with a free base; return remarks."""
     content |= {"servo": _servo(robot, "implicit"), **_HOLDS, "duration": 3.0}
     looked_at = at_home(robot)
     stances = Stances(looked_at, looked_at.station.robots[ONLY_ROBOT])
@@ -141,7 +136,6 @@ def _stance_text(stance: Stance) -> str:
 
 
 def _stand(robot: RobotModel, content: dict[str, Any], stance: Stance) -> None:
-    """Let a robot begin in a stance, and a monitor watch it."""
     content["robot"]["base"] = [0.0, 0.0, round(stance.height, 6), 0.0, 0.0, 0.0]
     _begin(robot, content, stance.posture)
     low = round(_FALLEN * stance.height, 3)
@@ -149,7 +143,6 @@ def _stand(robot: RobotModel, content: dict[str, Any], stance: Stance) -> None:
 
 
 def _begin(robot: RobotModel, content: dict[str, Any], posture: Vector) -> None:
-    """Let a robot begin in a posture (n,) [rad or m]."""
     values = _in_user_units(robot, posture)
     content["robot"].pop("initial_deg", None)
     if values.any():
@@ -163,7 +156,6 @@ def _in_user_units(robot: RobotModel, posture: Vector) -> Vector:
 
 
 def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
-    """Return a station of the robot as it was imported."""
     own = {key: value for key, value in content["robot"].items() if key not in ("urdf", "import_options")}
     sections = {key: value for key, value in content.items() if key != "robot"}
     return StationConfig(name=robot.name, robots={ONLY_ROBOT: {**own, "urdf": robot.urdf_path}}, **sections)

@@ -19,14 +19,14 @@ from simrob_drake.parts.site import FromState, Site, StationPlant, StationRobot
 from simrob_drake.signals import Role, Signal, applied_signal
 from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.contact import wire_friction, with_friction
-from simrob_drake.stations.drawing import (
+from simrob_drake.stations.ports import (
+    StationPorts,
     draw_actuator_servos,
     draw_computed_torque,
     draw_feedforward,
     draw_integral,
     draw_servos,
 )
-from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque
 from simrob_drake.stations.solver_config import DiscreteSolver, FixedSteps
 
@@ -125,7 +125,6 @@ def add_motion(
 
 
 def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> ServoSignals:
-    """Add what a robot's servos read, and the outputs for it."""
     prefix, count, listed = robot.prefix, len(robot.joints), ports.config.inputs
     state = mapped(builder, f"{prefix}axes", robot.axis_map.state_matrix, ports.state)
     split = Demultiplexer([count, count])
@@ -168,7 +167,6 @@ def declare_torque(site: Site, robot: StationRobot, torque: OutputPort) -> None:
 
 
 def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> None:
-    """Add a robot's servos as they are realized, and the output of their torques."""
     servo, plant = ports.config.servo_of(robot.name), ports.plant.plant
     if servo.realization == "implicit":
         actuation = robot.axis_map.actuation_matrix(plant, robot.instance)
@@ -232,7 +230,6 @@ def _add_servo_blocks(
 def _add_admittance_servos(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
 ) -> None:
-    """Add servos that give in to what the arm's model does not explain, and the output that tells that torque."""
     prefix, gain = robot.prefix, ports.config.servo_of(robot.name).admittance_gain
     plant, name = ports.plant.plant, f"{prefix}model_torque"
     steady = fed(builder, f"{name}.acceleration", ConstantVectorSource(np.zeros(plant.num_velocities())))
@@ -293,7 +290,6 @@ def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
 
 
 def _generalized_forces(builder: DiagramBuilder, ports: StationPorts) -> OutputPort:
-    """Compute the generalized forces (nv) of the motion, without contacts, by inverse dynamics."""
     robots = ports.plant.robots.values()
     dynamics = InverseDynamics(ports.plant.plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)
     builder.AddNamedSystem("inverse_dynamics", dynamics)

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
-from functools import partial
+from functools import cache, partial
 from os.path import exists, isdir, isfile  # which are false for names that no file can have
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,11 @@ import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from simrob_drake.arguments import as_path, instance
-from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
+from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, one_of, quoted
 from simrob_drake.files import diagrams_root, station_files
 from simrob_drake.importer.packages import Border, is_robot_file
 from simrob_drake.parts import references
+from simrob_drake.parts.sensors import Sensors
 from simrob_drake.sections import validated
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.located import located, located_program
@@ -109,7 +110,6 @@ def _culprits(load: Callable[..., StationConfig], overrides: Mapping[str, Any], 
 def _loaded(
     path: Path, overrides: Mapping[str, Any], where: Path | str, *, allow_code: bool, mesh_path: tuple[Path, ...]
 ) -> StationConfig:
-    """Return the configuration of a station's file; ``where`` is to blame for what is wrong with it."""
     border = Border(path, mesh_path)
     content = located(read_yaml(path), path.parent, border)
     if "program" in content:
@@ -217,7 +217,6 @@ def _inlined(program: Any, folder: Path, border: Border | None = None) -> Any:
 
 
 def _override(content: dict[str, Any], key: list[str], value: Any, where: Path | str) -> None:
-    """Set the value under a dotted key."""
     if key == ["program"]:
         content["program"] = _inlined(value, Path.cwd())
         return
@@ -305,7 +304,6 @@ def _allow_imports(content: dict[str, Any], mesh_path: tuple[Path, ...]) -> None
 
 
 def _as_written(text: str) -> str:
-    """Return a key or a message with the keys as the user wrote them."""
     return re.sub(rf"\brobots\.{ONLY_ROBOT}\b", ONLY_ROBOT, text)
 
 
@@ -316,3 +314,56 @@ def _without_sugar(content: dict[str, Any], where: Path | str) -> dict[str, Any]
     if "robots" in content:
         raise InvalidConfig(where, "robot", "a station has either robot: or robots:")
     return {"robots" if key == "robot" else key: {ONLY_ROBOT: v} if key == "robot" else v for key, v in content.items()}
+
+
+Settings = dict[str, Any]
+
+
+def loops_known(own: StationConfig) -> dict[str, Settings]:
+    """Return loops by name, each with the settings that give it to a station; none for the station's own."""
+    known: dict[str, Settings] = {name: {} for name in own.controllers}
+    if len(own.robots) != 1 or own.mode != "dynamic":
+        return known
+    (robot,) = own.robots.values()
+    lent = _loops_of(diagrams_root(), robot.model)
+    return known | {name: needed for name, needed in lent.items() if name not in known}
+
+
+@cache
+def _loops_of(folder: Path, model: str | None) -> dict[str, Settings]:
+    """Return the loops of a folder's stations with a robot of a model, each with the settings that give it."""
+    known: dict[str, Settings] = {}
+    for file in sorted(folder.glob("*.yaml")):
+        content = read_yaml(file)
+        if content.get("robot", {}).get("model") == model:
+            for name, section in content.get("controllers", {}).items():
+                known.setdefault(name, {f"controllers.{name}": section, **_sensors_of(section, content)})
+    return known
+
+
+def switched(known: dict[str, Settings], settings: Settings, name: str, on: bool) -> Settings:
+    """Return the settings of a station with a loop switched on or off.
+
+    Raises:
+        UnknownName: no such loop; proposes the nearest.
+    """
+    needed, key = known[one_of("loop", name, known)], f"controllers.{name}"
+    others = {other for loop in loops_on(known, settings) if loop != name for other in known[loop]}
+    dropped = {key, *needed} - others
+    left = {other: value for other, value in settings.items() if other not in dropped}
+    return left | (needed if on else {} if needed else {key: None})
+
+
+def loops_on(known: dict[str, Settings], settings: Settings) -> list[str]:
+    """Return the loops that a station has with its settings: its own unless taken out, and those that are given."""
+    return [name for name, needed in known.items() if settings.get(f"controllers.{name}", not needed)]
+
+
+def _sensors_of(section: Any, content: dict[str, Any]) -> Settings:
+    """Return the sensors that a loop reads, and those that they read, as settings."""
+    read = section.get("reads", {}) if isinstance(section, dict) else {}
+    named = {str(value) for value in (read.values() if isinstance(read, dict) else [])}
+    sensors = content.get("sensors", {})
+    sections = TypeAdapter(Sensors).validate_python(sensors)
+    named |= {other for name in named & {*sections} for other in sections[name].read(sections).values()}
+    return {f"sensors.{name}": sensor for name, sensor in sensors.items() if name in named}

@@ -115,12 +115,10 @@ def _paths_at(node: Any, way: list[str], before: str = "") -> Iterator[tuple[dic
         value = node.get(key)
         if len(way) > 1:
             yield from _paths_at(value, way[1:], f"{before}{key}.")
-        elif isinstance(value, list if key == "mesh_path" else str) and _is_path(key, value):
+        elif key == "model" and not str(value).endswith(YAML_SUFFIXES):
+            continue  # it is a name
+        elif isinstance(value, list if key == "mesh_path" else str):
             yield node, key, f"{before}{key}"
-
-
-def _is_path(key: str, value: object) -> bool:
-    return key != "model" or str(value).endswith(YAML_SUFFIXES)  # else it is a name
 
 
 FILES = "files"
@@ -150,7 +148,6 @@ def carried(config: StationConfig, folder: Path) -> StationConfig:
 
 
 def _copy(files: Iterable[Path], start: Path, target: Path) -> None:
-    """Copy files below a folder to the same places below another."""
     for file in dict.fromkeys(files):
         if file.is_relative_to(start):
             copy = target / file.relative_to(start)
@@ -159,7 +156,6 @@ def _copy(files: Iterable[Path], start: Path, target: Path) -> None:
 
 
 def _of_robot(model: RobotModel, main: Path) -> tuple[Path, list[Path]]:
-    """Return a robot's main file, and what else is read of it."""
     folder = resolved(model.folder)
     files = [folder / name for name in (*_FILES, *([model.urdf] if model.urdf else [])) if (folder / name).is_file()]
     names = [mesh.get("filename", "") for mesh in model.element.iter("mesh")] if model.urdf else []
@@ -172,28 +168,17 @@ def _of_urdf(file: Path, _: str, options: ImportOptions) -> tuple[Path, list[Pat
 
 
 def _of_description(file: Path, key: str, _: ImportOptions) -> tuple[Path, list[Path]]:
-    """Return the files of a robot or a piece that a YAML file describes."""
     if not key.startswith("pieces."):
         return _of_robot(load_robot_file(file), file)
     piece, main = described_piece(file), resolved(file)
     return main, _with_needed(mesh_file(shape.mesh, main.parent) for shape in piece.shapes if shape.mesh)
 
 
-def _of_mesh(file: Path, _: str, __: ImportOptions) -> tuple[Path, list[Path]]:
-    return resolved(file), _with_needed([resolved(file)])
-
-
-def _of_file(file: Path, _: str, __: ImportOptions) -> tuple[Path, list[Path]]:
-    return resolved(file), []
-
-
 _FILES_OF: Mapping[str, Callable[[Path, str, ImportOptions], tuple[Path, list[Path]]]] = {
     "urdf": _of_urdf,
     "model": _of_description,
-    "mesh": _of_mesh,
-    "network": _of_file,
-    "file": _of_file,
-    "start": _of_file,
+    "mesh": lambda file, *_: (resolved(file), _with_needed([resolved(file)])),
+    **dict.fromkeys(("network", "file", "start"), lambda file, *_: (resolved(file), [])),
 }
 """By the last part of a key: the main file behind its path, and what else is read with it."""
 

@@ -97,11 +97,6 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
 
 
 def _in_mujoco(builder: DiagramBuilder, resolved: ResolvedStation, station: StationPlant) -> StationPlant:
-    """Add the block that MuJoCo steps in the plant's place, which poses what is seen.
-
-    Raises:
-        SimrobError: a part that MuJoCo does not know, or no MuJoCo.
-    """
     with needed("solver.kind mujoco", "mujoco"):
         from simrob_drake.stations.mujoco.plant import MujocoPlant  # only with the extra
     engine = builder.AddSystem(MujocoPlant(resolved, station))
@@ -221,7 +216,6 @@ def add_robot(
 
 
 def _check_rotors(plant: MultibodyPlant, robot: ResolvedRobot, joints: list[Joint]) -> None:
-    """Check that a motor with play has an inertia of its own: it moves alone there."""
     motors = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
     turning = {motor.joint().index() for motor in motors if motor.default_reflected_inertia() > 0}
     for axis, joint, play in zip(robot.axes, joints, robot.model.play, strict=True):

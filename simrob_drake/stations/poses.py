@@ -41,7 +41,8 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
         for name in frames:
             signals, of_state = [], None
             if name == "base_pose":
-                signals, of_state = [_pose_signal(robot, "base", name)], _free_base(plant, robot)
+                signals = [_pose_signal(robot, "base", name)]
+                of_state = FromState(_free_pose(plant, robot.root.body()), unit_poses) if _is_free(robot) else None
             ports.add(f"{robot.prefix}{name}", block.GetOutputPort(name), *signals, of_state=of_state)
         if _is_free(robot):
             output, pick = f"{robot.prefix}base_velocity", _free_velocity(plant, robot.root.body())
@@ -103,11 +104,6 @@ def _is_free(robot: StationRobot) -> bool:
     return robot.floats and robot.root.body().is_floating_base_body() and robot.root.is_body_frame()
 
 
-def _free_base(plant: MultibodyPlant, robot: StationRobot) -> FromState | None:
-    """Return how the state tells the base's pose, where the root link's body is free."""
-    return FromState(_free_pose(plant, robot.root.body()), unit_poses) if _is_free(robot) else None
-
-
 def _free_pose(plant: MultibodyPlant, body: RigidBody) -> Vector:
     """Return the matrix (7, nq + nv) that picks the pose of a free body from the state."""
     places = body.floating_positions_start() + np.array([4, 5, 6, 0, 1, 2, 3])  # Drake has the quaternion first
@@ -141,14 +137,12 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
         OutputError: the cache of converted meshes cannot be written.
     """
     changes = {key: value for key, value in entry.model_dump(exclude_none=True).items() if key in _OWN_KEYS}
-    return with_changes(_described(entry, name), changes, f"pieces.{name}")
-
-
-def _described(entry: PieceConfig, name: str) -> PieceModel:
-    if entry.mesh is not None:
-        return _mesh_piece(entry, entry.mesh, f"pieces.{name}")
     model = entry.model or name
-    return described_piece(Path(model) if model.endswith(YAML_SUFFIXES) else piece_file(model))
+    if entry.mesh is not None:
+        piece = _mesh_piece(entry, entry.mesh, f"pieces.{name}")
+    else:
+        piece = described_piece(Path(model) if model.endswith(YAML_SUFFIXES) else piece_file(model))
+    return with_changes(piece, changes, f"pieces.{name}")
 
 
 def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:

@@ -141,14 +141,15 @@ def add_prescribed_torque(
     plant, axes, prefix, places = ports.plant.plant, robot.axis_map, robot.prefix, list(robot.prescribed)
     motion = builder.GetSubsystemByName(f"{prefix}prescribed").get_output_port()
     rotors = np.diag([_motor(plant, robot.joints[place]).default_reflected_inertia() for place in places])
-    rate, each, count = _RATES[ports.config.solver.sees_inputs], np.eye(len(places)), len(robot.axes)
+    rate, each, count = _RATES[not ports.config.solver.holds_joint_limits], np.eye(len(places)), len(robot.axes)
     measured = axes.state_matrix[[*places, *(count + place for place in places)]]
     desired = np.kron(each, [rate**2, 2 * rate, 1.0])
     law = rotors @ np.hstack([desired, -np.hstack([rate**2 * each, 2 * rate * each]) @ measured])
     spread = axes.velocity_matrix[places].T
     bus = joined(builder, f"{prefix}prescribed.bus", motion, ports.state)
     ports.generalized_forces.append(mapped(builder, f"{prefix}prescribed.force", spread @ law, bus))
-    free = _free_inertia(plant, spread, rotors)
+    mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
+    free = np.linalg.inv(spread.T @ mobility @ spread) - rotors  # of the joints at the start, while the rest is free
     taken = np.hstack([law, -(rotors + free) @ spread.T])
     taken[:, : 3 * len(places)] += np.kron(free, [0.0, 0.0, 1.0])
     every = np.eye(count)
@@ -159,13 +160,6 @@ def add_prescribed_torque(
     return mapped(builder, f"{prefix}prescribed.torque", np.hstack([every, every[:, places] @ taken]), whole)
 
 
-def _free_inertia(plant: MultibodyPlant, spread: Vector, rotors: Vector) -> Vector:
-    """Return the inertia of prescribed joints at the start while the rest is free, shape (k, k) [kg m² or kg]."""
-    mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
-    return np.asarray(np.linalg.inv(spread.T @ mobility @ spread) - rotors)
-
-
 def _motor(plant: MultibodyPlant, joint: Joint) -> JointActuator:
-    """Return the motor of a joint, its first actuator."""
     motors = (plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators()))
     return next(motor for motor in motors if motor.joint().index() == joint.index())

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import InvalidModel, InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidModel, InvalidParameter, UnknownName, one_of
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
@@ -48,7 +48,8 @@ def resolve(config: StationConfig) -> ResolvedStation:
     Raises:
         SimrobError: a name that stands for nothing, or a figure that does not fit; the message names the key.
     """
-    config = _with_inputs(config)
+    driven = {name for loop in readers_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
+    config = config.model_copy(update={"inputs": (*config.inputs, *sorted(driven))}) if driven else config
     models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}
     pieces = {piece.name: piece for piece in _pieces(config, models)}
     for name in config.pieces:
@@ -67,12 +68,6 @@ def resolve(config: StationConfig) -> ResolvedStation:
         sensors=_sensors(config),
         config=config,
     )
-
-
-def _with_inputs(config: StationConfig) -> StationConfig:
-    """Return a station with the inputs that its loops drive."""
-    needed = {name for loop in readers_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
-    return config.model_copy(update={"inputs": (*config.inputs, *sorted(needed))}) if needed else config
 
 
 def _sensors(config: StationConfig) -> dict[str, Sensor]:
@@ -108,7 +103,6 @@ def check_parts(station: ResolvedStation) -> None:
 
 
 def _check_engine(config: StationConfig) -> None:
-    """Check that the engine that is asked for knows what the station is made of."""
     if config.mode == "kinematic" or not isinstance(config.solver, MujocoSolver):
         return
     if config.contact is not None and config.contact.model != "point":
@@ -151,7 +145,6 @@ def _robot_as_described(entry: RobotConfig) -> RobotModel:
 
 
 def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, ResolvedPiece]) -> Ground:
-    """Return what there is to stand on: the floor, and the boxes of pieces that are fixed in the world."""
     places: dict[str, RigidTransform] = {}
     boxes: list[tuple[RigidTransform, Vector]] = []
     for piece in pieces.values():
@@ -197,8 +190,8 @@ def _robot(
     held = tuple(piece for piece in carried if piece not in worn)
     frames = {**model.tools, **{piece: f"{piece}_{TCP}" for piece in carried}}
     tcp = tool_in_use(model.tools, held, entry.tcp)
-    if tcp and tcp not in frames:
-        raise UnknownName(f"tool of {name}", tcp, frames)
+    if tcp:
+        one_of(f"tool of {name}", tcp, frames)
     resolved = with_prescribed_axes(
         config,
         ResolvedRobot(
@@ -225,7 +218,6 @@ def _robot(
 
 
 def _stops(config: StationConfig, robot: str, model: RobotModel) -> tuple[Vector, Vector]:
-    """Return stiffness and damping of the stops of a robot's axes, each shape (n,)."""
     stops, usual = config.stops_of(robot), JointStops().model_dump()
     stiffness, damping = (
         model.axis_vector(value, f"joint_stops.{key}", usual[key]) for key, value in stops.model_dump().items()
@@ -234,11 +226,6 @@ def _stops(config: StationConfig, robot: str, model: RobotModel) -> tuple[Vector
 
 
 def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:
-    """Return where a robot's axes start, shape (n,) [rad or m].
-
-    Raises:
-        InvalidParameter: a start outside the joint limits.
-    """
     position = model.user_units * model.axis_vector(entry.initial_deg, f"robots.{robot}.initial_deg")
     lower, upper = model.axis_limits
     for index, axis in enumerate(model.axes):
@@ -250,7 +237,6 @@ def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vect
 
 
 def _check_axes(config: StationConfig, robot: str, model: RobotModel) -> None:
-    """Check that the axes exist that servos and reference of a robot name."""
     servo, reference = config.servo_of(robot), config.reference_of(robot)
     values: dict[str, AxisValues | None] = {
         **{f"servo.{key}": getattr(servo, key) for key in _SERVO_KEYS},
@@ -262,7 +248,6 @@ def _check_axes(config: StationConfig, robot: str, model: RobotModel) -> None:
 
 
 def _check_movers(config: StationConfig) -> None:
-    """Check that something in the station moves, and by means that its mode has."""
     free = config.free_pieces
     if not (config.robots or free):
         expected = "given as robot: {model: ...}, or a piece have free: true: a station needs something that moves"
@@ -272,12 +257,7 @@ def _check_movers(config: StationConfig) -> None:
 
 
 def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator[ResolvedPiece]:
-    """Yield the pieces, each after what it hangs on.
-
-    Raises:
-        UnknownName: a parent that is no robot, no piece and not the world, or a frame that it does not have.
-        InvalidParameter: pieces that hang on each other in a circle, or a free one without mass.
-    """
+    """Yield the pieces, each after what it hangs on."""
     carriers, models = carriers_of(config), dict[str, PieceModel]()
     for piece, carrier in carriers.items():
         entry, parent = config.pieces[piece], _parent(config, piece)
@@ -345,17 +325,14 @@ def _mount(
     """
     if parent in robots:
         places = [*robots[parent].tools, *robots[parent].links]
-        if frame is not None and frame not in places:
-            raise UnknownName(f"tool or link of {parent} for {key}", frame, places)
+        if frame is not None:
+            one_of(f"tool or link of {parent} for {key}", frame, places)
         return flange(robots[parent].tools, robots[parent].root, frame)
     if parent == WORLD:
         if frame is not None:
             raise InvalidParameter(key, frame, "left out: it hangs on the world, which has no frames")
         return ""
-    known = pieces[parent].frame_poses
-    if frame is not None and frame not in known:
-        raise UnknownName(f"frame of {parent}", frame, known)
-    return f"{parent}_{frame or TCP}"
+    return f"{parent}_{one_of(f'frame of {parent}', frame or TCP, pieces[parent].frame_poses)}"
 
 
 def tool_in_use(own: Mapping[str, str], carried: Sequence[str], tcp: str | None) -> str:

@@ -34,7 +34,6 @@ def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
 
 
 def _whole(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
-    """Return a motor with all its figures, those that are given over those of its name."""
     motor = Motor(model=choice) if isinstance(choice, str) else choice
     if motor.model == NO_MOTOR:
         return None
@@ -105,15 +104,12 @@ def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False)
     if servo.law == "computed_torque" and (gains_of("ki") > 0).any():
         raise InvalidParameter("servo.ki", servo.ki, "0 with law computed_torque, whose model takes its place")
     gains = gains_of("kp"), gains_of("ki"), gains_of("kd")
-    line = _line(motors, limit, dampers=dampers) if any(motors) else None
+    line = None
+    if any(motors):
+        stall, fastest = np.array([(np.inf, np.inf) if motor is None else motor.line for motor in motors]).T
+        slope = np.where(np.isfinite(stall), stall, 0.0) / np.where(np.isfinite(fastest), fastest, 1.0)
+        line = MotorLine(stall, slope, np.where(stall <= limit, slope, 0.0) if dampers else np.zeros_like(slope))
     return ServoGains(*gains, limit, limits("integral_limit", limit), speed, line)
-
-
-def _line(motors: list[Motor | None], limit: Vector, *, dampers: bool) -> MotorLine:
-    """Return the line of motors whose axes have limits of torque, shape (n,)."""
-    stall, speed = np.array([(np.inf, np.inf) if motor is None else motor.line for motor in motors]).T
-    slope = np.where(np.isfinite(stall), stall, 0.0) / np.where(np.isfinite(speed), speed, 1.0)
-    return MotorLine(stall, slope, np.where(stall <= limit, slope, 0.0) if dampers else np.zeros_like(slope))
 
 
 def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:

@@ -48,13 +48,11 @@ class ContinuousSolver(Strict):
 
     @property
     def holds_joint_limits(self) -> bool:
-        """Whether the scheme itself keeps joints within their limits; the others need stop forces."""
-        return self.scheme == "cenic"
+        """Whether the scheme itself keeps joints within their limits; the others need stop forces.
 
-    @property
-    def sees_inputs(self) -> bool:
-        """Whether what drives the plant counts as it changes within a step; ``cenic`` takes it as at the start."""
-        return self.scheme != "cenic"
+        Such schemes take what drives the plant as it is at the start of a step.
+        """
+        return self.scheme == "cenic"
 
     @property
     def fixed_steps(self) -> bool:
@@ -76,11 +74,6 @@ class FixedSteps(Strict):
     def holds_joint_limits(self) -> bool:
         """Discrete solvers keep joints within their limits."""
         return True
-
-    @property
-    def sees_inputs(self) -> bool:
-        """Discrete solvers take what drives the plant as it is at the start of a step."""
-        return False
 
 
 class DiscreteSolver(FixedSteps):

@@ -200,7 +200,6 @@ class Stances:
         put_upright(self._clearance, self._robot, posture, height)
 
     def _origin(self, link: RigidBody) -> Vector:
-        """Return where the joint of a link is in the present configuration, shape (3,) [m]."""
         return np.asarray(self._plant.EvalBodyPoseInWorld(self._clearance.context, link).translation())
 
     def _feet(self, legs: list[Leg], posture: Vector) -> Vector:

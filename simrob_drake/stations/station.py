@@ -18,11 +18,10 @@ from simrob_drake.parts.controllers.own import add_own_blocks, wire_own_blocks, 
 from simrob_drake.parts.forces import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.drawing import draw_plant
 from simrob_drake.stations.dynamic import add_dynamic_robots, add_kinematic_robots, add_motion_inputs, check_servo_steps
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.plant import add_plant
-from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.ports import StationPorts, draw_plant
 from simrob_drake.stations.poses import add_free_pieces, add_poses
 from simrob_drake.stations.resolve import ResolvedStation, resolve
 

@@ -15,8 +15,7 @@ from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.script import script
 from simrob_drake.programs.whole_program import carried_program
-from simrob_drake.stations.load import station_content, station_yaml
-from simrob_drake.stations.loops import loops_known, loops_on, switched
+from simrob_drake.stations.load import loops_known, loops_on, station_content, station_yaml, switched
 from simrob_drake.teach.jogging import Jogging
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.run_client import HandOver, MakeLive, Topic, done

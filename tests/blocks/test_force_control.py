@@ -6,7 +6,7 @@ from pydrake.math import RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake import load_station
-from simrob_drake.parts.controllers.force_control import ForceControl, PressingTool
+from simrob_drake.parts.controllers.efforts import ForceControl, PressingTool
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 from tests.blocks.test_loop import Driven

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from simrob_drake.blocks.sampled import RunEnds, SampledBlock
-from simrob_drake.parts.controllers.fall_guard import FallGuard, ProtectivePosture
 from simrob_drake.parts.controllers.objective import PiLaw, WeightedObjective
-from simrob_drake.parts.controllers.sequencer import CellSequence, Sequencer
+from simrob_drake.parts.controllers.postures import CellSequence, FallGuard, ProtectivePosture, Sequencer
 from simrob_drake.parts.controllers.support import Limb
 from simrob_drake.parts.controllers.touchdown import Touchdown, UnknownGround
 

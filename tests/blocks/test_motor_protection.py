@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.blocks.sampled import RunEnds
-from simrob_drake.parts.controllers.motor_protection import GuardedMotors, MotorProtection
+from simrob_drake.parts.controllers.efforts import GuardedMotors, MotorProtection
 from tests.blocks.test_loop import Driven
 
 T = 0.01

@@ -25,7 +25,7 @@ def block(kind, **figures):
 
 def run(blocks, *, duration=2.0, frequency=3.0, amplitude=1.0, rows=201):
     """Return times, the sine that is measured, and the outputs of blocks (name: (block, inputs)) by element."""
-    wired = {name: WiredBlock(*given) for name, given in blocks.items()}
+    wired = {name: WiredBlock(own.law, *inputs) for name, (own, *inputs) in blocks.items()}
     builder = DiagramBuilder()
     source = builder.AddSystem(Sine(amplitude=amplitude, frequency=frequency, phase=0.3, size=1))
     net = builder.AddSystem(signal_net(wired, 1))

@@ -129,6 +129,7 @@ def test_its_images_are_saved(tmp_path):
         ({"near": 2.0, "far": 1.0}, "far is 1; it must be more than near"),
         ({"frame": "bax"}, "did you mean 'box'"),
         ({"width": 321}, "multiple of 2"),
+        ({"seed": -1}, "sensors.eye.seed: "),
         ({"opening_deg": 180}, "less than 180"),
     ],
 )

@@ -6,7 +6,7 @@ from scipy.spatial import ConvexHull
 
 from simrob_drake import Station
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.controllers.fall_guard import CapturePoint
+from simrob_drake.parts.controllers.postures import CapturePoint
 
 
 @pytest.fixture(scope="module")

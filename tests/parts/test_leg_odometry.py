@@ -13,11 +13,11 @@ from pydrake.math import RotationMatrix
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.parts.sensors.frames import InertialUnit
-from simrob_drake.parts.sensors.leg_odometry import BaseEstimator, Soles
+from simrob_drake.parts.sensors.leg_odometry import BaseEstimator, LegOdometry, Soles
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.quadruped import trot
 from simrob_drake.results.block_diagram.picture import station_dot
-from simrob_drake.stations import loops
+from simrob_drake.stations import load
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.yaml_files import read_yaml
@@ -39,9 +39,8 @@ def estimator(station, **changes):
     """Return a block of a station's robot, and what it remembers at the start: at the origin, upright, at rest."""
     robot = robot_of(station)
     soles, start = Soles(robot), np.array([0.0, 0, 0, 1, 0, 0, 0])
-    figures = {"slip": 0.07, "velocity_time": 0.1, "level": False, **changes}
-    size = len(robot.axes)
-    block = BaseEstimator(period=PERIOD, soles=soles, size=size, start=start, gravity=GRAVITY, **figures)
+    section = LegOdometry.model_validate({"kind": "leg_odometry", "rate": 1 / PERIOD})
+    block = BaseEstimator(section, soles, start=start, **changes)
     sizes = dict(zip(NAMES, (7, 6, 3, 4 * len(soles.arms), 3 * len(soles.arms), len(soles.arms)), strict=True))
     return block, {name: np.zeros(size) for name, size in sizes.items()} | {"base_pose": start}
 
@@ -299,7 +298,7 @@ def test_a_robot_without_feet_of_its_own_is_refused():
 
 def test_a_loop_that_is_lent_brings_the_sensors_of_its_sensors(tmp_path, monkeypatch):
     """The page of a robot offers the loops of other stations of it, each with what it reads."""
-    text = (loops.diagrams_root() / "zjudancer_dynamic.yaml").read_text()
+    text = (load.diagrams_root() / "zjudancer_dynamic.yaml").read_text()
     parts = {
         "sensors": {
             "imu": {},
@@ -310,6 +309,7 @@ def test_a_loop_that_is_lent_brings_the_sensors_of_its_sensors(tmp_path, monkeyp
     }
     parts["controllers"] = {"guard": GUARD}
     (tmp_path / "lent.yaml").write_text(f"{text}\n{yaml.safe_dump(parts)}")
-    monkeypatch.setattr(loops, "diagrams_root", lambda: tmp_path)
-    known = loops.loops_known(load_station("zjudancer_dynamic"))
+    station = load_station("zjudancer_dynamic")
+    monkeypatch.setattr(load, "diagrams_root", lambda: tmp_path)
+    known = load.loops_known(station)
     assert set(known["guard"]) == {"controllers.guard", "sensors.odometry", "sensors.imu", "sensors.encoders"}

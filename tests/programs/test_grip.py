@@ -10,7 +10,7 @@ from simrob_drake import Arm, Workcell, load_station
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import SimrobError
 from simrob_drake.files import models_root
-from simrob_drake.robots.gripper import fingers_of
+from simrob_drake.robots.bodies import Gripper, fingers_of
 
 DOWN = [0.0, 0.0, np.pi]
 ALONE = {f"pieces.cube_{number}": None for number in (1, 2, 4, 5)}
@@ -56,10 +56,19 @@ def test_fingers_that_turn_and_follow_each_other_are_found():
         (LEFT, {**RIGHT, "axis": "0 1 0"}),  # both go the same way
         (LEFT, RIGHT, {**RIGHT, "name": "third", "kind": "revolute"}),  # and something else moves there
         ({**LEFT, "kind": "revolute"}, {**RIGHT, "parent": "left", "more": '<follows joint="left"/>'}),  # a chain
+        (  # one that stands
+            {**LEFT, "kind": "revolute"},
+            {**RIGHT, "kind": "revolute", "more": '<follows joint="left" multiplier="0"/>'},
+        ),
     ],
 )
 def test_what_is_no_hand_has_no_fingers(fingers):
     assert fingers_of(hand(*fingers)) is None
+
+
+def test_a_finger_that_is_open_where_it_is_closed_is_refused():
+    with pytest.raises(ValueError, match="left must be open elsewhere than closed"):
+        Gripper.model_validate({"axes": {"left": [0.02, 0.02], "right": [0, 0.02]}})
 
 
 def test_an_arm_from_its_urdf_alone_has_its_hand_as_the_tool(tmp_path):

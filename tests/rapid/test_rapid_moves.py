@@ -190,6 +190,14 @@ def test_what_a_controller_would_do_and_is_not_done_is_told_with_its_line(done):
     assert not moved.lost
 
 
+@pytest.mark.parametrize(("between", "targets"), [("", 3), ("WaitRob\\InPos;", 2)])
+def test_waiting_for_the_robot_ends_a_zone(done, between, targets):
+    first, *rest = (f"MoveL Offs(pA,0,0,{height}),v200,{zone},tPen\\WObj:=wTable;" for height, zone in
+                    ((-20, "z10"), (-40, "z10"), (-60, "fine")))  # fmt: skip
+    moved = done("\n".join(["ConfL\\Off;", "MoveJ pA,v500,fine,tPen\\WObj:=wTable;", first, between, *rest]))
+    assert len(np.reshape(moved.program.moves[-1].targets, (-1, 6))) == targets
+
+
 def test_where_the_robot_is_can_be_asked(done):
     moved = done(r"""
         VAR robtarget here;

@@ -11,8 +11,7 @@ from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 
 from simrob_drake.files import models_root
 from simrob_drake.frames import transform_from_pose
-from simrob_drake.robots.pieces import PieceModel, described_piece, load_piece, piece_file, piece_names
-from simrob_drake.robots.solids import solid_inertia
+from simrob_drake.robots.pieces import PieceModel, described_piece, load_piece, piece_file, piece_names, solid_inertia
 
 PIECES = models_root() / "pieces"
 MESHES = sorted(PIECES.glob("*/*.obj"))

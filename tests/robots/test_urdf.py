@@ -191,6 +191,7 @@ DEFECTS = [
     pytest.param('type="revolute"', 'type="floating"', "its type is 'floating'", id="floating joint"),
     pytest.param('type="revolute"', "", "joint 'shoulder': its type is ''", id="no type"),
     pytest.param(LIMIT, LIMIT + '<mimic joint="flange"/>', "joint 'shoulder': mimics another joint", id="mimic"),
+    pytest.param(LIMIT, LIMIT + '<mimic joint="flange" multiplier="two"/>', "'two' is not a number", id="multiplier"),
     pytest.param('<parent link="base"/>', '<parent link="upper"/>', "link 'upper' to itself", id="its own parent"),
     pytest.param('name="base"', 'name="world"', "link 'world': has the name of Drake's own world", id="world"),
     pytest.param("</robot>", '<material name="red"/></robot>', "material 'red': needs a name and", id="no colour"),

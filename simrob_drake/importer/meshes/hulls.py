@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 MOST_CORNERS = 130
 """A convex body with that many corners has at most 256 faces: contact stays quick, and no robot needs more."""
-_CLOSE = 1e-3
-"""Corners are left out while the hull stays within this part of the mesh's size, in each direction."""
+_CLOSE = 1e-3  # corners are left out while the hull stays within this part of the mesh's size, in each direction
 _GROWTH = 0.3
 """By which part the corners of a hull may grow in a round: slow growth spreads them better, and takes longer."""
 _THIN = 1e-4
@@ -136,8 +135,7 @@ def _fewest(corners: Vector) -> tuple[list[int], float]:
 
 def _heights(points: Vector, planes: Vector) -> Vector:
     """Return how far each point (n, 3) is over each plane (m, 4), as (n, m)."""
-    heights: Vector = np.einsum("ik,jk->ij", points, planes[:, :3]) + planes[:, 3]
-    return heights
+    return np.asarray(np.einsum("ik,jk->ij", points, planes[:, :3]) + planes[:, 3])
 
 
 def _extremes(points: Vector) -> list[int]:

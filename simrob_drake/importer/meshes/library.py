@@ -30,10 +30,8 @@ from simrob_drake.importer.packages import OutsideBorder
 from simrob_drake.interrupts import heard_afterwards
 
 Scale = tuple[float, float, float]
-_KEPT = 4
-"""How many meshes are kept in memory: the same file is mostly used again at once, for the collision."""
-_LARGE = 50.0
-"""A robot's part that is larger was drawn in millimetres [m]."""
+_KEPT = 4  # how many meshes are kept in memory: the same file is mostly used again at once, for the collision
+_LARGE = 50.0  # a robot's part that is larger was drawn in millimetres [m]
 
 
 @dataclass(frozen=True)

@@ -90,8 +90,7 @@ def points_of(parts: Iterable[MeshPart]) -> Vector:
 
 def size_of(parts: Iterable[MeshPart]) -> Vector:
     """Return the extents (3,) of the box along the axes around a mesh [m]."""
-    extents: Vector = np.ptp(points_of(parts), axis=0)
-    return extents
+    return np.asarray(np.ptp(points_of(parts), axis=0))
 
 
 def face_count(parts: Iterable[MeshPart]) -> int:
@@ -138,20 +137,16 @@ def _moved_normals(normals: Vector | None, turn: Vector) -> Vector | None:
 def unit(vectors: Vector) -> Vector:
     """Return vectors (..., 3) with length 1; zeros stay."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    scaled: Vector = vectors / np.where(lengths > 0, lengths, 1.0)
-    return scaled
+    return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))
 
 
 MOST_FACES = 50_000
 """A shape with more is decimated; with its own texture, which decimation loses, from four times as many on."""
 _TEXTURED = 4
-_DECIMALS = 9
-"""Vertices are rounded to nanometres: STL's single figures keep all they know, and files get shorter."""
+_DECIMALS = 9  # vertices are rounded to nanometres: STL's single figures keep all they know, and files get shorter
 _BLOCK = 100_000
-_FARTHEST = 1e6
-"""Vertices farther out are no shape of a robot [m]."""
-_SMOOTH = np.deg2rad(35.0)
-"""Faces that meet at less are one curved surface and shaded as such."""
+_FARTHEST = 1e6  # vertices farther out are no shape of a robot [m]
+_SMOOTH = np.deg2rad(35.0)  # faces that meet at less are one curved surface and shaded as such
 
 
 def mend(part: MeshPart) -> MeshPart:
@@ -240,5 +235,4 @@ def _with_area(vertices: Vector, faces: Faces) -> NDArray[np.bool_]:
     first, second, third = (vertices[faces[:, corner]] for corner in range(3))
     sides = (second - first, third - second, first - third)
     longest = np.max([np.einsum("ij,ij->i", side, side) for side in sides], axis=0)
-    large: NDArray[np.bool_] = np.linalg.norm(np.cross(sides[0], sides[2]), axis=1) > 1e-9 * longest
-    return large
+    return np.asarray(np.linalg.norm(np.cross(sides[0], sides[2]), axis=1) > 1e-9 * longest)

@@ -15,8 +15,7 @@ from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import Border, OutsideBorder, resolved, sorted_entries
 
 _NETWORK = ("http", "https", "ftp")
-_ENDS = 12
-"""How many parts of a path that is wrong at its beginning are tried."""
+_ENDS = 12  # how many parts of a path that is wrong at its beginning are tried
 
 
 class MeshMissing(Exception):

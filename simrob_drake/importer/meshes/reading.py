@@ -17,10 +17,8 @@ from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, Unre
 from simrob_drake.importer.meshes.parts import MeshPart, Rgba, face_count, grouped_by_look, usable
 from simrob_drake.interrupts import heard_afterwards
 
-_MOST_FACES = 1_500_000
-"""More take more than a gigabyte of memory to decimate."""
-_MOST_SHADED = 200_000
-"""A mesh with more faces is decimated, which leaves nothing of its normals."""
+_MOST_FACES = 1_500_000  # more take more than a gigabyte of memory to decimate
+_MOST_SHADED = 200_000  # a mesh with more faces is decimated, which leaves nothing of its normals
 _MOST_COLOURS = 16
 """A mesh with more vertex colours than that gets their mean: each colour is a shape of its own in the simulator."""
 

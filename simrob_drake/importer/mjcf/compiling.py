@@ -13,8 +13,7 @@ import mujoco
 
 from simrob_drake.importer.reading.child import ask, serve
 
-SECONDS = 100
-"""Of processor time that a model may take: hulls of many large meshes take long."""
+SECONDS = 100  # of processor time that a model may take: hulls of many large meshes take long
 _OCTAHEDRON = [1.0, 0, 0, -1, 0, 0, 0, 2, 0, 0, -2, 0, 0, 0, 3, 0, 0, -3]  # its own frame is that of its corners
 _FIELDS = {
     "body": "parentid jntadr jntnum pos quat ipos iquat mass inertia mocapid gravcomp",

@@ -28,8 +28,7 @@ from simrob_drake.importer.reading.xml_file import included, xml_element
 from simrob_drake.robots.urdf import MOST_TAGS, text
 from simrob_drake.robots.urdf_check import numbers_in
 
-TIME_LIMIT = 120.0
-"""Of a compilation [s]."""
+TIME_LIMIT = 120.0  # of a compilation [s]
 _MOST_FILES = 100  # that a model may include
 _SOFT = {
     "deformable": "what is soft is not simulated",

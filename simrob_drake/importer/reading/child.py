@@ -21,8 +21,7 @@ from typing import IO, Any, cast
 from simrob_drake.errors import shortened
 from simrob_drake.importer.options import ImportReport
 
-MAX_OUTPUT = 20_000_000
-"""Of one line that the process says [bytes]."""
+MAX_OUTPUT = 20_000_000  # of one line that the process says [bytes]
 _ENVIRONMENT = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH")  # without which some builds of Python do not start
 _SETTINGS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}  # sets keep one order
 
@@ -116,8 +115,7 @@ def serve(work: Callable[[dict[str, Any]], dict[str, Any]], seconds: int) -> Non
     print(json.dumps(end), flush=True)
 
 
-MEMORY = 1_000_000_000
-"""What a confined process may take [bytes]."""
+MEMORY = 1_000_000_000  # what a confined process may take [bytes]
 _COMPLAINTS = 1_000_000  # bytes that it may write to a file that is open already, as standard errors may be
 
 _NO_NEW_PRIVILEGES, _SET_SECCOMP, _FILTER_MODE = 38, 22, 2  # of prctl(2)

@@ -20,8 +20,7 @@ from xacro import substitution_args
 from simrob_drake.importer.reading.child import ask, serve
 from simrob_drake.importer.reading.expressions import Function, NotAllowed, bounded, evaluate, symbols
 
-SECONDS = 20
-"""Of processor time that an expansion may take: a xacro can call itself for ever."""
+SECONDS = 20  # of processor time that an expansion may take: a xacro can call itself for ever
 _LATE = ("encodings.latin_1", "unicodedata", "xml.dom.expatbuilder")  # modules that are loaded when first needed
 _MOST_MESSAGES = 20
 _UNITS = {

@@ -17,8 +17,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-LARGEST = 1_000_000
-"""How much a value may hold: letters, and ten for each number and each entry in it."""
+LARGEST = 1_000_000  # how much a value may hold: letters, and ten for each number and each entry in it
 _LONGEST = 20_000  # letters of an expression
 _BITS = 2048  # of a whole number; a float reaches to 1024
 _PLAIN = (bool, int, float, str, list, tuple, dict, set, range, type(None))

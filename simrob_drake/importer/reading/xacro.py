@@ -30,11 +30,9 @@ from simrob_drake.importer.packages import Border, OutsideBorder, sorted_entries
 from simrob_drake.importer.reading.child import ChildFailed, in_child
 from simrob_drake.importer.reading.xml_file import included, xml_text
 
-XACRO = "xacro:"
-"""What stands before the names of xacro's elements."""
+XACRO = "xacro:"  # what stands before the names of xacro's elements
 
-TIME_LIMIT = 20.0
-"""Of an expansion [s]: a xacro can call itself for ever."""
+TIME_LIMIT = 20.0  # of an expansion [s]: a xacro can call itself for ever
 
 _EXPANSION = "simrob_drake.importer.reading.expansion"
 _UNDEFINED = re.compile(r"Undefined substitution argument '?([\w.-]+)")

@@ -18,8 +18,7 @@ from simrob_drake.files import NotRead, content_of
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.robots.urdf import DRAKE, LARGEST_URDF, MOST_TAGS
 
-MAX_DEPTH = 60
-"""Of elements in elements; a URDF has six levels."""
+MAX_DEPTH = 60  # of elements in elements; a URDF has six levels
 
 _BEFORE_DECLARATION = r"(?>\s+|<!--.*?-->)"  # what may not, but often does, stand there: a licence, blanks
 _LATE_DECLARATION = re.compile(_BEFORE_DECLARATION + r"++(<\?xml\b.*?\?>)", re.DOTALL)

@@ -32,14 +32,10 @@ from simrob_drake.robots.urdf_check import numbers_in
 
 SIMPLE = "SimpleTransmission"
 
-SAFETY = 3.0
-"""How many times a motor can hold, stretched out, what hangs on it."""
-UNKNOWN_EFFORT = 10.0
-"""Where nothing is known of the masses [N·m or N]."""
-LEAST_TORQUE, LEAST_FORCE = 1.0, 10.0
-"""Least default efforts [N·m, N]."""
-REVOLUTE_SPEED, PRISMATIC_SPEED = math.pi, 1.0
-"""Default velocities [rad/s, m/s]."""
+SAFETY = 3.0  # how many times a motor can hold, stretched out, what hangs on it
+UNKNOWN_EFFORT = 10.0  # where nothing is known of the masses [N·m or N]
+LEAST_TORQUE, LEAST_FORCE = 1.0, 10.0  # least default efforts [N·m, N]
+REVOLUTE_SPEED, PRISMATIC_SPEED = math.pi, 1.0  # default velocities [rad/s, m/s]
 _SHARE = 0.1  # of the strongest motor: less would be a toy on the same robot
 _ENDLESS = 1e9  # N·m or N; what absurd masses would ask for
 _STRONGEST = 1e5  # N·m or N; efforts above stand for "no limit" and are no measure

@@ -31,8 +31,7 @@ from simrob_drake.robots.urdf_check import SHAPE_SIZES, shape_defect
 
 ROUNDING = 1e-3
 """Moments that miss what a body can have by less than this part of the largest are rounded ones, and are mended."""
-SMALL_MASS = 0.1
-"""Of a link that has neither mass nor shape, such as the one between two axes that cross [kg]."""
+SMALL_MASS = 0.1  # of a link that has neither mass nor shape, such as the one between two axes that cross [kg]
 _MARGIN = 1e-9  # of the largest moment: what writing and reading may cost
 _HEAVIEST, _LIGHTEST = 20_000.0, 1.0  # kg/m³, as tungsten and gold, and as air
 _FAR = 1.0  # m, between a centre of mass and the middle of the shapes

@@ -12,7 +12,7 @@ from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.importer.repairs.structure import drop_lost_frames
-from simrob_drake.robots.gripper import FOLLOWS
+from simrob_drake.robots.bodies import FOLLOWS
 from simrob_drake.robots.urdf import (
     DRAKE,
     MOVABLE_JOINTS,
@@ -34,8 +34,7 @@ _WAYS_OUT = {
 }
 _DEFAULT_AXIS = "1 0 0"  # of the URDF format
 
-DEFAULT_STROKE = 1.0
-"""Of a prismatic joint without limits, to each side [m]."""
+DEFAULT_STROKE = 1.0  # of a prismatic joint without limits, to each side [m]
 _MANY_TURNS = 4 * math.pi
 _ENDLESS = 1e4  # rad: larger limits are a way to write that there are none
 _ACCELERATION = f"{DRAKE}acceleration"

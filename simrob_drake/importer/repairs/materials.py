@@ -6,8 +6,7 @@ from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.names import free_name
 from simrob_drake.robots.urdf import DRAKE, add_colour, name_of, text
 
-DEFAULT_RGBA = [0.7, 0.7, 0.7, 1.0]
-"""Of a material that is not defined: a light grey."""
+DEFAULT_RGBA = [0.7, 0.7, 0.7, 1.0]  # of a material that is not defined: a light grey
 
 _TEXTURES = ("texture", f"{DRAKE}diffuse_map")
 

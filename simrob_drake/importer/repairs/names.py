@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.robots.urdf import DRAKE, link_of, name_of
 
-WORLD = "world"
-"""Drake's own link; no robot's link can have its name."""
+WORLD = "world"  # Drake's own link; no robot's link can have its name
 
 _NAMES_A_LINK = ("parent", "child", "frame", f"{DRAKE}member")
 

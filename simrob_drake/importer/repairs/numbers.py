@@ -13,8 +13,7 @@ from simrob_drake.robots.urdf_check import NUMBER, NUMBER_COUNTS
 LARGEST = 1e30
 """Larger figures count as infinite: no length, mass or torque is near it, and their squares would overflow."""
 
-SMALLEST = 1e-30
-"""Smaller ones count as zero."""
+SMALLEST = 1e-30  # smaller ones count as zero
 
 _UNITS = {"xyz": "m", "size": "m", "radius": "m", "length": "m", "rpy": "rad", "lower": "rad", "upper": "rad"}
 _CHECKED = ("link", "joint", "material")

@@ -7,7 +7,7 @@ from simrob_drake.errors import nearest
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.names import names, repair_names
 from simrob_drake.importer.repairs.numbers import mend_numbers
-from simrob_drake.robots.gripper import FOLLOWS
+from simrob_drake.robots.bodies import FOLLOWS
 from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, joints_at, link_of, name_of, outward
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, check_parents, check_size
 

@@ -12,8 +12,7 @@ from simrob_drake.importer.options import ImportReport
 from simrob_drake.robots.urdf import name_of
 from simrob_drake.robots.urdf_check import numbers_in
 
-SCOPE = "::"
-"""Between the name of a model and the name of what is in it."""
+SCOPE = "::"  # between the name of a model and the name of what is in it
 MODEL = "__model__"
 WORLD = "world"
 _OF_JOINT = "_joint"

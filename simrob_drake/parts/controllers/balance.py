@@ -25,7 +25,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.errors import UnknownName
+from simrob_drake.errors import one_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.support import Balanced, Direction, Support, rotation_of
@@ -184,8 +184,7 @@ class Balance(LoopSection):
         robot = self.on_feet(key, station)
         assert robot.feet is not None  # on_feet() has asked
         for name, step in self.steps.items():
-            if step.foot not in robot.feet.links:
-                raise UnknownName(f"foot of {robot.name} for {key}.steps.{name}.foot", step.foot, robot.feet.links)
+            one_of(f"foot of {robot.name} for {key}.steps.{name}.foot", step.foot, robot.feet.links)
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
         """Return what an input reads: of how the base turns, the plant's state unless a sensor is named."""

@@ -87,6 +87,11 @@ class FlowBlock(Strict):
         return self.of if isinstance(self.of, tuple) else (self.of,)
 
     @property
+    def law(self) -> FlowBlock:
+        """The block that computes it: itself, or one that is the same."""
+        return self
+
+    @property
     def size(self) -> int:
         """How many elements its output has."""
         return 1

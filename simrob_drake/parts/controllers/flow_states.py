@@ -118,7 +118,7 @@ class TransferFunction(FlowBlock):
         return self
 
     @cached_property
-    def _system(self) -> StateSpace:
+    def law(self) -> FlowBlock:
         """The same with states, which begin at 0."""
         lead, *rest = self.denominator
         size = len(rest)
@@ -131,25 +131,7 @@ class TransferFunction(FlowBlock):
             "C": [[figure - through * other for figure, other in zip(above, below, strict=True)]],
             "D": [[through]],
         }
-        return StateSpace.model_validate({"kind": "state_space", "of": self.of, **matrices})
-
-    @property
-    def start(self) -> Values:
-        """Its states at the start."""
-        return self._system.start
-
-    @property
-    def fed_through(self) -> bool:
-        """Whether its output depends on its inputs at the same time."""
-        return self._system.fed_through
-
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
-        return self._system.output(t, x, u)
-
-    def following(self, x: Values, u: Values) -> Values:
-        """Return what becomes of its states."""
-        return self._system.following(x, u)
+        return StateSpace.model_validate({"kind": "state_space", "of": self.of, "period": self.period, **matrices})
 
 
 class RateLimiter(FlowBlock):

@@ -12,10 +12,10 @@ from pydrake.systems.primitives import Adder, AffineSystem, Multiplexer, Saturat
 
 from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.controllers.outputs import add_to, declare_output
+from simrob_drake.parts.controllers.own import add_to, declare_output
 from simrob_drake.parts.sensors.sensor import Sensor
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.sections import Integer, Number, Positive, Strict
@@ -43,12 +43,10 @@ Weight = Annotated[Number, Field(gt=0, le=1)]
 class LoopSection(Strict):
     """A section of ``controllers`` that is a loop of the package's.
 
-    A kind has its key ``kind`` and the methods ``axes(robot)``, the names of the axes that it drives, and
-    ``block(key, robot, site)``, which makes its :class:`~simrob_drake.blocks.sampled.SampledBlock`. What that block
-    gives tells how it drives them: ``offset`` (n) is added to the reference [rad or m], ``target`` (n) takes its place
-    while ``active`` is not zero, ``offset_velocity`` (n) is added to the reference's velocity where the station has one
-    [rad/s or m/s], ``feedforward`` (n) to the torques [N·m or N]; other outputs are signals.
-    An input ``asked`` (n) is the reference as it is below the loop [rad or m].
+    What its block gives tells how it drives axes: ``offset`` (n) is added to the reference [rad or m], ``target`` (n)
+    takes its place while ``active`` is not zero, ``offset_velocity`` (n) is added to the reference's velocity where the
+    station has one [rad/s or m/s], ``feedforward`` (n) to the torques [N·m or N]; other outputs are signals. An input
+    ``asked`` (n) is the reference as it is below the loop [rad or m].
     """
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()
@@ -111,8 +109,8 @@ class LoopSection(Strict):
         return []
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return the names of the axes that it drives."""
-        raise NotImplementedError
+        """Return the names of the axes that it drives: all unless a kind says otherwise."""
+        return robot.axes
 
     def layered(self, robot: ResolvedRobot) -> Sequence[str]:
         """Return those of them whose reference it takes over."""
@@ -263,12 +261,10 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
 
 
 def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSection, wired: Wired) -> None:
-    """Connect the inputs of a loop to what they read."""
     key, robot = f"controllers.{name}", site.robot(section.robot)
     known = {read: port for read, port in wired.inputs.items() if read != ASKED}
     for read in section.reads:
-        if read not in known:
-            raise UnknownName(f"input of {key} for {key}.reads", read, known)
+        one_of(f"input of {key} for {key}.reads", read, known)
     for read, port in known.items():
         source = section.source(builder, read, robot, site, key)
         if source.size() != port.size():

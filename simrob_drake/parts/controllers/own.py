@@ -1,4 +1,4 @@
-"""A user's own block in a station: a LeafSystem whose ports are wired by their names."""
+"""A user's own block in a station, wired by the names of its ports, and what outputs of controllers become."""
 
 from __future__ import annotations
 
@@ -6,19 +6,59 @@ import importlib
 import importlib.util
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from os.path import isfile
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
+from pydrake.systems.primitives import PassThrough
 
-from simrob_drake.errors import InvalidParameter, UnknownName, quoted
+from simrob_drake.blocks.block import summed
+from simrob_drake.errors import InvalidParameter, one_of, quoted
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.controllers.outputs import declare_output
-from simrob_drake.parts.site import Site
+from simrob_drake.parts.site import Site, StationRobot
 from simrob_drake.sections import Strict
+from simrob_drake.signals import Panel, Signal
+
+
+def declare_output(
+    site: Site,
+    name: str,
+    port: OutputPort,
+    unit: str,
+    robot: StationRobot | None = None,
+    axes: Collection[str] | None = None,
+    *,
+    called: str = "",
+    components: Sequence[str] = (),
+) -> None:
+    """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each.
+
+    Of a robot's axes those are told that are named. It is called as its port is unless said. Units that differ are
+    told one by one, as "m/s, rad/s". Pictures call its numbers by the names of its components, if there are any.
+    """
+    called = called or port.get_name()
+    output, size = f"{name}.{called}", port.size()
+    robots = site.plant.robots.values() if robot is None else [robot]
+    by_axis = next((each.axes for each in robots if len(each.axes) == size), None)
+    entries = by_axis or [str(index) for index in range(size)]
+    every = size == 1 or axes is None or by_axis is None
+    indices = tuple(index for index, entry in enumerate(entries) if every or entry in (axes or ()))
+    names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in indices)
+    panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names, tuple(components))
+    picked = indices if len(indices) < size else None
+    units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(names)
+    site.add(output, port, Signal(names, units, "own", output, picked, part=name, panel=panel))
+
+
+def add_to(builder: DiagramBuilder, site: Site, key: str, added: Sequence[OutputPort], *, name: str) -> None:
+    """Add ports to what an input of a robot is given, by blocks of a ``name``; its input stands before them."""
+    reference = builder.AddNamedSystem(f"{key}.before_{name}", PassThrough(added[0].size()))
+    inner, site.inputs[key] = site.inputs[key], reference.get_input_port()
+    builder.Connect(summed(builder, f"{key}.{name}", reference.get_output_port(), *added), inner)
+    site.draw_nothing(key)
 
 
 class OwnController(Strict):
@@ -186,8 +226,7 @@ def _read(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> No
             raise InvalidParameter(f"the input {name_of_port} of the block {name}", "abstract", expected)
         builder.Connect(site.images[name_of_port], port)
         return
-    if name_of_port not in site.outputs:
-        raise UnknownName(f"output of the station for the input of the block {name} called", name_of_port, site.outputs)
+    one_of(f"output of the station for the input of the block {name} called", name_of_port, site.outputs)
     source = site.port(builder, name_of_port)
     if source.size() != port.size():
         sizes = f"of size {port.size()}", f"of size {source.size()}, as the station's output"
@@ -196,7 +235,6 @@ def _read(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> No
 
 
 def _drive(builder: DiagramBuilder, site: Site, name: str, port: OutputPort) -> None:
-    """Let an output drive the input of its name."""
     target = site.inputs[port.get_name()]
     if target.size() != port.size():
         sizes = f"of size {port.size()}", f"of size {target.size()}, as the station's input"

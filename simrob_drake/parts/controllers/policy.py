@@ -235,11 +235,7 @@ class LearntPolicy(SampledBlock):
         return {"offset": self._matrix @ action, "action": action, "count": memory["count"] + 1}
 
     def _action(self, law: Callable[[Vector], Vector], observation: Vector) -> Vector:
-        """Return the action that a law gives.
-
-        Raises:
-            BlockFails: it gives none, or is not asked, since what is observed is no number.
-        """
+        """Return the action of a law, which is not asked where what is observed is no number."""
         if not np.isfinite(observation).all():
             first = int(np.flatnonzero(~np.isfinite(observation))[0])
             raise BlockFails(self.get_name(), f"observes {observation[first]} in place {first} of {len(observation)}")

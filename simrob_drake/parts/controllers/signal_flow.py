@@ -43,7 +43,7 @@ from simrob_drake.parts.controllers.flow_states import (
     TransferFunction,
     ZeroOrderHold,
 )
-from simrob_drake.parts.controllers.outputs import add_to, declare_output
+from simrob_drake.parts.controllers.own import add_to, declare_output
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
@@ -232,7 +232,7 @@ class _Net:
         sizes = [*self.sources.values(), *(block.size for block in self.blocks.values())]
         starts = dict(zip(owners, accumulate(sizes, initial=2), strict=False)) | {_ONE: 0, _TIME: 1}
         wired = {
-            name: WiredBlock(self.blocks[name], [[(starts[o] + i, k) for (o, i), k in of.items()] for of in inputs])
+            name: WiredBlock(self.blocks[name].law, [[(starts[o] + i, k) for (o, i), k in of.items()] for of in inputs])
             for name, inputs in sums.items()
         }
         try:
@@ -249,7 +249,6 @@ class _Net:
         return {name: split.get_output_port(index) for index, name in enumerate(self.blocks)}
 
     def _elements(self, name: str, terms: Sum) -> dict[tuple[str, int], float]:
-        """Return a sum by whose elements it takes, and which."""
         return {self._element(f"{self.key}.blocks.{name}.of", term): k for term, k in _terms(terms).items()}
 
     def _element(self, key: str, term: str) -> tuple[str, int]:

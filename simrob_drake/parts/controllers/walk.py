@@ -59,10 +59,6 @@ class Walk(LoopSection):
         """Return the parameters of the walk."""
         return load_walking(robot.model, self.gait)
 
-    def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return all axes: legs walk, the others keep the posture of the walk."""
-        return robot.axes
-
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the robot stands on its own feet and has parameters to walk by.
 
@@ -276,7 +272,6 @@ class WalkingLoop(SampledBlock):
         return [abs(float(read[foot][2])) if place in felt else 0.0 for place, foot in enumerate(self._feet)]
 
     def _begun(self, read: Named) -> Changes:
-        """Return where the way into the first posture begins."""
         engine = self.engine
         seen = engine.body.seen(np.concatenate([read[name] for name in _READ]))
         stride, posture = engine.standing(self.start, engine.estimator.slope(seen))

@@ -69,15 +69,12 @@ class TorqueLimit(MonitorSection):
         robot = station.robot(self.robot, f"monitors.{name}")
         limit = self._limits(robot)
 
-        def uses(torque: Vector) -> Vector:
-            return np.asarray(np.abs(torque) / limit - 1 + _AT_LIMIT)
-
         def why(index: int, _: float) -> str:
             bound = f"{limit[index]:g} {robot.model.units[index].effort}"
             what = "its torque limit" if self.limit is None else "the limit"
             return f"{robot.axes[index]} stayed at {what} of {bound} for {self.hold:g} s"
 
-        return worst(of_axes(robot, "torque"), uses, why)
+        return worst(of_axes(robot, "torque"), lambda torque: np.abs(torque) / limit - 1 + _AT_LIMIT, why)
 
 
 class Settled(MonitorSection):
@@ -128,14 +125,11 @@ class Divergence(MonitorSection):
         """Return what ends a run; its excess is the largest speed over the bound [rad/s or m/s]."""
         robot = station.robot(self.robot, f"monitors.{name}")
 
-        def speeds(velocity: Vector) -> Vector:
-            return np.abs(velocity) - self.speed_limit
-
         def why(index: int, excess: float) -> str:
             unit, speed = f"{robot.model.units[index].si}/s", excess + self.speed_limit
             return f"{robot.axes[index]} ran away: {speed:.4g} {unit}, above {self.speed_limit:g} {unit}"
 
-        return worst(of_axes(robot, "velocity"), speeds, why)
+        return worst(of_axes(robot, "velocity"), lambda velocity: np.abs(velocity) - self.speed_limit, why)
 
 
 class PowerLimit(MonitorSection):
@@ -148,14 +142,12 @@ class PowerLimit(MonitorSection):
     def condition(self, name: str, station: Surroundings) -> Condition:
         """Return what ends a run; its excess is the power over the limit [W]."""
         robot = station.robot(self.robot, f"monitors.{name}")
+        why = f"the power of the joints of {robot.name} reached the limit of {self.limit:g} W{self.lasting}"
 
         def power(torque: Vector, velocity: Vector) -> Vector:
             return np.array([np.abs(torque * velocity).sum() - self.limit])
 
-        def why(*_: float) -> str:
-            return f"the power of the joints of {robot.name} reached the limit of {self.limit:g} W{self.lasting}"
-
-        return worst(of_axes(robot, "torque", "velocity"), power, why)
+        return worst(of_axes(robot, "torque", "velocity"), power, lambda *_: why)
 
 
 class EmptyGrip(MonitorSection):
@@ -183,7 +175,5 @@ class EmptyGrip(MonitorSection):
         def excess(position: Vector) -> float:
             return self.part - float(((position[places] - closed) / (opened - closed)).max())
 
-        def why(position: Vector) -> str:
-            return f"the fingers of {robot.name} closed with nothing between them"
-
-        return Condition({f"{robot.prefix}position": len(robot.axes)}, excess, why)
+        why = f"the fingers of {robot.name} closed with nothing between them"
+        return Condition(of_axes(robot, "position"), excess, lambda _: why)

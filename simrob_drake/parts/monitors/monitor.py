@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.monitor import Condition, Monitor, Trigger
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.site import ResolvedRobot, Site, Surroundings
 from simrob_drake.sections import NotNegative, Strict
@@ -94,8 +94,8 @@ class PoseMonitorSection(MonitorSection):
             SimrobError: no such free piece, no such robot, or a robot without such a tool.
         """
         size, free = len(XYZ_QUATERNION_NAMES), station.free_pieces
-        if self.piece is not None and self.piece not in free:
-            raise UnknownName(f"free piece for monitors.{name}.piece", self.piece, free)
+        if self.piece is not None:
+            one_of(f"free piece for monitors.{name}.piece", self.piece, free)
         if self.piece is not None or (not station.robots and len(free) == 1):
             piece = self.piece or free[0]
             return piece, {f"piece_pose.{piece}": size}, station.pieces[piece].pose
@@ -123,9 +123,9 @@ class SensorMonitorSection(MonitorSection):
             InvalidParameter: several, and the monitor names none.
         """
         known = [sensor for sensor, section in station.sensors.items() if section.kind == kind]
-        if self.sensor is not None and self.sensor not in known:
-            raise UnknownName(f"{kind} sensor for monitors.{name}.sensor", self.sensor, known)
-        if self.sensor is None and len(known) != 1:
+        if self.sensor is not None:
+            return one_of(f"{kind} sensor for monitors.{name}.sensor", self.sensor, known)
+        if len(known) != 1:
             none = f"a {kind} sensor, and the station has none under sensors:"
             raise InvalidParameter(f"monitors.{name}.sensor", None, f"one of {', '.join(known)}" if known else none)
-        return self.sensor or known[0]
+        return known[0]

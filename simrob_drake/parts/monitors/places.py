@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import model_validator
 
 from simrob_drake.blocks.monitor import Condition
-from simrob_drake.errors import UnknownName
+from simrob_drake.errors import one_of
 from simrob_drake.files import models_root
 from simrob_drake.frames import Vector, lean
 from simrob_drake.parts.monitors.monitor import PoseMonitorSection, SensorMonitorSection, worst
@@ -30,14 +30,8 @@ class Contact(SensorMonitorSection):
         """Return what ends a run, as the proximity switch of the Simulink library does; its excess is in metres."""
         sensor = self.watched_sensor(name, station, "distance")
         names = f"{station.sensors[sensor].body} and {station.sensors[sensor].other}"
-
-        def nearness(distance: Vector) -> Vector:
-            return self.distance - distance
-
-        def why(*_: float) -> str:
-            return f"{names} are nearer than {1e3 * self.distance:g} mm" if self.distance else f"{names} touch"
-
-        return worst({f"distance.{sensor}": 1}, nearness, why)
+        why = f"{names} are nearer than {1e3 * self.distance:g} mm" if self.distance else f"{names} touch"
+        return worst({f"distance.{sensor}": 1}, lambda distance: self.distance - distance, lambda *_: why)
 
 
 class ForceLimit(SensorMonitorSection):
@@ -52,14 +46,8 @@ class ForceLimit(SensorMonitorSection):
         sensor = self.watched_sensor(name, station, "force")
         body, limit = station.sensors[sensor].body, force_limit(self.limit)
         region = f" of {self.limit.replace('_', ' ')}" if isinstance(self.limit, str) else ""
-
-        def size(force: Vector) -> Vector:
-            return np.array([np.linalg.norm(force) - limit])
-
-        def why(*_: float) -> str:
-            return f"the force on {body} reached the limit of {limit:g} N{region}{self.lasting}"
-
-        return worst({f"force.{sensor}": 3}, size, why)
+        why = f"the force on {body} reached the limit of {limit:g} N{region}{self.lasting}"
+        return worst({f"force.{sensor}": 3}, lambda force: np.array([np.linalg.norm(force) - limit]), lambda *_: why)
 
 
 class _Table(Strict):
@@ -81,12 +69,8 @@ def force_limit(limit: float | str) -> float:
     Raises:
         UnknownName: no such region.
     """
-    if not isinstance(limit, str):
-        return limit
     regions = quasi_static_limits()
-    if limit not in regions:
-        raise UnknownName("body region", limit, regions)
-    return regions[limit]
+    return regions[one_of("body region", limit, regions)] if isinstance(limit, str) else limit
 
 
 class Fall(PoseMonitorSection):

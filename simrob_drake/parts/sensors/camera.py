@@ -184,7 +184,7 @@ class CameraSensor(Sensor):
     """Farthest depth that it tells [m]."""
     depth_noise: NotNegative = 0.0
     """Standard deviation of the depth of something 1 m away [m]; it grows with the square of the distance."""
-    seed: Integer = 0
+    seed: Integer = Field(default=0, ge=0)
     """Of the noise."""
     in_loop: Boolean = False
     """Give blocks of the user's own an input `image.<sensor>`, an image when they ask for one."""
@@ -229,11 +229,7 @@ class CameraSensor(Sensor):
         return parent, frame.GetFixedPoseInBodyFrame() @ transform_from_pose(self.pose)
 
     def _check_outside(self, name: str, station: StationPlant, parent: FrameId, pose: RigidTransform) -> None:
-        """Check that it is not inside of a shape at the start.
-
-        Raises:
-            InvalidParameter: it is.
-        """
+        """Check that it is not inside of a shape at the start."""
         plant, scene_graph = station.plant, station.scene_graph
         state, context, poses = plant.CreateDefaultContext(), scene_graph.CreateDefaultContext(), FramePoseVector()
         for frame in scene_graph.model_inspector().FramesForSource(plant.get_source_id()):

@@ -119,21 +119,16 @@ class LegOdometry(SampledSensor):
         The velocity is the linear one of the root link, then the angular one, in the world's axes.
         """
         robot, read = site.robot(self.robot), self.read(site.station.sensors)
-        soles, gravity = Soles(robot), robot.plant.gravity_field().gravity_vector()
-        weight = robot.plant.CalcTotalMass(soles.scratch, [robot.instance]) * float(np.linalg.norm(gravity))
+        soles = Soles(robot)
+        weight = robot.plant.CalcTotalMass(soles.scratch, [robot.instance]) * float(np.linalg.norm(soles.gravity))
         outputs = {what: f"{what}.{read[sensor]}" for what, sensor in _READS.items()}
         outputs |= {foot: f"force.{read[foot]}" for foot in soles.feet if foot in read}
         known = {**site.later, **site.outputs}
         block = BaseEstimator(
-            period=1 / self.rate,
-            delay=self.late_samples,
-            soles=soles,
-            size=len(robot.axes),
+            self,
+            soles,
             start=xyz_quaternion_from_transform(robot.base),
-            gravity=gravity,
             force=(self.force or weight / len(soles.feet)) if len(read) > 2 else None,
-            slip=self.slip,
-            velocity_time=self.velocity_time,
             level=not site.station.ground.incline if self.level is None else self.level,
         )
         signals = {}
@@ -154,6 +149,8 @@ class Soles:
 
     Attributes:
         scratch: a context of the plant.
+        gravity: g, in the world, shape (3,) [m/s²].
+        size: how many axes the robot has.
         feet: by the link of each foot the places of its points among all k.
         radius: of the balls that they are the middles of [m]; 0 for corners of a box.
     """
@@ -161,7 +158,8 @@ class Soles:
     def __init__(self, robot: StationRobot) -> None:
         """Prepare a robot on feet."""
         assert robot.feet is not None  # the section has checked
-        plant, self._axes = robot.plant, robot.axis_map
+        plant, self._axes, self.size = robot.plant, robot.axis_map, len(robot.axes)
+        self.gravity = plant.gravity_field().gravity_vector()
         self._plant, self.scratch = weakref.proxy(plant), plant.CreateDefaultContext()
         self._positions, self._root = plant.GetPositions(self.scratch), robot.root.index()
         self._links = [plant.GetFrameByName(link, robot.instance).index() for link in robot.feet.links]
@@ -201,35 +199,20 @@ class BaseEstimator(SampledBlock):
     """
 
     def __init__(
-        self,
-        *,
-        period: float,
-        delay: int = 0,
-        soles: Soles,
-        size: int,
-        start: Vector,
-        gravity: Vector,
-        force: float | None = None,
-        slip: float,
-        velocity_time: float,
-        level: bool,
+        self, section: LegOdometry, soles: Soles, *, start: Vector, force: float | None = None, level: bool = False
     ) -> None:
-        """Make the block.
+        """Make the block of a section.
 
         Args:
-            period: T, between samples [s].
-            delay: by how many samples it tells them late.
+            section: its parameters.
             soles: the points that touch the ground.
-            size: n, of axes.
             start: pose at the start, shape (7,).
-            gravity: g, in the world, shape (3,) [m/s²].
             force: from which a foot counts in full [N]; None where no forces are read.
-            slip: s [m/s].
-            velocity_time: τ [s].
             level: whether the ground is the plane z = 0.
         """
+        period = 1 / section.rate
         feet = {} if force is None else dict.fromkeys(soles.feet, 3)
-        self._reads = {"position": size, "orientation": 4, "angular_velocity": 3, "specific_force": 3, **feet}
+        self._reads = {"position": soles.size, "orientation": 4, "angular_velocity": 3, "specific_force": 3, **feet}
         points = len(soles.arms)
         super().__init__(
             period=period,
@@ -243,10 +226,10 @@ class BaseEstimator(SampledBlock):
                 "shares": np.zeros(points),
             },
             gives=("base_pose", "base_velocity"),
-            delay=delay,
+            delay=section.late_samples,
         )
-        self._soles, self._gravity, self._force, self._slips = soles, gravity, force, (slip * period) ** 2
-        self._follow = (1 - math.exp(-period / velocity_time)) / period
+        self._soles, self._force, self._slips = soles, force, (section.slip * period) ** 2
+        self._follow = (1 - math.exp(-period / section.velocity_time)) / period
         self._learn = self._follow / _BIAS
         self.level, self._settle = level, 1 - math.exp(-period / _LEVELS) if level else 0.0
 
@@ -259,7 +242,7 @@ class BaseEstimator(SampledBlock):
             return {"base_pose": np.concatenate([place, pose[3:]]), "shares": np.zeros(len(soles.arms))}
         turn, before = measured["orientation"], pose[3:]
         turned, middle = _rotation(turn), _rotation(before + math.copysign(1.0, before @ turn) * turn)
-        change = period * (middle @ (measured["specific_force"] - memory["bias"]) + self._gravity)
+        change = period * (middle @ (measured["specific_force"] - memory["bias"]) + soles.gravity)
         step, speed = period * (motion[:3] + change / 2), motion[:3] + change
         poses = soles.poses(measured["position"], turned)
         lowest, places = soles.arms.copy(), (poses @ soles.arms[:, :, np.newaxis])[:, :, 0]

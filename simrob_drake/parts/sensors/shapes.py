@@ -142,7 +142,6 @@ class Force(ShapeSensor):
         site.add(f"moment.{name}", split.get_output_port(1), moment)
 
     def _reported(self, builder: DiagramBuilder, name: str, wrench: OutputPort) -> OutputPort:
-        """Return what the sensor tells of a wrench (6)."""
         if self.rate is None or not self._errs:
             return sampled(builder, name, wrench, self.rate)
         return fed(builder, name, MeasuredWrench(self, self.rate), wrench)

@@ -22,8 +22,7 @@ _SHORT = {
     "meter": "m", "centimeter": "cm", "millimeter": "mm", "inch": "in", "foot": "ft", "kilogram": "kg", "gram": "g",
     "pound": "lbm",
 }  # fmt: skip
-_ROTATION = 1e-3
-"""By how much nine numbers may miss a rotation: exporters round them."""
+_ROTATION = 1e-3  # by how much nine numbers may miss a rotation: exporters round them
 
 
 @dataclass(frozen=True)

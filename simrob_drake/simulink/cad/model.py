@@ -228,8 +228,7 @@ def _matrix(values: Vector) -> str:
     return f"[{'; '.join(' '.join(repr(float(value)) for value in row) for row in values)}]"
 
 
-_SAME = 1e-5
-"""Of directions, and of metres: what counts as parallel or in one place."""
+_SAME = 1e-5  # of directions, and of metres: what counts as parallel or in one place
 _LINES = {"line", "cylinder", "circle", "cone"}
 _POINTS = {"point", "sphere"}
 

@@ -129,8 +129,7 @@ def _add_units(definitions: Element, units: Iterable[str]) -> None:
         SubElement(defined, "BaseUnit", bases | ({} if factor == 1 else {"factor": repr(factor)}))
 
 
-_MAKERS = {2: "pythonfmu", 3: "pythonfmu3"}
-"""Packages whose libraries call Python, by version of FMI."""
+_MAKERS = {2: "pythonfmu", 3: "pythonfmu3"}  # packages whose libraries call Python, by version of FMI
 _LIBRARIES = ("*.so", "*.dylib")  # there is no Drake for Windows
 _SCRIPT = '''"""A station as a unit; simrob_drake must be importable where it runs."""
 

@@ -22,8 +22,7 @@ from simrob_drake.simulink.mechanics.solids import (
 from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
 
-_SAME = 1e-6
-"""How far apart two ways to one frame may put it [m, and of rotation]."""
+_SAME = 1e-6  # how far apart two ways to one frame may put it [m, and of rotation]
 
 
 @dataclass(eq=False)

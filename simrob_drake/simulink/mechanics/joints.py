@@ -9,8 +9,64 @@ from pydrake.common.eigen_geometry import AngleAxis, Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.mechanics.floating import Pull, read_pulls, sensed_parts
 from simrob_drake.simulink.model.nodes import Node
+
+_FLOATING: dict[str, dict[str, tuple[int, ...]]] = {
+    **{f"P{axis}": {"SensePosition": (place,), "SenseVelocity": (place + 7,), "SenseAcceleration": (),
+                    "SenseTorqueForce": ()} for place, axis in enumerate("xyz")},
+    "Sph": {"SensePosition": (3, 4, 5, 6), "SenseVelocityX": (10,), "SenseVelocityY": (11,), "SenseVelocityZ": (12,),
+            "SenseVelocity": (10, 11, 12), **{f"SenseAcceleration{axis}": () for axis in ("X", "Y", "Z", "")}},
+}  # fmt: skip
+"""What the ports of a floating joint hand out: which parts of a frame sensor; none of what no station measures."""
+
+
+@dataclass(frozen=True)
+class Pull:
+    """What acts along or about one axis of the base of a floating joint."""
+
+    place: int  # 0 to 2 of a force along x, y, z; 3 to 5 of a torque about them
+    port: int  # the left port of its signal; 0 without
+    stiffness: float  # of its spring
+    rest: float  # of its spring
+    damping: float  # of its damper
+    stops: tuple[tuple[float, float, float], ...] = ()
+    """Of a force, a place beyond which a spring pushes back, which way (1 up, -1 down), and how stiff it is."""
+
+
+def sensed_parts(node: Node) -> dict[int, tuple[int, ...]]:
+    """Return which parts of a frame sensor the ports of a joint hand out, by the number of the right port."""
+    asked = [parts for kind, all_ in _FLOATING.items() for name, parts in all_.items() if node.is_on(f"{kind}{name}")]
+    return dict(enumerate(asked, start=2))
+
+
+def read_pulls(node: Node) -> list[Pull]:
+    """Return what acts in a joint that leaves all free, along its base's axes: signals, springs, dampers, stops."""
+    pulls, port = [], 2
+    for place, kind in enumerate(("Px", "Py", "Pz")):
+        driven = node.text(f"{kind}TorqueActuationMode") == "InputTorque"
+        stiffness = node.number(f"{kind}SpringStiffness", unit="N/m")
+        damping = node.number(f"{kind}DampingCoefficient", unit="N*s/m")
+        stops = []
+        for end, way in (("Lower", 1.0), ("Upper", -1.0)):
+            if node.is_on(f"{kind}{end}LimitSpecify"):
+                bound = node.number(f"{kind}{end}LimitBound", unit="m")
+                stops.append((bound, way, node.number(f"{kind}{end}LimitStiffness", "1e4", unit="N/m")))
+        if stops:
+            node.note("approximated", f"its stops along {kind[1]} are springs without dampers")
+        if driven or stiffness or damping or stops:
+            rest = node.number(f"{kind}EquilibriumPosition", unit="m") if stiffness else 0.0
+            pulls.append(Pull(place, port if driven else 0, stiffness, rest, damping, tuple(stops)))
+        port += driven
+    turning = node.number("SphDampingCoefficient", unit="N*m*s/rad")
+    for place, axis in enumerate(("X", "Y", "Z")):
+        driven = node.is_on(f"SphActuateTorque{axis}")
+        if driven or turning:
+            pulls.append(Pull(3 + place, port if driven else 0, 0.0, 0.0, turning))
+        port += driven
+    if node.number("SphSpringStiffness", unit="N*m/rad"):
+        node.note("lost", "its spring against turning")
+    return pulls
+
 
 AXES = {f"{sign}{name}": factor * row + 0.0 for sign, factor in (("+", 1.0), ("-", -1.0)) for name, row in
         zip("XYZ", np.eye(3), strict=True)}  # fmt: skip
@@ -44,8 +100,7 @@ def rotation(node: Node, prefix: str = "") -> RotationMatrix:
     Raises:
         InvalidModel: a method or figure that cannot be.
     """
-    method = node.text(f"{prefix}RotationMethod", "None")
-    if method not in _ROTATIONS:
+    if (method := node.text(f"{prefix}RotationMethod", "None")) not in _ROTATIONS:
         raise node.refusal(f"has the unknown rotation method '{method}'")
     return _ROTATIONS[method](node, prefix)
 
@@ -136,7 +191,6 @@ PRIMITIVES = {
 }
 """What each joint block lets free, in order: slides, turns, a sphere."""
 JOINTS = set(PRIMITIVES)
-SCREW = "Lead Screw Joint"
 
 _COUNTS = {"High": 1e-2, "Low": 3e-4}
 """How much a target counts that a joint asks for, by its priority; what nobody asks for counts 1e-5."""
@@ -222,19 +276,16 @@ def read_joint(node: Node) -> Joint:
             right += sum(node.is_on(f"{prefix}{sensed}") for sensed in _SPHERE_SENSED)
             continue
         (freedom,) = freedoms
-        for parameter, setting, how in (
-            ("TorqueActuationMode", "InputTorque", "torque"),
-            ("MotionActuationMode", "InputMotion", "motion"),
-        ):
-            if node.text(f"{prefix}{parameter}") == setting:
-                joint.inputs[left] = (freedom, how)
-                freedom.driven = how
+        for what in ("Torque", "Motion"):
+            if node.text(f"{prefix}{what}ActuationMode") == f"Input{what}":
+                freedom.driven = what.lower()
+                joint.inputs[left] = (freedom, freedom.driven)
                 left += 1
         for sensed, what in _SENSED:
             if node.is_on(f"{prefix}{sensed}"):
                 joint.outputs[right] = (freedom, what)
                 right += 1
-    if node.kind == SCREW:
+    if node.kind == "Lead Screw Joint":
         _read_screw(node, joint)
     return joint
 
@@ -254,8 +305,7 @@ def _read_screw(node: Node, joint: Joint) -> None:
         for quantity, unit in (("Position", length), ("Velocity", f"{length}/s")):
             asked = node.is_on(f"{quantity}TargetSpecify")
             if asked and node.is_on(f"{quantity}TargetRotationBased") == freedom.turns:
-                value = node.number(f"{quantity}Target{name}Value", unit=unit)
-                _ask(node, "", freedom, quantity, value)
+                _ask(node, "", freedom, quantity, node.number(f"{quantity}Target{name}Value", unit=unit))
 
 
 def _freedom(node: Node, kind: str, prefix: str) -> Freedom:

@@ -141,8 +141,7 @@ def _turned(pose: RigidTransform) -> Vector:
 
 _CLOSED = 1e-6  # m
 _NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
-_CHANGES = 1e-3
-"""By so much of its largest factor a gear's factors may change with the posture."""
+_CHANGES = 1e-3  # by so much of its largest factor a gear's factors may change with the posture
 _CUT: dict[str, Literal["hinge", "ball"]] = {"Revolute Joint": "hinge", "Spherical Joint": "ball"}
 
 

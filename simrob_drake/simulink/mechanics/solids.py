@@ -50,12 +50,10 @@ _OLD_SHAPES = {
     "Revolution": "Revolved Solid",
     "FromFile": "File Solid",
 }
-SOLIDS = {*_SHAPES, "File Solid", "Solid", "Inertia", "Graphic"}
-"""The blocks that are read here."""
+SOLIDS = {*_SHAPES, "File Solid", "Solid", "Inertia", "Graphic"}  # the blocks that are read here
 
 
-_POINT = 1e-8
-"""m²: a mass without extent turns as a ball of 0.16 mm."""
+_POINT = 1e-8  # m²: a mass without extent turns as a ball of 0.16 mm
 
 
 @dataclass(frozen=True)

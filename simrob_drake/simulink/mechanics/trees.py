@@ -17,8 +17,7 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.nodes import Node
 
 Holding = dict[RigidPart, list[Link]]
-Poses = Mapping[RigidPart, RigidTransform]
-"""Poses of bodies' first frames in that of the root."""
+Poses = Mapping[RigidPart, RigidTransform]  # poses of bodies' first frames in that of the root
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from simrob_drake.simulink.model.nodes import Expanded, Node, chosen_variant
 from simrob_drake.simulink.reading.graph import Port
 
-Place = tuple[int, str, int]
-"""A port of a node: the node's identity, side and number."""
+Place = tuple[int, str, int]  # a port of a node: the node's identity, side and number
 
 _CONDITIONS = ("enable", "ifaction")
 _LONGEST_WAY = 1000  # through subsystems and tags

@@ -16,8 +16,7 @@ from xml.parsers import expat
 
 from simrob_drake.importer.options import EntryKind
 
-MAX_DEPTH = 200
-"""Of elements in elements."""
+MAX_DEPTH = 200  # of elements in elements
 
 
 class Unreadable(ValueError):

@@ -87,13 +87,10 @@ class Form:
         return computed("product", other, self, divides=[1])
 
 
-Value: TypeAlias = Form | float
-"""An element of a signal."""
-Signal: TypeAlias = np.ndarray[Any, np.dtype[np.object_]]
-"""Values in an array of shape (n,), or (r, c) of a matrix."""
+Value: TypeAlias = Form | float  # an element of a signal
+Signal: TypeAlias = np.ndarray[Any, np.dtype[np.object_]]  # values in an array of shape (n,), or (r, c) of a matrix
 
-MOST_ELEMENTS = 10_000
-"""Of a signal."""
+MOST_ELEMENTS = 10_000  # of a signal
 ONE = Term("one")
 TIME = Form({Term("time"): 1.0})
 

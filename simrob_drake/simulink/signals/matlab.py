@@ -23,10 +23,8 @@ _SIGNATURE = re.compile(r"function\s+(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(
 _SEVERAL = re.compile(r"\[([^\]=]+)\]\s*=(?!=)\s*(.+)", re.DOTALL)
 _CALL = re.compile(r"(\w+)\s*\((.*)\)\s*", re.DOTALL)
 _MOST_CALLS = 50
-_ENDED = "return"
-"""Where it is kept whether a function has returned."""
-_PARTIAL = ("sqrt", "log", "asin", "acos", "pow")
-"""Functions that are not there for every number."""
+_ENDED = "return"  # where it is kept whether a function has returned
+_PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number
 
 
 class Translation(CodeRun):

@@ -28,8 +28,7 @@ from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood
 
 _MOST_INPUTS = 1000
-_BETWEEN = re.compile(r",(?![^\[]*\])")
-"""The commas between the indices of a matrix, and not those within brackets."""
+_BETWEEN = re.compile(r",(?![^\[]*\])")  # the commas between the indices of a matrix, and not those within brackets
 
 
 def _inport(_: SignalReader, node: Node, __: int) -> Signal:
@@ -95,8 +94,7 @@ def _selector(reader: SignalReader, node: Node, _: int) -> Signal | None:
         one.max(initial=0) >= size or one.min(initial=0) < 0 for one, size in zip(chosen, values.shape, strict=True)
     ):
         return None
-    found: Signal = values[np.ix_(*chosen)]
-    return found
+    return np.asarray(values[np.ix_(*chosen)], dtype=object)
 
 
 def _reshape(reader: SignalReader, node: Node, _: int) -> Signal:

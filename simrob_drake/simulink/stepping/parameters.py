@@ -106,12 +106,9 @@ def _undeclared(port: str, size: int) -> dict[int, tuple[str, str]]:
 
 
 _GAINS = {"kp": "{effort}/{si}", "ki": "{effort}/({si}·s)", "kd": "{effort}·s/{si}", "torque_limit": "{effort}"}
-_OF_COMPUTED_TORQUE = {"kp": "1/s²", "kd": "1/s", "torque_limit": "{effort}"}
-"""Gains and their units."""
-_SECTIONS = ("forces", "controllers", "contact", "floor")
-"""Sections whose numbers are parameters."""
-_LONGEST = 9
-"""Entries that a list of such numbers has."""
+_OF_COMPUTED_TORQUE = {"kp": "1/s²", "kd": "1/s", "torque_limit": "{effort}"}  # gains and their units
+_SECTIONS = ("forces", "controllers", "contact", "floor")  # sections whose numbers are parameters
+_LONGEST = 9  # entries that a list of such numbers has
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.yaml_files import parse_json
 
 LOCAL, PORT = "127.0.0.1", 8300
-CLIENT = Path(__file__).parent / "client"
-"""The folder with functions for MATLAB and Octave."""
+CLIENT = Path(__file__).parent / "client"  # the folder with functions for MATLAB and Octave
 TOKEN_VARIABLE = "SIMROB_TOKEN"
 _PATIENCE = 10.0  # s, for the token
 _LONGEST = 1_000_000  # bytes of a line

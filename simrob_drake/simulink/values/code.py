@@ -13,8 +13,7 @@ import numpy as np
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
-MOST_STEPS = 20_000
-"""Statements of one piece of code."""
+MOST_STEPS = 20_000  # statements of one piece of code
 
 _KEYWORD = re.compile(r"(if|elseif|else|end|for|while|switch|case|otherwise|try|catch|function|return|break)\b")
 _ASSIGNMENT = re.compile(r"([A-Za-z]\w*)((?:\.[A-Za-z]\w*)*)(\([^=]*\))?\s*=(?!=)\s*(.+)", re.DOTALL)

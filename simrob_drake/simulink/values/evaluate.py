@@ -10,8 +10,7 @@ import numpy as np
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood
 
-LARGEST = 1_000_000
-"""Elements of a matrix."""
+LARGEST = 1_000_000  # elements of a matrix
 
 
 def matrix(value: Any) -> Vector:
@@ -174,8 +173,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 """By their names in MATLAB."""
 
 
-Lookup = Callable[[str], Any]
-"""Returns the value of a variable, or raises `UndefinedVariable`."""
+Lookup = Callable[[str], Any]  # returns the value of a variable, or raises `UndefinedVariable`
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,7 @@ from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
-LARGEST = 200_000_000
-"""Of a file, and of all that is packed in it [bytes]."""
+LARGEST = 200_000_000  # of a file, and of all that is packed in it [bytes]
 _DEEPEST = 50  # matrices in cells and structures
 _MOST_ELEMENTS = 500_000
 _HEADER, _VERSION_5 = 128, (b"IM", b"MI")  # the mark of little-endian files, and of big-endian ones

@@ -24,8 +24,7 @@ from simrob_drake.simulink.writing.touching import StationFiles
 from simrob_drake.simulink.writing.urdf import UniqueNames, plain, pose_list
 
 Sum = dict[str, float]
-_MOST_SIGNALS = 60
-"""Blocks of a law that are signals of its station."""
+_MOST_SIGNALS = 60  # blocks of a law that are signals of its station
 
 
 class FlowWriter:
@@ -250,8 +249,7 @@ def _take_inputs(writer: FlowWriter, model: SimulinkModel) -> None:
 
 
 _AXES = {"World": "world", "Base": "base", "Follower": "frame"}
-_VECTORS = (0, 7, 10)
-"""Where position, velocity and turning rate begin among the parts."""
+_VECTORS = (0, 7, 10)  # where position, velocity and turning rate begin among the parts
 
 
 def frame_sensors(

@@ -24,10 +24,8 @@ from simrob_drake.simulink.writing.flow import FlowWriter
 from simrob_drake.simulink.writing.touching import StationFiles
 from simrob_drake.simulink.writing.urdf import UniqueNames, pose_list
 
-_CORNER = 2 * SHORTEST
-"""How long a step takes [s]: rows of a table must be a SHORTEST apart."""
-RATE = 200.0
-"""Rows a second of a table."""
+_CORNER = 2 * SHORTEST  # how long a step takes [s]: rows of a table must be a SHORTEST apart
+RATE = 200.0  # rows a second of a table
 
 
 @dataclass

@@ -28,8 +28,7 @@ from simrob_drake.simulink.writing.touching import ContactSections, StationFiles
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
 from simrob_drake.stations.config import JointStops
 
-_INSIDE = 1e-8
-"""How far within its limits a joint starts at least [rad or m]: files hold degrees and radians."""
+_INSIDE = 1e-8  # how far within its limits a joint starts at least [rad or m]: files hold degrees and radians
 _SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},

@@ -30,8 +30,7 @@ from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames
 _PLANE = "Infinite Plane"
 _POINT, _MOST_POINTS = 1e-3, 100
 """Radius of a sphere that stands for a point of a cloud [m], and how many of them touch at most."""
-MOST_DISSIPATION = 50.0
-"""s/m: a contact that damps more does not bounce either way, and is hard to integrate."""
+MOST_DISSIPATION = 50.0  # s/m: a contact that damps more does not bounce either way, and is hard to integrate
 
 
 @dataclass

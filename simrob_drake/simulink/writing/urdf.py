@@ -45,8 +45,7 @@ def plain(text: str) -> str:
 
 
 ROOT = "base"
-AMPLE = 1e6
-"""Effort of a motor that the model does not limit [N·m or N]."""
+AMPLE = 1e6  # effort of a motor that the model does not limit [N·m or N]
 _FAR = 1e3  # m or rad: the limit of a joint that has none, or one only
 _TINY = 1e-9
 

@@ -131,12 +131,12 @@ def add_sensors(
         for output, frame in frames.items():
             place = f"{robot.prefix}{output.removesuffix('_pose').removeprefix('tcp_pose.')}"
             add_site(spec, frame, name=place, names=names)
-            outputs[f"{robot.prefix}{output}"] = _pose(spec, place, _OBJECTS.mjOBJ_SITE, place)
+            outputs[f"{robot.prefix}{output}"] = _of_frame(spec, place, _OBJECTS.mjOBJ_SITE, place)
         if robot.tcp:
             outputs[f"{robot.prefix}tcp_pose"] = outputs[f"{robot.prefix}tcp_pose.{robot.tcp}"]
     for piece, body in plant.free_pieces.items():
-        outputs[f"piece_pose.{piece}"] = _pose(spec, f"piece.{piece}", _OBJECTS.mjOBJ_XBODY, names.body(body))
-        outputs[f"piece_velocity.{piece}"] = _velocity(spec, f"piece.{piece}", _OBJECTS.mjOBJ_XBODY, names.body(body))
+        seen = spec, f"piece.{piece}", _OBJECTS.mjOBJ_XBODY, names.body(body)
+        outputs |= {f"piece_pose.{piece}": _of_frame(*seen), f"piece_velocity.{piece}": _of_frame(*seen, "row")}
     pairs = {(pair.geomname1, pair.geomname2) for pair in spec.pairs}
     for name, section in station.sensors.items():
         if isinstance(section, Force | Distance) and station.has_contact:
@@ -163,16 +163,16 @@ def _of_servos(spec: mujoco.MjSpec, robot: StationRobot) -> dict[str, OutputSens
     return outputs
 
 
-def _pose(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtObj, of: str) -> OutputSensors:
-    spec.add_sensor(name=f"{name}.position", type=_SENSES.mjSENS_FRAMEPOS, objtype=kind, objname=of)
-    spec.add_sensor(name=f"{name}.quaternion", type=_SENSES.mjSENS_FRAMEQUAT, objtype=kind, objname=of)
-    return OutputSensors((f"{name}.position", f"{name}.quaternion"), "pose")
-
-
-def _velocity(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtObj, of: str) -> OutputSensors:
-    spec.add_sensor(name=f"{name}.velocity", type=_SENSES.mjSENS_FRAMELINVEL, objtype=kind, objname=of)
-    spec.add_sensor(name=f"{name}.angular_velocity", type=_SENSES.mjSENS_FRAMEANGVEL, objtype=kind, objname=of)
-    return OutputSensors((f"{name}.velocity", f"{name}.angular_velocity"))
+def _of_frame(
+    spec: mujoco.MjSpec, name: str, objtype: mujoco.mjtObj, objname: str, kind: Literal["pose", "row"] = "pose"
+) -> OutputSensors:
+    """Add sensors of a frame's pose, or in a row of its linear and its angular velocity."""
+    poses = {"position": _SENSES.mjSENS_FRAMEPOS, "quaternion": _SENSES.mjSENS_FRAMEQUAT}
+    speeds = {"velocity": _SENSES.mjSENS_FRAMELINVEL, "angular_velocity": _SENSES.mjSENS_FRAMEANGVEL}
+    sensors = {f"{name}.{part}": sense for part, sense in (poses if kind == "pose" else speeds).items()}
+    for sensor, sense in sensors.items():
+        spec.add_sensor(name=sensor, type=sense, objtype=objtype, objname=objname)
+    return OutputSensors(tuple(sensors), kind)
 
 
 def _of_shapes(spec: mujoco.MjSpec, kind: str, name: str, pairs: list[tuple[str, str]]) -> dict[str, OutputSensors]:

@@ -45,7 +45,7 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from pydrake.geometry import GeometryId, ProximityProperties
+from pydrake.geometry import DefaultProximityProperties, GeometryId, ProximityProperties
 from pydrake.multibody.plant import CalcContactFrictionFromSurfaceProperties, CoulombFriction
 
 from simrob_drake.errors import InvalidParameter
@@ -134,7 +134,10 @@ def ratio(surface: TouchingPair, inverse_mass: float, speed: float, gravity: flo
 
 def surfaces(station: StationPlant) -> list[tuple[GeometryId, GeometryId, TouchingPair]]:
     """Return the pairs of shapes that may touch, with what they are together in Drake."""
-    inspector, usual = station.scene_graph.model_inspector(), _usual(station)
+    inspector, usual = (
+        station.scene_graph.model_inspector(),
+        station.scene_graph.get_config().default_proximity_properties,
+    )
     found = []
     for pair in touching_pairs(station):
         own = [inspector.GetProximityProperties(shape) for shape in pair]
@@ -145,18 +148,11 @@ def surfaces(station: StationPlant) -> list[tuple[GeometryId, GeometryId, Touchi
     return found
 
 
-def _stiffness_and_damping(properties: ProximityProperties, usual: tuple[float, float]) -> tuple[float, float]:
-    keys = "point_contact_stiffness", "hunt_crossley_dissipation"
-    stiffness, dissipation = (
-        properties.GetPropertyOrDefault("material", key, value) for key, value in zip(keys, usual, strict=True)
-    )
+def _stiffness_and_damping(properties: ProximityProperties, usual: DefaultProximityProperties) -> tuple[float, float]:
+    own = properties.GetPropertyOrDefault
+    stiffness: float = own("material", "point_contact_stiffness", usual.point_stiffness)
+    dissipation: float = own("material", "hunt_crossley_dissipation", usual.hunt_crossley_dissipation)
     return stiffness, dissipation
-
-
-def _usual(station: StationPlant) -> tuple[float, float]:
-    """Return stiffness and dissipation of shapes that have none of their own."""
-    usual = station.scene_graph.get_config().default_proximity_properties
-    return usual.point_stiffness, usual.hunt_crossley_dissipation
 
 
 mujoco.set_mju_user_warning(lambda _: None)  # runs that go astray are told by their results
@@ -223,7 +219,9 @@ def mujoco_model(
     if driver == "controls":
         for robot in plant.robots.values():
             add_servos(spec, robot, names)
-        _add_forces(spec, station, plant, names)
+        for name, force in station.config.forces.items():
+            frame, point = place_of(plant, force.place_name(f"forces.{name}", station))
+            add_force(spec, frame, point, name=f"force.{name}", names=names)
     elif driver == "diagram":
         add_motors(spec, plant.plant, names)
     if driver != "diagram":
@@ -267,12 +265,6 @@ def _add_pairs(
         )
 
 
-def _add_forces(spec: mujoco.MjSpec, station: ResolvedStation, plant: StationPlant, names: Names) -> None:
-    for name, force in station.config.forces.items():
-        frame, point = place_of(plant, force.place_name(f"forces.{name}", station))
-        add_force(spec, frame, point, name=f"force.{name}", names=names)
-
-
 def _soften(
     spec: mujoco.MjSpec,
     model: mujoco.MjModel,
@@ -308,19 +300,19 @@ def _soften_joints(
     names: Names,
     step: float,
 ) -> None:
-    """Give joint stops and dry friction their figures."""
     for robot in plant.robots.values():
         for joint, most in zip(robot.joints, robot.model.friction, strict=True):
             if most > 0:
                 own, slope = spec.joint(names.joint(joint)), most / robot.model.drives.friction_speed
-                _put(own, "friction", dry_friction(slope, _inverse_inertia(model, own.name), step))
-                own.frictionloss = most
+                found = dry_friction(slope, _inverse_inertia(model, own.name), step)
+                own.solref_friction, own.solimp_friction, own.frictionloss = found.solref, found.solimp, most
     stops = stops_of(station.config, plant)
     for joint in map(plant.plant.get_joint, plant.plant.GetJointIndices()):
         if joint.num_velocities() == 1:
             own = spec.joint(names.joint(joint))
             weight, (stiffness, damping) = _inverse_inertia(model, own.name), stops[:, joint.velocity_start()].tolist()
-            _put(own, "limit", softness(stiffness, damping / 2 * np.sqrt(weight / stiffness), weight, step))
+            found = softness(stiffness, damping / 2 * np.sqrt(weight / stiffness), weight, step)
+            own.solref_limit, own.solimp_limit = found.solref, found.solimp
 
 
 def _weigh_again(spec: mujoco.MjSpec, plant: StationPlant, names: Names, softnesses: list[Softness]) -> None:
@@ -343,11 +335,6 @@ def _weigh_again(spec: mujoco.MjSpec, plant: StationPlant, names: Names, softnes
         if contact.efc_address >= 0:
             felt = inverse_mass(float(data.efc_R[contact.efc_address]), own, model.opt.timestep)
             pair.solref = np.array(own.solref) * felt / _inverse_mass(model, contact.geom)
-
-
-def _put(joint: mujoco.MjsJoint, kind: str, found: Softness) -> None:
-    setattr(joint, f"solref_{kind}", found.solref)
-    setattr(joint, f"solimp_{kind}", found.solimp)
 
 
 def _inverse_mass(model: mujoco.MjModel, geoms: Iterable[int]) -> float:

@@ -172,7 +172,6 @@ class MujocoPlant(Block):
         return np.array(context.get_discrete_state(self._motion).value())
 
     def _begin(self, context: Context, values: DiscreteValues) -> EventStatus:
-        """Tell the torques of the servos where a run begins."""
         if not np.isinf(context.get_discrete_state(self._warm).value()).any():
             return EventStatus.DidNothing()
         self._coordinates.put(self._data, self._state(context))
@@ -191,9 +190,8 @@ class MujocoPlant(Block):
             values.set_value(motors.torque, torques[motors.places])
 
     def _tell_contacts(self, context: Context, output: AbstractValue) -> None:
-        if (
-            self.get_cache_entry(self._step).Eval(context) is not self._latest
-        ):  # what touches is in the data of the step made last
+        # what touches is in the data of the step made last
+        if self.get_cache_entry(self._step).Eval(context) is not self._latest:
             self._made(context)
         output.set_value(self._touching())
 
@@ -236,7 +234,6 @@ class MujocoPlant(Block):
         return desired, extra
 
     def _put_spatial(self, forces: Sequence[ExternallyAppliedSpatialForce]) -> None:
-        """Put forces from outside on the centres of bodies."""
         data = self._data
         data.xfrc_applied[:] = 0.0
         for applied in forces:

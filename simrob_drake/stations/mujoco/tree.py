@@ -122,7 +122,8 @@ def add_shapes(spec: mujoco.MjSpec, station: StationPlant, names: Names, *, seen
         InvalidParameter: a shape that MJCF does not know.
     """
     inspector, known = station.scene_graph.model_inspector(), dict[GeometryId, str]()
-    for shape in _touching(station):
+    paired = {shape for pair in touching_pairs(station) for shape in pair}
+    for shape in (shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if shape in paired):
         known[shape] = free_name(own_name(inspector, shape), known.values())
         _add_geom(spec, station, names, shape, name=known[shape], group=_TOUCHES, rgba=[0.6, 0.6, 0.6, 0.5])
     for shape in inspector.GetAllGeometryIds(Role.kIllustration) if seen else ():
@@ -133,13 +134,6 @@ def add_shapes(spec: mujoco.MjSpec, station: StationPlant, names: Names, *, seen
             rgba = [colour.r(), colour.g(), colour.b(), colour.a()]
             _add_geom(spec, station, names, shape, name="", group=_SEEN, rgba=rgba)
     return known
-
-
-def _touching(station: StationPlant) -> list[GeometryId]:
-    """Return the shapes of the pairs that may touch, in the order in which they were made."""
-    inspector = station.scene_graph.model_inspector()
-    paired = {shape for pair in touching_pairs(station) for shape in pair}
-    return [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if shape in paired]
 
 
 def touching_pairs(station: StationPlant) -> list[tuple[GeometryId, GeometryId]]:
@@ -182,7 +176,6 @@ def _file(shape: Shape) -> Path | None:
 
 
 def _mesh(spec: mujoco.MjSpec, file: Path, scale: Vector) -> str:
-    """Return the name of a mesh of a size, and add it where it is not known."""
     same = [mesh for mesh in spec.meshes if mesh.file == str(file)]
     for mesh in same:
         if np.array_equal(mesh.scale, scale):
@@ -193,11 +186,7 @@ def _mesh(spec: mujoco.MjSpec, file: Path, scale: Vector) -> str:
 
 
 def _primitive(shape: Shape) -> tuple[mujoco.mjtGeom, list[float]]:
-    """Return MuJoCo's type and size of a shape.
-
-    Raises:
-        InvalidParameter: it has none.
-    """
+    """Return MuJoCo's type and size of a shape."""
     kinds = mujoco.mjtGeom
     match shape:
         case Sphere():
