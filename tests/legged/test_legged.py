@@ -10,6 +10,7 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.legged import tuning
 from simrob_drake.legged.anatomy import Anatomy, anatomy_of
 from simrob_drake.legged.making import STAND, WALK, make_legged
 from simrob_drake.legged.scaling import EXAMPLES, Build, asked_speed, gains, walk_of
@@ -129,3 +130,26 @@ def test_a_robot_walks_from_its_tree_alone(tmp_path, tree):
         assert not [
             finding for finding in check_station(load_station(tmp_path / "out" / station)) if finding.level == "error"
         ]
+
+
+def test_a_tuned_walk_tells_how_many_trials_were_made_and_keeps_the_best(tmp_path, monkeypatch):
+    class Searched:
+        trials = [({}, np.array([2.0]))] * 8
+        best = {"controllers.walk.gait.lift": 0.03}, np.array([1.0])
+
+        def __init__(self, *_, **__): ...
+
+        def run(self, **_):
+            return True, ["Proven."]
+
+    monkeypatch.setattr(tuning, "attempt", lambda *_: None)
+    monkeypatch.setattr(tuning, "_study", lambda *_: {})
+    monkeypatch.setattr(tuning, "Study", dict)
+    monkeypatch.setattr(tuning, "Proof", type("Proof", (), {"of": staticmethod(lambda *_: None)}))
+    for name in ("StudyFolder", "ProofFolder"):
+        monkeypatch.setattr(tuning, name, Searched)
+    (tmp_path / WALK).write_text(yaml.safe_dump({"controllers": {"walk": {"commands": [{"ahead": 0.1}]}}}))
+    (tmp_path / "gaits.yaml").write_text(yaml.safe_dump({"reacting": {"lift": 0.02}}))
+    said = list(tuning.tune_walk(tmp_path, 0.0))
+    assert said == ["tuned: 8 trials, cost 2 before and 1 with the best", "lift: 0.02 -> 0.03", "Proven."]
+    assert yaml.safe_load((tmp_path / "gaits.yaml").read_text()) == {"reacting": {"lift": 0.03}}
