@@ -20,7 +20,7 @@ test: $(TOOLS)  ## run all tests, or those of TESTS=...
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile $(TESTS)
 
 test-long: $(TOOLS)  ## run those tests that take long or repeat themselves
-	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile -m long $(TESTS)
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --timeout 1200 -m long $(TESTS)
 
 lint: $(TOOLS)
 	$(BIN)/ruff check .

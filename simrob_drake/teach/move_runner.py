@@ -118,8 +118,9 @@ class MoveRunner(ProgramEditor):
 
         def run(_: Any = None) -> Future[Any]:
             self.run.start = begin
-            if _MOVE in self._commands.waiting:  # which is newer, and runs what these would
+            if _MOVE in self._commands.waiting:  # which is newer, and runs what these would, from where these would
                 undone()
+                self.run.moves.append([None], begin)
                 return done(None)
             return self._do("tried", moves, give_up, fell)
 

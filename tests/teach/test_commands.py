@@ -118,6 +118,27 @@ def test_two_hundred_orders_of_commands(tmp_path_factory, commands):
     check_interleaving(tmp_path_factory.mktemp("commands"), commands)
 
 
+def test_a_test_that_takes_the_place_of_one_not_begun_runs_from_where_that_would_have(tmp_path):
+    session = opened(tmp_path)
+    late(session)
+    session.test({"left_elbow": 1.0}, 1.0)
+    session.hear()
+    tick(session, 4)
+    session.hear()
+    others = [lambda: session.rewind(0.1), lambda: session.test({"left_elbow": 3.0}, 1.0)]
+
+    def interfere(_):
+        if session.phase == "rewinding" and others:
+            others.pop(0)()
+
+    session.listen(interfere)
+    session.test({"left_elbow": 2.0}, 1.0)  # stops the first, then goes back to its start
+    settle(session)
+    assert not others
+    assert session.run.start == pytest.approx(1.0)
+    session.close()
+
+
 def rapid_tests(folder, count):
     """Test moves of a real run in quick succession, at any moment of the one before; none hangs."""
     session = Session.open("irb120_kinematic", folder)
