@@ -109,6 +109,14 @@ def test_what_fingers_cannot_do_is_said():
         load_station("irb120_dynamic", {"monitors": {"dropped": {"kind": "empty_grip"}}})
 
 
+def test_a_force_that_soft_servos_cannot_press_with_is_refused():
+    soft = {"servo.kp": {"left_finger": 1000.0, "right_finger": 1000.0}}
+    arm = Workcell(load_station("irb120_gripper", soft)).arm()
+    with pytest.raises(SimrobError, match=r"force is 60\.0; it must be at most 25, as servo\.kp of left_finger presses"):
+        arm.grip(force=60)
+    arm.grip(force=20)
+
+
 def lifted(force, **overrides):
     """Return how far a block of 1 kg goes up when the fingers that hold it go up by 30 mm, and the runs."""
     cell = Workcell(load_station("irb120_gripper", {**ALONE, "pieces.cube_3.mass": 1.0, "monitors": {}, **overrides}))

@@ -14,6 +14,8 @@ from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import POINTS, Planning
 from simrob_drake.programs.segments import joint_segment, joint_way
 from simrob_drake.sections import Duration, NotNegative, Positive
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.servos import servo_gains
 
 _SHORTEST = 0.5  # s
 _EASY = 2.2  # times the time of a way at full speed: a smooth move is at most 1.9 times as fast as on average
@@ -71,16 +73,16 @@ class FingerMove(Move):
         """Give the fingers their force, and move them."""
         planning = cell.planning(self.robot or robot)
         plan = self.plan(planning)
-        force = self._force(planning, cell.config.mode)
+        force = self._force(planning, cell.config)
         if force is not None:
             axes = list(planning.model.axes)
             cell.limit_efforts(planning.robot, {axes[place]: force for place in planning.model.fingers})
         return run([plan], None)
 
-    def _force(self, planning: Planning, mode: str) -> float | None:
+    def _force(self, planning: Planning, config: StationConfig) -> float | None:
         """Return the largest force of each finger from now on; None: as its motor has it."""
         gripper = planning.model.gripper
-        return None if gripper is None or mode == "kinematic" else gripper.force
+        return None if gripper is None or config.mode == "kinematic" else gripper.force
 
 
 class GripMove(FingerMove):
@@ -94,16 +96,23 @@ class GripMove(FingerMove):
     force: Positive | None = None
     """Largest force of each finger from then on [N, or N·m of one that turns]; the gripper's own unless given."""
 
-    def _force(self, planning: Planning, mode: str) -> float | None:
-        own = super()._force(planning, mode)
+    def _force(self, planning: Planning, config: StationConfig) -> float | None:
+        own = super()._force(planning, config)
         if self.force is None:
             return own
-        if mode == "kinematic":
+        if config.mode == "kinematic":
             raise InvalidParameter("force", self.force, "left out on a kinematic station, where attach() holds pieces")
-        strongest = min(float(planning.model.efforts[place]) for place in planning.model.fingers)
-        most = own or strongest
+        robot = planning.model
+        most = own or min(float(robot.efforts[place]) for place in robot.fingers)
         if self.force > most:
             raise InvalidParameter("force", self.force, f"at most {most:g}, as much as the fingers have")
+        servo = config.servo_of(planning.robot)
+        gains = servo_gains(robot, servo)
+        for place, (closed, opened) in robot.fingers.items():
+            pressing = gains.kp[place] * abs(opened - closed)  # of one that is wide open; a piece leaves less
+            if servo.law == "pid" and gains.ki[place] == 0 and pressing < self.force:
+                expected = f"at most {pressing:.3g}, as servo.kp of {list(robot.axes)[place]} presses with wide open"
+                raise InvalidParameter("force", self.force, expected)
         return self.force
 
 
