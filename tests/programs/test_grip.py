@@ -112,7 +112,7 @@ def test_what_fingers_cannot_do_is_said():
 def test_a_force_that_soft_servos_cannot_press_with_is_refused():
     soft = {"servo.kp": {"left_finger": 1000.0, "right_finger": 1000.0}}
     arm = Workcell(load_station("irb120_gripper", soft)).arm()
-    with pytest.raises(SimrobError, match=r"force is 60\.0; it must be at most 25, as servo\.kp of left_finger presses"):
+    with pytest.raises(SimrobError, match=r"force is 60\.0; it must be at most 25, as servo\.kp of left_finger"):
         arm.grip(force=60)
     arm.grip(force=20)
 
