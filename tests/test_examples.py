@@ -18,6 +18,7 @@ LONG = {
     "zjudancer_eight",
     "yobotics_walk",
     "humanoid_march",
+    "stack",  # of five; tests/programs/test_grip.py puts one cube on another
     *re.findall(r'example\("(\w+)"\)', Path(__file__).read_text(encoding="utf-8")),
 }
 """Examples that walk far, or with a test of their own below, which runs them without pictures."""

@@ -14,7 +14,7 @@ from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.move import MOVE_TIME
 from simrob_drake.programs.stages import step_moves
-from simrob_drake.programs.timeline import Change
+from simrob_drake.programs.timeline import GRID, Change
 from simrob_drake.sections import validated
 from simrob_drake.teach.move_runner import MoveRunner
 from simrob_drake.teach.pages.words import Notice
@@ -113,16 +113,18 @@ class Teaching(MoveRunner):
         return self._ask("pace", factor=factor)
 
     def rewind(self, time: float) -> Future[Any]:
-        """Show a moment of what was run [s]."""
+        """Show a moment of what was run [s]; one less than a tick of the grid behind the last is the last."""
+        over = float(time) - self.run.reach
+        moment = self.run.reach if 0 < over <= (self.program.grid or GRID) else float(time)
 
         def shown(goes_on: Any) -> bool:
-            self.run.time = float(time)
+            self.run.time = moment
             if goes_on:
                 self.run.start, self.run.rewound = self.run.time, True
             self._tell("tick")
             return True
 
-        return self._queued("rewind", lambda: self._show_moment(float(time), shown), _ANY)
+        return self._queued("rewind", lambda: self._show_moment(moment, shown), _ANY)
 
     def change(self, key: str, value: Any) -> Future[Any]:
         """Change the running station by a dotted key, such as ``servo.kp``; it goes into the program with its time."""

@@ -139,6 +139,14 @@ def test_a_test_that_takes_the_place_of_one_not_begun_runs_from_where_that_would
     session.close()
 
 
+def test_nothing_is_shown_behind_what_was_run(tmp_path):
+    session = opened(tmp_path)
+    session.rewind(0.05)  # the least that a slider can be dragged
+    settle(session)
+    assert (session.run.time, session.run.reach) == (0.0, 0.0)
+    session.close()
+
+
 def rapid_tests(folder, count):
     """Test moves of a real run in quick succession, at any moment of the one before; none hangs."""
     session = Session.open("irb120_kinematic", folder)
