@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import CancelledError, Future
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -46,18 +46,31 @@ class Commands:
             begun = self.waiting.pop(fits[0])
             try:
                 begun.begin().add_done_callback(partial(_pass_on, begun.answer))
+            except BaseException as problem:
+                _answer(begun.answer, problem)
+                raise
             finally:
                 self._begins = False
 
     def forget(self, *kinds: str) -> None:
         """Answer commands of some kinds that wait, of all unless named, by None: they are not done."""
         for kind in self.waiting.keys() & (kinds or {*self.waiting}):
-            self.waiting.pop(kind).answer.set_result(None)
+            _answer(self.waiting.pop(kind).answer, None)
 
 
 def _pass_on(answer: Future[Any], done: Future[Any]) -> None:
-    problem = done.exception()
-    if problem is None:
-        answer.set_result(done.result())
+    if done.cancelled():
+        _answer(answer, CancelledError())
     else:
-        answer.set_exception(problem)
+        problem = done.exception()
+        _answer(answer, done.result() if problem is None else problem)
+
+
+def _answer(answer: Future[Any], result: Any) -> None:
+    """Answer by a result or a problem, unless who asked has left."""
+    if not answer.set_running_or_notify_cancel():
+        return
+    if isinstance(result, BaseException):
+        answer.set_exception(result)
+    else:
+        answer.set_result(result)

@@ -1,12 +1,15 @@
 """Commands in any order, however late their answers come: the program is as asked, and nothing hangs."""
 
 import time
+from concurrent.futures import Future
+from contextlib import nullcontext
 
 import pytest
 from fake_runs import CountingRun
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from simrob_drake.teach.commands import Commands
 from simrob_drake.teach.session import Session
 from simrob_drake.teach.taught import History, Taught
 
@@ -116,6 +119,28 @@ def test_commands_in_any_order(tmp_path_factory, commands):
 @given(INTERLEAVED)
 def test_two_hundred_orders_of_commands(tmp_path_factory, commands):
     check_interleaving(tmp_path_factory.mktemp("commands"), commands)
+
+
+@pytest.mark.parametrize("how", ["fails", "left", "cancelled", "done"])
+def test_what_waited_is_answered_however_it_ends(how):
+    commands, begun = Commands(), Future()
+
+    def begin():
+        if how == "fails":
+            raise ValueError("not so")
+        return begun
+
+    answer, after = commands.wait("first", begin, ("idle",)), commands.wait("second", lambda: begun, ("idle",))
+    if how == "left":
+        assert answer.cancel()
+        commands.forget("first")
+    with pytest.raises(ValueError, match="not so") if how == "fails" else nullcontext():
+        commands.begin(lambda: "idle")
+    commands.begin(lambda: "idle")
+    assert begun.cancel() if how == "cancelled" else begun.set_result(3) is None
+    assert [answer.done(), after.done(), commands.waiting] == [True, True, {}]
+    if how == "done":
+        assert answer.result() == 3
 
 
 def test_a_test_that_takes_the_place_of_one_not_begun_runs_from_where_that_would_have(tmp_path):
