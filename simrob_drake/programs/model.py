@@ -189,12 +189,6 @@ class StationModel(PosedStation):
             one_of(f"tool or link of {parent}", frame, [*own.model.tools, *own.model.links])
         return self.plant.GetFrameByName(flange(own.model.tools, own.model.root, frame), own.instance)
 
-    def _piece_link(self, piece: str, name: str) -> Frame:
-        owner = self.resolved.pieces[piece].carrier
-        if owner in self.robots:
-            return self.plant.GetFrameByName(name, self.robots[owner].instance)
-        return self.plant.GetFrameByName(name, self.plant.GetModelInstanceByName(f"{piece}::{piece}"))
-
     def dynamics(self, robot: str) -> Dynamics:
         """Return the dynamics of a robot with what it carries, while the others stay as they are."""
         own = self.robots[robot]

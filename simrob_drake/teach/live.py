@@ -32,6 +32,7 @@ class Live:
         self._process.start()
         theirs.close()
         self._on_news, self._numbers, self._lock = on_news, count(), Lock()
+        self._sending = Lock()  # of its own: answers are taken while something long waits to be read
         self._unanswered: dict[int, Future[Any]] = {}
         self._open = True
         Thread(target=self._listen, daemon=True).start()
@@ -47,11 +48,14 @@ class Live:
         with self._lock:
             number = next(self._numbers)
             self._unanswered[number] = future
-            try:
+        try:
+            with self._sending:
                 self._pipe.send((number, method, arguments))
-            except (OSError, ValueError):
-                self._unanswered.pop(number)
-                future.set_exception(RunLost())
+        except (OSError, ValueError):
+            with self._lock:
+                unanswered = self._unanswered.pop(number, None)
+            if unanswered is not None:
+                unanswered.set_exception(RunLost())
         return future
 
     def close(self) -> None:
@@ -76,9 +80,10 @@ class Live:
                 else:
                     self._answer(message)
         except (EOFError, OSError):
-            self._lost()
-        finally:
+            pass
+        finally:  # whatever it was, nothing more will be answered
             self._pipe.close()
+            self._lost()
 
     def _answer(self, message: dict[str, Any]) -> None:
         with self._lock:

@@ -143,6 +143,7 @@ class RunClient:
             arguments: of the method.
         """
         answer: Future[Any] = Future()
+        answer.set_running_or_notify_cancel()  # a page that leaves does not take it back: it will be answered
         if self._live is None:
             self._say(Notice("gone", wrong=True))
             failed()
@@ -159,10 +160,11 @@ class RunClient:
             except SimrobError as problem:
                 self._wrong(problem)
                 failed()
-            if isinstance(result, Future):
-                result.add_done_callback(lambda done: answer.set_result(done.result()))
-            else:
-                answer.set_result(result)
+            finally:  # a fault of ours, too, leaves nobody waiting
+                if isinstance(result, Future):
+                    result.add_done_callback(lambda done: answer.set_result(done.result()))
+                else:
+                    answer.set_result(result)
 
         asked.add_done_callback(lambda _: self._later(finish))
         return answer

@@ -2,8 +2,9 @@
 
 import os
 import signal
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,20 @@ from simrob_drake.teach.live import Live
 
 WAIT = 60.0  # s; for what takes one or two on a machine that has nothing else to do
 ELBOW = {"target_deg": {"left_elbow": 30}, "duration": 0.5}
+
+
+class Slow:
+    """A pipe that sends only when something has come."""
+
+    def __init__(self, pipe: Any, come: Callable[[], object]) -> None:
+        self.pipe, self.come = pipe, come
+
+    def send(self, message: Any) -> None:
+        self.come()
+        self.pipe.send(message)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.pipe, name)
 
 
 class Pendant:
@@ -249,3 +264,32 @@ def test_who_asks_a_process_that_was_killed_gets_an_answer() -> None:
     with pytest.raises(SimrobError, match="has ended"):
         pendant.ask("posture")
     pendant.live.close()
+
+
+def test_answers_are_taken_while_something_long_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else both sides could wait for the other to read: this one with a long program, that one with a view."""
+    live = Live(lambda news: None)
+    try:
+        first = live.call("stop")
+        monkeypatch.setattr(live, "_pipe", Slow(live._pipe, lambda: first.result(WAIT)))
+        assert live.call("stop").result(WAIT) is None
+    finally:
+        live.close()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_who_asks_is_answered_though_the_news_cannot_be_taken() -> None:
+    def refuse(news: dict[str, Any]) -> None:
+        if news["news"] == "view":
+            raise ValueError("not so")
+
+    before = {*threading.enumerate()}
+    live = Live(refuse)
+    try:
+        listening = {*threading.enumerate()} - before
+        with pytest.raises(SimrobError, match="has ended"):
+            live.call("open", station="irb120_kinematic", settings={}).result(WAIT)
+        for thread in listening:
+            thread.join(WAIT)
+    finally:
+        live.close()

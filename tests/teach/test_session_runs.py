@@ -39,8 +39,7 @@ def teach(tmp_path):
 
 
 def heard(session, future):
-    while not future.done():
-        session.hear(0.1)
+    heard_until(session, future.done)
     session.hear()
     return future.result()
 
