@@ -32,7 +32,7 @@ def metres(chain: Chain) -> Vector:
     """Return how far the tool, or what is 10 cm around it, moves at most for a radian of each axis, shape (n,) [m]."""
     jacobians = chain.jacobian(random_postures(chain, _POSTURES, 0))
     moved = np.linalg.norm(jacobians[:, :3], axis=1).max(axis=0) + _THINNEST * chain.revolute
-    return np.maximum(moved, _THINNEST)  # a finger does not move the tool
+    return np.asarray(np.maximum(moved, _THINNEST))  # a finger does not move the tool
 
 
 @dataclass
