@@ -19,7 +19,7 @@ def run(*, mode: str = "kinematic") -> tuple[Arm, list[SimulationResult]]:
     arm.record()
     moves = [
         arm.move_j([0, 0, ABOVE, *DOWN], wobj="half_sphere.hole_top"),
-        arm.move_l([0, 0, SET_DOWN], wobj="half_sphere.hole_top"),
+        arm.move_l([0, 0, SET_DOWN], wobj="half_sphere.hole_top", check=None),  # meshes are filled
     ]
     arm.release("pencil", fixed=True)  # the hole holds it; the gripper is the tool now
     handle = arm.pose()
@@ -33,7 +33,10 @@ def run(*, mode: str = "kinematic") -> tuple[Arm, list[SimulationResult]]:
     arm.release("rook", "chess_board", frame="square_5_5")
     moves += [arm.move_l([0, 0, -ABOVE], wobj=arm, speed=0.3), arm.move_abs_j(HOME)]
 
-    moves += [arm.move_j([*handle[:2], handle[2] + ABOVE, *handle[3:]]), arm.move_l(handle)]
+    moves += [
+        arm.move_j([*handle[:2], handle[2] + ABOVE, *handle[3:]]),
+        arm.move_l(handle, check=None),
+    ]  # it closes about the pencil
     arm.attach("pencil")
     return arm, [*moves, arm.move_l([0, 0, -ABOVE], wobj=arm), arm.move_abs_j(HOME)]
 

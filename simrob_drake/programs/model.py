@@ -5,13 +5,13 @@ Pieces change hands in it (SimRob's PegarEn): another parent, the same place in 
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import Frame, ModelInstanceIndex
+from pydrake.multibody.tree import BodyIndex, Frame, ModelInstanceIndex
 
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import InvalidParameter, one_of
@@ -26,6 +26,7 @@ from simrob_drake.frames import (
 )
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
+from simrob_drake.parts.targets import owner_and_robot
 from simrob_drake.results.record.state import JointState, State, free_joint
 from simrob_drake.robots.pieces import TCP
 from simrob_drake.stations.clearance import Clearance, PosedStation
@@ -99,7 +100,33 @@ class StationModel(PosedStation):
             joint = None if state is None else state.joints.get(free_joint(name))
             if joint is not None:
                 pose = transform_from_xyz_quaternion(np.roll(joint.position, 3))
-                self.plant.SetFreeBodyPose(self.context, body, pose)
+            else:
+                begin = body.floating_positions_start()
+                pose = transform_from_xyz_quaternion(np.roll(self.initial[begin : begin + 7], 3))
+            self.plant.SetFreeBodyPose(self.context, body, pose)
+
+    def gripped(self) -> dict[str, tuple[Frame, RigidTransform]]:
+        """Return the free pieces that two links of a robot with fingers touch now: one link, and where in it."""
+        links: dict[tuple[str, str], dict[str, BodyIndex]] = {}
+        frames = self.station.scene_graph.model_inspector()
+        for pair in self.query().ComputePointPairPenetration():
+            for piece, link in ((pair.id_A, pair.id_B), (pair.id_B, pair.id_A)):
+                (name, _), (own, robot) = (owner_and_robot(self.station, shape) for shape in (piece, link))
+                if name in self.station.free_pieces and robot and self.robots[robot].model.fingers:
+                    body = self.plant.GetBodyFromFrameId(frames.GetFrameId(link))
+                    links.setdefault((name, robot), {})[own] = body.index()
+        held = {}
+        for (name, _), touching in links.items():
+            if len(touching) > 1:
+                link = self.plant.get_body(next(iter(touching.values()))).body_frame()
+                held[name] = link, self.pose(link).inverse() @ self.pose(self.station.free_pieces[name].body_frame())
+        return held
+
+    def place_gripped(self, gripped: Mapping[str, tuple[Frame, RigidTransform]]) -> None:
+        """Put pieces where the links that hold them are now."""
+        for name, (link, pose) in gripped.items():
+            self.plant.SetFreeBodyPose(self.context, self.station.free_pieces[name], self.pose(link) @ pose)
+        self.place(self.plant.GetPositions(self.context))
 
     def motion(self, piece: str, state: State) -> JointState:
         """Return where a piece is that a robot carries, and how fast it moves in a state, as a free piece."""

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 from pydrake.math import RigidTransform
+from pydrake.multibody.tree import Frame
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.errors import shortened
@@ -26,7 +27,7 @@ from simrob_drake.programs.segments import Stretch, named_point, trajectory
 Check = Literal["nothing", "limits", "collision"]
 """What is looked at before a move beside its reach: joint limits, speeds and accelerations, or these and collisions;
 None, as ``limits``, leaves collisions out."""
-CHECKED: Check = "limits"
+CHECKED: Check = "collision"
 """What is looked at unless told."""
 _LOOKS = 4  # a point
 
@@ -217,7 +218,8 @@ def check_collisions(
     """Check that robots touch nothing on their way, and what they carry neither.
 
     A robot and what it carries count as one, and pass through each other; so does what already touched at the
-    beginning, as a piece on its table. Meshes count as their convex hulls, so the holes of a half sphere are closed.
+    beginning, as a piece on its table. What fingers hold goes along. Meshes count as their convex hulls, so the holes
+    of a half sphere are closed.
 
     Args:
         model: of the station, with collision shapes.
@@ -230,16 +232,18 @@ def check_collisions(
         PathCollision: names the first offending point, and what runs into what.
     """
     resting: set[frozenset[str]] = set()
+    gripped: Mapping[str, tuple[Frame, RigidTransform]] = {}
     for row, time in enumerate(times):
         model.place_robots({name: postures[row] for name, postures in robots.items()})
+        model.place_gripped(gripped)
         found = [
             (float(pair.depth), (model.owner(pair.id_A), model.owner(pair.id_B)))
             for pair in model.query().ComputePointPairPenetration()
-            if pair.depth > touch
         ]
         if row == 0:
+            gripped = model.gripped()
             resting = {frozenset(bodies) for _, bodies in found}
         for depth, bodies in sorted(found):  # through thin shapes depths are too large
-            if frozenset(bodies) not in resting:
+            if depth > touch and frozenset(bodies) not in resting:
                 number, name = named(float(time))
                 raise PathCollision(name, point=number, time=float(time), bodies=bodies, depth=depth)

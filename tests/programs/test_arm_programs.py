@@ -43,8 +43,8 @@ def picked():
 
     runs = [moved(belt.move_abs_j([0.5], duration=0.9)), moved(arm.move_j([0, 0, 0.035, *DOWN], wobj="rook"))]
     arm.attach("rook")
-    over = arm.plan.move_j([0.1, 0.4, 0.0626, 0, 0, 0], duration=1.1)
-    runs += [moved(cell.run(over, belt.plan.move_abs_j([0.0]))), moved(cell.wait(0.1))]
+    over = arm.plan.move_j([0.1, 0.4, 0.0626, 0, 0, 0], duration=1.1, check=None)
+    runs += [moved(cell.run(over, belt.plan.move_abs_j([0.0], check=None))), moved(cell.wait(0.1))]
     arm.release("rook", "pallet")
     return cell, runs, seen
 
@@ -126,7 +126,7 @@ class TestWhatHappened:
 
     def test_a_recording_is_done_again_on_the_dynamic_station(self, kinematic):
         kinematic.record()
-        kinematic.move_j([0, 0, 0.01, 0, 0, np.pi], wobj="weight")
+        kinematic.move_j([0, 0, 0.01, 0, 0, np.pi], wobj="weight", check=None)
         kinematic.attach("weight")
         kinematic.move_l([0, 0, 0.05], wobj=kinematic, speed=0.2)
         kinematic.tool("gripper")
@@ -303,7 +303,7 @@ def test_what_turns_out_on_the_way_leaves_the_station_as_it_was():
 
 def test_a_monitor_ends_the_program():
     cell = Workcell(load_station("irb120_dynamic", {"monitors": {"joint_limit": {"margin_deg": 60}}}))
-    moves = [{"wait": 0.1}, {"move_abs_j": [0, 1.2, 0, 0, 0, 0]}, {"wait": 1.0}]
+    moves = [{"wait": 0.1}, {"move_abs_j": {"targets": [0, 1.2, 0, 0, 0, 0], "check": None}}, {"wait": 1.0}]
     whole = cell.perform(Program.model_validate({"moves": moves}))
     assert (whole.ending, len(whole.runs)) == ("monitor", 2)
     assert "of the last of 2 runs, which began at 0.1 s" in whole.message

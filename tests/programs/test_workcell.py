@@ -25,7 +25,7 @@ class TestAttach:
     def test_the_piece_keeps_its_place_in_the_world(self, kinematic, parent):
         cell = kinematic.cell
         kinematic.tool({"robot": "tool0"}.get(parent, parent) if parent in ("robot", "gripper", "load") else "load")
-        kinematic.move_j([0, 0, 0.01, 0, 0, np.pi], wobj="weight")
+        kinematic.move_j([0, 0, 0.01, 0, 0, np.pi], wobj="weight", check=None)
         before = cell.frame("weight").GetAsMatrix4()
         cell.attach("weight", parent)
         np.testing.assert_allclose(cell.frame("weight").GetAsMatrix4(), before, atol=1e-9)
@@ -50,7 +50,7 @@ class TestAttach:
 
     def test_it_moves_with_the_arm_and_stays_where_it_is_put(self, kinematic):
         cell = kinematic.cell
-        kinematic.move_j([0, 0, 0.0, 0, 0, np.pi], wobj="weight")
+        kinematic.move_j([0, 0, 0.0, 0, 0, np.pi], wobj="weight", check=None)
         kinematic.attach("weight")
         kinematic.move_j([0.3, -0.2, 0.2, 0, 0, 0])
         put = cell.frame("weight").GetAsMatrix4()
@@ -63,7 +63,7 @@ class TestAttach:
     def test_the_tool_stays_where_it_is_not_given_away(self, kinematic):
         cell = kinematic.cell
         kinematic.tool("gripper")
-        kinematic.move_j([0, 0, 0, 0, 0, np.pi], wobj="weight")
+        kinematic.move_j([0, 0, 0, 0, 0, np.pi], wobj="weight", check=None)
         cell.attach("weight", "table")
         cell.attach("load", "world")
         assert cell.model.robots["robot"].tcp == "gripper"
@@ -83,7 +83,7 @@ class TestAttach:
         assert kinematic.frame("weight").IsNearlyEqualTo(place, 1e-12)
 
     def test_on_the_dynamic_station_the_arm_feels_the_weight(self, dynamic):
-        dynamic.move_j([0, 0, 0.0, 0, 0, np.pi], wobj="weight", duration=1.0)
+        dynamic.move_j([0, 0, 0.0, 0, 0, np.pi], wobj="weight", duration=1.0, check=None)
         dynamic.wait(1.0)
         before = dynamic.wait(0.2)["tau.joint_2"][-1]
         dynamic.attach("weight")
@@ -254,7 +254,7 @@ class TestResults:
 
     def test_a_monitor_ends_a_move_and_the_arm_stays_there(self):
         arm = Arm(load_station("irb120_dynamic", {"monitors": {"joint_limit": {"margin_deg": 60}}}))
-        result = arm.move_abs_j([0, 1.2, 0, 0, 0, 0])
+        result = arm.move_abs_j([0, 1.2, 0, 0, 0, 0], check=None)
         assert result.ending == "monitor"
         assert result.stop_time < 1.0
         np.testing.assert_array_equal(arm.position, result.axes("q")[-1])
