@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, Literal, get_type_hints
 
 import typer
 from pydantic.fields import FieldInfo
@@ -101,6 +101,10 @@ class RapidOptions:
         Path | None, typer.Option("--io", metavar="FILE", help="A table of what the signals of a RAPID program mean.")
     ] = None
     cycles: Annotated[int, typer.Option(min=1, help="How often WHILE TRUE of a RAPID program is done.")] = 1
+    check: Annotated[
+        Literal["collision", "limits", "nothing"],
+        typer.Option(help="What is looked at before each move of a RAPID program beside its reach."),
+    ] = "collision"
     allow_losses: Annotated[
         bool, typer.Option("--allow-losses", help="Take a RAPID or Simulink import though parts of it are lost.")
     ] = False

@@ -206,7 +206,8 @@ def _imported(file: Path, options: RapidOptions, set_: list[str] | None) -> tupl
         config, robot = station_from(options.on, set_), options.robot
     else:
         config, robot = bare_station(str(options.robot), changes_of(set_, "--set")), None
-    return import_rapid(file, config, robot=robot, signals=options.io, cycles=options.cycles), config
+    imported = import_rapid(file, config, robot=robot, signals=options.io, cycles=options.cycles, check=options.check)
+    return imported, config
 
 
 def _tell(imported: Imported) -> None:

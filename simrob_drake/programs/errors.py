@@ -81,7 +81,7 @@ class PathCollision(SimrobError):
     def __init__(self, where: str, *, point: int, time: float, bodies: tuple[str, str], depth: float) -> None:
         """Say at which point what runs into what, and how deep."""
         super().__init__(
-            f"{where}: {bodies[0]} would run into {bodies[1]}, {1e3 * depth:.1f} mm deep; check=None lets it"
+            f"{where}: {bodies[0]} would run into {bodies[1]}, {1e3 * depth:.1f} mm deep; check 'limits' lets it"
         )
         self.point, self.time, self.bodies, self.depth = point, time, bodies, depth
 
@@ -100,7 +100,7 @@ class StartInCollision(NoFreePath):
 
     def __init__(self, depth: float, bodies: tuple[str, str]) -> None:
         """Say what is in what."""
-        remedy = "go out of it by move_l or move_abs_j with check=None"
+        remedy = "go out of it by move_l or move_abs_j with check 'limits'"
         super().__init__(f"the start: {bodies[0]} is {1e3 * depth:.1f} mm deep in {bodies[1]}; {remedy}")
         self.bodies, self.depth = bodies, depth
 

@@ -25,7 +25,7 @@ from simrob_drake.programs.moves.move_j import MoveJ
 from simrob_drake.programs.moves.move_l import MoveL
 from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.moves.wait import WaitMove
-from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.plan import CHECKED, Check, Plan
 from simrob_drake.rapid.configuration import configuration, has_configuration, postures_like
 from simrob_drake.rapid.expressions import Call
 from simrob_drake.rapid.signals import Signals
@@ -75,7 +75,7 @@ class Controller:
         configured: whether the configurations of targets count for moves of axes, and for lines.
     """
 
-    def __init__(self, cell: Workcell, robot: str | None, signals: Signals, run: Run) -> None:
+    def __init__(self, cell: Workcell, robot: str | None, signals: Signals, run: Run, check: Check) -> None:
         """Take an arm.
 
         Args:
@@ -83,9 +83,10 @@ class Controller:
             robot: which; the only one need not be named.
             signals: what inputs and outputs mean.
             run: what does planned moves: :meth:`Workcell.stand` or :meth:`Workcell.run_plans`.
+            check: what is looked at before each of them beside its reach.
         """
         self.cell, self.robot = cell, cell.robot_name(robot)
-        self.signals, self._run = signals, run
+        self.signals, self._run, self._check = signals, run, check
         self.moves: list[Move] = []
         self.time, self.seen = 0.0, dict[str, float]()
         self.configured = {"j": True, "l": True}
@@ -213,6 +214,8 @@ class Controller:
             keys |= {"speed": motion.speed, "acceleration": motion.acceleration}
         if self._named:
             keys["robot"] = self.robot
+        if self._check != CHECKED:
+            keys["check"] = self._check
         if len(group.targets) > 1:
             keys |= self._zone(group)
         return {key: value for key, value in keys.items() if value is not None}

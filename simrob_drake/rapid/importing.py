@@ -9,6 +9,7 @@ from pathlib import Path
 
 from simrob_drake.arguments import as_path
 from simrob_drake.programs.arm import Workcell
+from simrob_drake.programs.plan import CHECKED, Check
 from simrob_drake.programs.program import Program
 from simrob_drake.rapid.controller import Controller
 from simrob_drake.rapid.instructions import FUNCTIONS_OF_CONTROLLER, INSTRUCTIONS
@@ -39,6 +40,7 @@ def import_rapid(
     robot: str | None = None,
     signals: Signals | Path | str | None = None,
     cycles: int = 1,
+    check: Check = CHECKED,
 ) -> Imported:
     """Do a RAPID program's main procedure without a run, and return the moves that it makes.
 
@@ -48,6 +50,7 @@ def import_rapid(
         robot: who does it; the only one need not be named.
         signals: what inputs and outputs mean, or the file of a table.
         cycles: how often a loop WHILE TRUE is done.
+        check: what is looked at before each move beside its reach.
 
     Raises:
         RapidError: what cannot be understood or done; names the file and the line.
@@ -56,7 +59,7 @@ def import_rapid(
     modules = [module for file in sources for module in read_modules(as_path(file, "file"))]
     table = signals if isinstance(signals, Signals) else Signals() if signals is None else Signals.load(signals)
     cell = Workcell(station)
-    controller = Controller(cell, robot, table, cell.run_plans if table.sensors else cell.stand)
+    controller = Controller(cell, robot, table, cell.run_plans if table.sensors else cell.stand, check)
     interpreter = Interpreter(
         modules,
         {name: partial(instruction, controller) for name, instruction in INSTRUCTIONS.items()},

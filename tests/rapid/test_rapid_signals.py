@@ -7,7 +7,7 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.rapid.importing import Imported, import_rapid
 from simrob_drake.rapid.signals import Signals
-from simrob_drake.stations.load import bare_station, with_settings
+from simrob_drake.stations.load import bare_station
 
 STATION = bare_station(
     "irb120", {"pieces.part": {"model": "pencil", "parent": "world", "pose": [0.3, 0, 0.5, 0, 0, 0]}}
@@ -92,7 +92,7 @@ def test_an_input_can_watch_a_sensor_of_the_station(done):
     done:
     """
     sensor = {"kind": "distance", "body": "link_6", "other": "floor"}
-    station = with_settings(STATION, {"sensors.height": sensor, "floor": {}})
+    station = bare_station("irb120", {"sensors.height": sensor, "floor": {}})
     table = "signals: {diNear: {sensor: distance.height, below: 0.3}}"
     moved = done(main, table, station)
     result = Workcell(station).perform(moved.program)
