@@ -7,6 +7,7 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.rapid.importing import Imported, import_rapid
 from simrob_drake.rapid.signals import Signals
+from simrob_drake.rapid.syntax import RapidError
 from simrob_drake.stations.load import bare_station
 
 STATION = bare_station(
@@ -97,6 +98,16 @@ def test_an_input_can_watch_a_sensor_of_the_station(done):
     moved = done(main, table, station)
     result = Workcell(station).perform(moved.program)
     assert 0.27 < result.values[-1, result.names.index("distance.height")] < 0.3
+
+
+def test_collisions_are_looked_at_unless_told(tmp_path):
+    target = "[[0,0,0,0,90,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+    moves = f"MoveAbsJ {target},v500,fine,tool0;\nMoveL Offs(CRobT(\\Tool:=tool0),0,0,-60),v100,fine,tool0;"
+    module = tmp_path / "Test.mod"
+    module.write_text(f"MODULE Test\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n")
+    with pytest.raises(RapidError, match=r"line 4: .* would run into part, .* check 'limits' lets it"):
+        import_rapid(module, STATION)
+    assert "check: limits" in import_rapid(module, STATION, check="limits").program.text()
 
 
 @pytest.mark.parametrize(
