@@ -105,7 +105,7 @@ def test_collisions_are_looked_at_unless_told(tmp_path):
     moves = f"MoveAbsJ {target},v500,fine,tool0;\nMoveL Offs(CRobT(\\Tool:=tool0),0,0,-60),v100,fine,tool0;"
     module = tmp_path / "Test.mod"
     module.write_text(f"MODULE Test\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n")
-    with pytest.raises(RapidError, match=r"line 4: .* would run into part, .* check 'limits' lets it"):
+    with pytest.raises(RapidError, match=r"line 3: .* would run into part, .* check 'limits' lets it"):
         import_rapid(module, STATION)
     assert "check: limits" in import_rapid(module, STATION, check="limits").program.text()
 
