@@ -107,6 +107,8 @@ class StationModel(PosedStation):
 
     def gripped(self) -> dict[str, tuple[Frame, RigidTransform]]:
         """Return the free pieces that two links of a robot with fingers touch now: one link, and where in it."""
+        if not any(robot.model.fingers for robot in self.robots.values()):
+            return {}
         links: dict[tuple[str, str], dict[str, BodyIndex]] = {}
         frames = self.station.scene_graph.model_inspector()
         for pair in self.query().ComputePointPairPenetration():
