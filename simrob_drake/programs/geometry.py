@@ -16,10 +16,10 @@ from simrob_drake.kinematics.analytic import SolverLike, solver_for
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.numeric import NumericSolver
 from simrob_drake.kinematics.solver import require
+from simrob_drake.programs.branches import Branch, Branches, collision, gaps
 from simrob_drake.programs.model import one_posture
 from simrob_drake.programs.planning import PoseTargets, WorkObject, is_place, is_single, world_poses
 from simrob_drake.programs.stateful_station import StatefulStation
-from simrob_drake.programs.together import Branch, Branches, collision, gaps
 from simrob_drake.robots.catalog import RobotModel
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Frame
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.arguments import instance
 from simrob_drake.errors import shortened
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
@@ -247,3 +248,17 @@ def check_collisions(
             if depth > touch and frozenset(bodies) not in resting:
                 number, name = named(float(time))
                 raise PathCollision(name, point=number, time=float(time), bodies=bodies, depth=depth)
+
+
+def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
+    """Check that moves run into nothing, each other neither; other robots stand as they do in the model.
+
+    Raises:
+        PathCollision: names the first offending point, by the move that lasts longest.
+    """
+    for plan in plans:
+        instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
+    longest = max(plans, key=lambda plan: plan.duration)
+    times = np.unique(np.concatenate([plan.looks for plan in plans]))
+    postures = {plan.robot: plan.postures(np.minimum(times, plan.duration)) for plan in plans}
+    check_collisions(model, postures, times, longest.named)

@@ -15,12 +15,11 @@ from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.programs.free_space import FreeSpace
 from simrob_drake.programs.grasps import let_go, taken, with_efforts
 from simrob_drake.programs.model import StationModel, one_posture, reparented
-from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.plan import Plan, check_moves
 from simrob_drake.programs.planning import HasTool, WorkObject, check_units, pose_numbers
 from simrob_drake.programs.segments import Stretch, rest, trajectory, until
 from simrob_drake.programs.tape import Entry, Take, Tape, in_words, run_entry
 from simrob_drake.programs.timeline import Timeline, run_timed
-from simrob_drake.programs.together import check_moves
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.record.state import State, free_joint
 from simrob_drake.results.result import SimulationResult

@@ -14,8 +14,8 @@ from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.frames import Vector, as_transform, finite, pose_from_transform
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Arm, Workcell
+from simrob_drake.programs.branches import Branch
 from simrob_drake.programs.moves.joints import targets_on
-from simrob_drake.programs.together import Branch
 
 BASE, TOOL = "base", "tool"
 """Frames of every arm: of its foot, and of its tool centre point where its reference has it."""

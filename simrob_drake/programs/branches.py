@@ -1,9 +1,6 @@
-"""Whether moves that are run at the same time, or postures, run into anything, and how far they stay from it.
+"""What each posture that brings an arm's tool to a pose means: torque to hold it, room to limits and around it."""
 
-And what each posture that brings an arm's tool to a pose means: torque to hold it, room to limits and around it.
-"""
-
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations, product
 
@@ -19,7 +16,7 @@ from simrob_drake.kinematics.every_branch import branches
 from simrob_drake.kinematics.numeric import random_postures
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.plan import Plan, check_collisions, shown
+from simrob_drake.programs.plan import check_collisions, shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,20 +112,6 @@ class Branches:
 
 _LOOKS = 6  # postures of chance that tell which distances change at all
 _SAME = 1e-6  # m
-
-
-def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
-    """Check that moves run into nothing, each other neither; other robots stand as they do in the model.
-
-    Raises:
-        PathCollision: names the first offending point, by the move that lasts longest.
-    """
-    for plan in plans:
-        instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
-    longest = max(plans, key=lambda plan: plan.duration)
-    times = np.unique(np.concatenate([plan.looks for plan in plans]))
-    postures = {plan.robot: plan.postures(np.minimum(times, plan.duration)) for plan in plans}
-    check_collisions(model, postures, times, longest.named)
 
 
 def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> str:
