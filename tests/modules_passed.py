@@ -8,7 +8,8 @@ made before. A first move builds diagrams and reads files, so it passes more tha
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
@@ -17,20 +18,27 @@ import numpy as np
 PACKAGE = "simrob_drake"
 
 
-def modules_passed(call: Callable[[], Any]) -> set[str]:
-    """Return the names of the package's modules whose functions are entered during a call."""
-    passed: set[str] = set()
+@contextmanager
+def modules_entered() -> Iterator[set[str]]:
+    """Give the names of the package's modules whose functions are entered while this is open."""
+    entered: set[str] = set()
 
     def look(frame: FrameType, event: str, _: object) -> None:
         name = frame.f_globals.get("__name__", "")
         if event == "call" and name.startswith(PACKAGE) and frame.f_code.co_name != "<module>":
-            passed.add(name)
+            entered.add(name)
 
     sys.setprofile(look)
     try:
-        call()
+        yield entered
     finally:
         sys.setprofile(None)
+
+
+def modules_passed(call: Callable[[], Any]) -> set[str]:
+    """Return the names of the package's modules whose functions are entered during a call."""
+    with modules_entered() as passed:
+        call()
     return passed
 
 

@@ -307,6 +307,11 @@ class MoveRunner(ProgramEditor):
 
     def _reopen(self, failed: Callable[[], object] | None = None, *, lost: bool = False) -> None:
         """Open the station anew in the run; ``failed`` is called if that cannot be."""
+
+        def gone() -> None:
+            self._commands.forget()
+            self._set_phase("gone")
+
         self._begin(lost=lost)
         how = {"station": self.station, "settings": self.settings, "robot": self.robot or None}
-        self._open_live(failed or (lambda: self._set_phase("gone")), **how, allow_code=self._allow_code)
+        self._open_live(failed or gone, **how, allow_code=self._allow_code)

@@ -1041,6 +1041,17 @@ def test_a_station_that_cannot_be_opened_leaves_the_program(teach):
     assert len(session.program.moves) == 1
 
 
+def test_what_waits_for_an_opening_that_fails_is_answered(teach, monkeypatch):
+    monkeypatch.setattr(CountingRun, "refused", "open")
+    session = teach()
+    assert session.phase == "gone"
+    for ask in (lambda: session.test(ELBOW), session.simulate):
+        asked = ask()  # tries to open it once more
+        session.hear()
+        assert (session.phase, str(session.message)) == ("gone", "open cannot be")
+        assert asked.result(timeout=0) is None
+
+
 def test_tabs_hear_of_changes_until_they_forget(teach):
     session, heard_by = teach(), {"one": [], "two": []}
     forget = session.listen(heard_by["one"].append)
