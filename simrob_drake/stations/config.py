@@ -19,10 +19,10 @@ from simrob_drake.importer.options import ImportOptions
 from simrob_drake.parts.controllers import Controllers
 from simrob_drake.parts.couplings import Couplings
 from simrob_drake.parts.forces import Forces
-from simrob_drake.parts.ground import Terrain
 from simrob_drake.parts.monitors import Monitors
 from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
+from simrob_drake.parts.terrain import Terrain
 from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
 from simrob_drake.robots.motors import Drives, Motors
 from simrob_drake.robots.pieces import FrameSeries

@@ -27,6 +27,7 @@ _KEYS = (
     "program.file",
     "reference.file",
     "prescribed.*.file",
+    "floor.terrain.file",
     *(f"{robot}.{key}" for robot in ("robot", "robots.*") for key in _OF_ROBOTS),
     "pieces.*.mesh",
     "pieces.*.model",
