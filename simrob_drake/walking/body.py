@@ -166,6 +166,7 @@ class Body:
             corners = np.add(contact.support_points(link), (0.0, 0.0, round_))
             self._corners.append(upright.inverse().multiply(corners.T).T.tolist())
             self.homes.append(home.multiply(point))
+        self.sole = max(abs(part) for corners in self._corners for corner in corners for part in corner[:2])
 
     def seen(self, read: Vector) -> Seen:
         """Return what the robot does.

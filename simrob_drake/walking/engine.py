@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from simrob_drake.frames import Vector
 from simrob_drake.walking.body import Body, Seen, StanceFeet
 from simrob_drake.walking.estimator import Estimate, Estimator
+from simrob_drake.walking.height_map import HeightMap
 from simrob_drake.walking.parameters import WalkingParameters
 from simrob_drake.walking.planner import WalkPlanner
 from simrob_drake.walking.poser import Poser
@@ -26,7 +27,12 @@ class Engine:
     """
 
     def __init__(
-        self, body: Body, parameters: WalkingParameters, groups: Sequence[Sequence[int]], period: float
+        self,
+        body: Body,
+        parameters: WalkingParameters,
+        groups: Sequence[Sequence[int]],
+        period: float,
+        height_map: HeightMap | None = None,
     ) -> None:
         """Prepare.
 
@@ -35,11 +41,12 @@ class Engine:
             parameters: of its walk.
             groups: the feet that stand and swing together, the right ones first.
             period: between samples [s].
+            height_map: of the ground; None: nothing is known of that but what is felt.
         """
         self.body, self._height, self.max_speed = body, parameters.bearing.height, parameters.max_speed
         self.stance = StanceFeet.of(body, parameters, groups)
         self.estimator = Estimator(body, self.stance, parameters.feedback)
-        self.planner = WalkPlanner(parameters, self.stance, period)
+        self.planner = WalkPlanner(parameters, self.stance, period, height_map)
         self.poser = Poser(body, self.stance, parameters.bearing)
 
     def standing(self, posture: Vector, slope: complex = 0j) -> tuple[Stride, Vector]:

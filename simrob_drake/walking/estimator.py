@@ -23,6 +23,8 @@ class Estimate(NamedTuple):
         touches: whether the swinging foot touches, or both feet of a pair.
         down: which feet of a pair that swings feel the ground.
         hangs: which of those that stand do not.
+        origin: where the foot that stands is in the world [m].
+        turn: from ahead of that foot to the world's x, a complex number of length one.
     """
 
     com: complex
@@ -34,6 +36,12 @@ class Estimate(NamedTuple):
     touches: bool
     down: tuple[bool, ...] = ()
     hangs: tuple[bool, ...] = ()
+    origin: complex = 0j
+    turn: complex = 1 + 0j
+
+    def in_world(self, place: complex) -> complex:
+        """Return where a place is in the world [m]."""
+        return self.origin + place * self.turn.conjugate()
 
 
 class Estimator:
@@ -75,7 +83,7 @@ class Estimator:
                 lowest[foot] - uphill(stride.ground.slope, turn * at) for foot, at in zip(there, swung, strict=True)
             )
             touches = min(over) < stands + _TOUCHES
-        return Estimate(com, com + speed / omega, up[1], -up[0], heading, slope, touches, down, hangs)
+        return Estimate(com, com + speed / omega, up[1], -up[0], heading, slope, touches, down, hangs, origin, turn)
 
     def _sloping(self, stride: Stride, places: Sequence[Sequence[Sequence[float]]], turn: complex) -> complex:
         """Return the slope under feet that stand: that of their soles; where they are balls, along their line alone."""

@@ -7,10 +7,13 @@ what is estimated, so that the joints do not push against a fall but step after 
 """
 
 import math
+from cmath import exp as turned_by
 from collections.abc import Sequence
 
-from simrob_drake.walking.body import StanceFeet, sloped
+from simrob_drake.frames import Vector
+from simrob_drake.walking.body import StanceFeet, sloped, uphill
 from simrob_drake.walking.estimator import Estimate
+from simrob_drake.walking.height_map import HeightMap
 from simrob_drake.walking.parameters import Feedback, WalkingParameters
 from simrob_drake.walking.pendulum import weights
 from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, within
@@ -31,9 +34,11 @@ _TURN_BACK = 0.3  # most of a turn back [rad/s]
 class WalkPlanner:
     """Plans a walk, sample by sample; it remembers nothing but what a :class:`Stride` tells."""
 
-    def __init__(self, parameters: WalkingParameters, stance: StanceFeet, period: float) -> None:
-        """Prepare; ``period`` is between samples [s]."""
-        self._parameters, self._stance, self._period = parameters, stance, period
+    def __init__(
+        self, parameters: WalkingParameters, stance: StanceFeet, period: float, height_map: HeightMap | None = None
+    ) -> None:
+        """Prepare; ``period`` is between samples [s], ``height_map`` of a ground that is known."""
+        self._parameters, self._stance, self._period, self._map = parameters, stance, period, height_map
         self._turns = parameters.max_speed.turn_deg > 0
         self.steps = Steps(parameters, stance.half, stance.rolls)
         self._reacts, self._feedback = parameters.feedback is not None, parameters.feedback or Feedback()
@@ -55,7 +60,7 @@ class WalkPlanner:
             sag = stride.learnt.sag
             estimate = Estimate(estimate.com - sag, estimate.xi - sag, *estimate[2:]) if self._reacts else None
         stride, xi = self._planned(stride, command, omega, estimate)
-        before, (stride, lift) = stride, self._swung(stride)
+        before, (stride, lift) = stride, self._swung(stride, estimate)
         if estimate is not None:
             stride = self._felt(before, stride, estimate)
             stride = self._followed(stride, estimate, xi)
@@ -107,7 +112,8 @@ class WalkPlanner:
             heading += command.turn * self._period
         standing, trimmed = int(step.standing), Command(step.speed + learnt.trim, step.turn + learnt.turn_back)
         rest, (_, place, yaw) = steps.rest_points[standing], steps.planned(1 - standing, trimmed)
-        planned = Landing(step.nominal, place, yaw)
+        planned = self._on_even_ground(stride, estimate, Landing(step.nominal, place, yaw))
+        place = planned.place
         share = min(step.time / step.transfer, 1.0) if step.transfer > 0 else 1.0
         zmp = step.zmp_from + share * (rest - step.zmp_from)
         after = steps.after(standing, trimmed, omega)
@@ -127,6 +133,7 @@ class WalkPlanner:
                 held = _clipped(feedback.zmp_gain * error, feedback.zmp_limit)
                 now = Divergent(own + error, omega, step.time, step.transfer, zmp + held, rest + held)
                 planned = steps.adjusted(1 - standing, planned, now, swing.place, after)
+                planned = self._on_even_ground(stride, estimate, planned)
             landing = planned
         xi = xi_for(landing.time, landing.place)
         limit = feedback.brace_threshold
@@ -171,7 +178,7 @@ class WalkPlanner:
         begun = step._replace(transfer=transfer, nominal=time, speed=speed, turn=turn)
         return stride._replace(step=begun, landing=stride.landing._replace(time=time))
 
-    def _swung(self, stride: Stride) -> tuple[Stride, float]:
+    def _swung(self, stride: Stride, estimate: Estimate | None) -> tuple[Stride, float]:
         """Return the stride with its foot further on its way, and how high that is [m]."""
         step, swing, landing, trunk, ground, learnt = stride
         after, length = step.time + self._period, landing.time - step.transfer
@@ -186,8 +193,48 @@ class WalkPlanner:
             swing.place + part * (landing.place - swing.place), swing.yaw + part * (landing.yaw - swing.yaw), share
         )
         trunk = Trunk(trunk.com, trunk.zmp, heading, *trunk[3:])
-        ground = Ground(ground.height * stays, ground.slope, ground.tilt, ground.foot_tilt * stays)
+        if self._map is None or estimate is None:
+            ground = Ground(ground.height * stays, ground.slope, ground.tilt, ground.foot_tilt * stays)
+        else:
+            ground = self._over_map(stride, estimate, share, self._map)
         return Stride(step, swing, landing, trunk, ground, learnt), self._lift(share)
+
+    def _over_map(self, stride: Stride, estimate: Estimate, share: float, known: HeightMap) -> Ground:
+        """Return the ground with each swinging foot further on its way to the height of its place on a map.
+
+        Up in the part of the swing before the ground may be felt, down in what comes after it; who feels it stays.
+        """
+        (here, there), (_, _, before), early = stride.step.sides, stride.swing, self._blind_part
+        (height, slope, tilt, foot_tilt), landing, about = stride.ground, stride.landing, self._stance.about[there]
+        stands = known.heights([estimate.in_world(each) for each in self._stance.about[here]])
+        yaw, level = turned_by(1j * landing.yaw), sum(stands) / len(stands)
+        places = [landing.place + yaw * each for each in about]
+        found, heights = known.heights([estimate.in_world(place) for place in places]), list[float]()
+        late = 1.0 - early
+        up = gone(before / early, share / early)
+        down = gone(max(before - early, 0.0) / late, max(share - early, 0.0) / late) if late else up
+        feels = estimate.down if before > self._feedback.early_touchdown else ()
+        for number, (place, each, top) in enumerate(zip(places, about, found, strict=True)):
+            now = height + uphill(foot_tilt, each)
+            way = top - level - uphill(slope, place) - now
+            stays = number < len(feels) and feels[number]
+            heights.append(now if stays else now + (up if way > 0 else down) * way)
+        middle = sum(heights) / len(heights)
+        return Ground(middle, slope, tilt, sloped(self._stance.planes[there], heights))
+
+    def _on_even_ground(self, stride: Stride, estimate: Estimate | None, landing: Landing) -> Landing:
+        """Return a landing where the ground is even, if that is known; near that of the last sample."""
+        if self._map is None or estimate is None:
+            return landing
+        swinging, yaw = stride.step.sides[1], turned_by(1j * landing.yaw)
+        feet = [estimate.in_world(landing.place + yaw * each) for each in self._stance.about[swinging]]
+        chosen = stride.landing.place - landing.place if stride.step.time > 0 else 0j
+
+        def allowed(shifts: Vector) -> Vector:
+            return self.steps.allowed(swinging, landing.place + shifts * estimate.turn)
+
+        shift = self._map.shift(feet, chosen * estimate.turn.conjugate(), allowed)
+        return landing._replace(place=landing.place + shift * estimate.turn)
 
     def _lift(self, share: float) -> float:
         return float(self._parameters.lift * (4.0 * share * (1.0 - share)) ** self._parameters.lift_exponent)
@@ -198,7 +245,7 @@ class WalkPlanner:
         Those that swing and feel it stay as high as before, while others come down; those that should stand and feel
         nothing come further down, if late ones are sought.
         """
-        step, feedback, (down, hangs) = stride.step, self._feedback, estimate[-2:]
+        step, feedback, (down, hangs) = stride.step, self._feedback, (estimate.down, estimate.hangs)
         if any(down) and stride.swing.share > feedback.early_touchdown:
             sunk = self._lift(before.swing.share) - self._lift(stride.swing.share)
             stride = self._raised(stride, [sunk * each for each in down])
@@ -240,7 +287,8 @@ class WalkPlanner:
             way += (time - step.nominal) / self._stance.rolls * step.speed
             trim = learnt.trim + feedback.speed_integral / self._parameters.step_time * way
             learnt = learnt._replace(trim=_clipped(trim, _TRIM))
-        off = abs(swing.place - self.steps.apart[swinging])
+        beside = self._on_even_ground(stride, estimate, Landing(landing.time, self.steps.apart[swinging]))
+        off = abs(swing.place - beside.place)
         ground = ground._replace(height=ground.height + lift)
         stride = Stride(step, swing, landing, trunk, ground, learnt).on_the_other_foot()
         ends = max(off / _TOGETHER, abs(learnt.turn_back) / _SQUARE) <= 1.0 and not hurries

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from math import ceil, radians
 from typing import NamedTuple
 
+import numpy as np
+
+from simrob_drake.frames import Vector
 from simrob_drake.walking.parameters import Feedback, WalkingParameters
 from simrob_drake.walking.pendulum import Weights, weights
 
@@ -64,6 +67,12 @@ class Steps:
     def middle(self, standing: int, foot: complex) -> complex:
         """Return where the zero-moment point rests while both feet stand, the other one beside the first."""
         return 0.5 * (self.rest_points[standing] + foot + self.rest_points[1 - standing])
+
+    def allowed(self, swinging: int, places: Vector) -> Vector:
+        """Tell which of some places, complex, a foot may land at."""
+        out, foothold = (1.0 if swinging else -1.0) * places.imag, self._foothold
+        ahead = (places.real <= foothold.ahead) & (places.real >= -foothold.behind)
+        return np.asarray(ahead & (out >= foothold.inner) & (out <= foothold.outer))
 
     def planned(self, swinging: int, command: Command) -> Landing:
         """Return where a foot lands by a command: about the middle of the robot, which goes and turns."""

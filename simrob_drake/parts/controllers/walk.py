@@ -22,6 +22,7 @@ from simrob_drake.sections import Boolean
 from simrob_drake.walking.body import Body
 from simrob_drake.walking.commands import Commanded, Commander, beyond, clipped, command_of
 from simrob_drake.walking.engine import Engine
+from simrob_drake.walking.height_map import HeightMap
 from simrob_drake.walking.parameters import WalkingParameters, load_walking
 from simrob_drake.walking.path import Follower, Waypoints
 from simrob_drake.walking.steps import Command
@@ -29,6 +30,7 @@ from simrob_drake.walking.stride import NUMBERS, Stride, eased
 
 _SAME = 1e-3  # of a posture [rad]
 _NEAR = 0.5  # from where the robot stands to where its path starts, at most [m]
+_EDGE = 0.02  # to be left around a sole that is set down on a known ground [m]
 _READY = 1.0  # time to take the first posture from 45 deg away [s]
 
 
@@ -45,6 +47,9 @@ class Walk(LoopSection):
     `command` (3) that `reads` names comes before them, where it is a number: ahead, to the left [m/s], turn [rad/s]."""
     path: Waypoints | None = None
     """Where to go, by the pose of the root that it reads."""
+    height_map: Boolean = False
+    """Know how high the ground of the station is, seen from above, around where the pose that is read has the robot:
+    feet lift to it, and land where it is even, within 60 mm of where they would."""
     strict: Boolean = False
     """Refuse commands that the legs cannot follow, as `max_speed` of the gait says; they are clipped otherwise."""
 
@@ -75,6 +80,8 @@ class Walk(LoopSection):
         if read and (read != feet or parameters.feedback is None or parameters.feedback.touch_force is None):
             expected = f"with a force sensor for each of {', '.join(feet)}, and gait.feedback.touch_force, or with none"
             raise InvalidParameter(f"{key}.reads", f"forces on {', '.join(read)}", expected)
+        if self.height_map and parameters.feedback is None:
+            raise InvalidParameter(f"{key}.height_map", True, "false without gait.feedback, which tells where feet are")
         self.warnings(key, robot)
         if self.path is not None:
             begins, stands = complex(*self.path.points[0]), complex(*robot.base.translation()[:2])
@@ -133,10 +140,11 @@ class Walk(LoopSection):
             facing=facing,
         )
         groups = [[names.index(foot) for foot in group] for group in parameters.groups]
+        height_map = HeightMap(site.plant.ground.beneath, body.sole + _EDGE) if self.height_map else None
         path = None if self.path is None else Follower(self.path, parameters.max_speed, facing)
         return WalkingLoop(
             self,
-            Engine(body, parameters, groups, 1 / self.rate),
+            Engine(body, parameters, groups, 1 / self.rate, height_map),
             names,
             np.deg2rad(posture),
             Commander(self.commands, path),
