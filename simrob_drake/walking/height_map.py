@@ -43,21 +43,33 @@ class HeightMap:
             found.append(float(heights[row + _REACH, column + _REACH]))
         return found
 
-    def shift(self, feet: Sequence[complex], chosen: complex, allowed: Callable[[Vector], Vector]) -> complex:
+    def shift(
+        self,
+        feet: Sequence[complex],
+        chosen: complex,
+        allowed: Callable[[Vector], Vector],
+        level: float,
+        rise: float,
+    ) -> complex:
         r"""Return by how much feet that land together are best shifted to stand on even ground [m].
 
-        It is the shift d, within 60 mm to each side, with the least :math:`|d|^2 + \sum (3 h)^2 + 0.3 |d - d'|^2`,
-        where h is by how much the heights under a foot differ.
+        It is the shift d, within 60 mm to each side, with the least
+        :math:`|d|^2 + \sum (3 h)^2 + \sum (3 s)^2 + 0.3 |d - d'|^2`, where h is by how much the heights under a foot
+        differ, and s by how much it would step up or down too far.
 
         Args:
             feet: where they are to land.
             chosen: d', the shift that was best before.
             allowed: tells which of some shifts, complex, may be; where none may, there is none.
+            level: height from which they step [m].
+            rise: how far they step up or down [m].
         """
         rough, size = np.zeros(_SHIFTS.shape), len(_SIDE)
         for place in feet:
-            (_, unevenness), row, column = self._near(place)
-            rough += unevenness[row : row + size, column : column + size]
+            (heights, unevenness), row, column = self._near(place)
+            window = slice(row, row + size), slice(column, column + size)
+            too_far = np.maximum(np.abs(heights[window] - level) - rise, 0.0)
+            rough += unevenness[window] + (_ROUGH * too_far) ** 2
         if not rough[_REACH, _REACH]:
             return 0j
         cost = rough + np.abs(_SHIFTS) ** 2 + _STAYS * np.abs(_SHIFTS - chosen) ** 2

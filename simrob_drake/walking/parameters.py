@@ -53,6 +53,8 @@ class Foothold(Strict):
     """Least way to its own side: feet do not cross [m]."""
     outer: Length
     """Largest way to its own side [m]."""
+    rise: Length = 0.06
+    """How far it steps up or down, where a map tells of the ground [m]."""
 
 
 class Feedback(Renamed):

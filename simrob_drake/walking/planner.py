@@ -206,8 +206,7 @@ class WalkPlanner:
         """
         (here, there), (_, _, before), early = stride.step.sides, stride.swing, self._blind_part
         (height, slope, tilt, foot_tilt), landing, about = stride.ground, stride.landing, self._stance.about[there]
-        stands = known.heights([estimate.in_world(each) for each in self._stance.about[here]])
-        yaw, level = turned_by(1j * landing.yaw), sum(stands) / len(stands)
+        yaw, level = turned_by(1j * landing.yaw), self._level(estimate, here, known)
         places = [landing.place + yaw * each for each in about]
         found, heights = known.heights([estimate.in_world(place) for place in places]), list[float]()
         late = 1.0 - early
@@ -222,6 +221,11 @@ class WalkPlanner:
         middle = sum(heights) / len(heights)
         return Ground(middle, slope, tilt, sloped(self._stance.planes[there], heights))
 
+    def _level(self, estimate: Estimate, group: int, known: HeightMap) -> float:
+        """Return how high the ground is under the feet of a group that stands, by a map [m]."""
+        heights = known.heights([estimate.in_world(each) for each in self._stance.about[group]])
+        return sum(heights) / len(heights)
+
     def _on_even_ground(self, stride: Stride, estimate: Estimate | None, landing: Landing) -> Landing:
         """Return a landing where the ground is even, if that is known; near that of the last sample."""
         if self._map is None or estimate is None:
@@ -233,7 +237,8 @@ class WalkPlanner:
         def allowed(shifts: Vector) -> Vector:
             return self.steps.allowed(swinging, landing.place + shifts * estimate.turn)
 
-        shift = self._map.shift(feet, chosen * estimate.turn.conjugate(), allowed)
+        level, rise = self._level(estimate, stride.step.sides[0], self._map), self._parameters.foothold.rise
+        shift = self._map.shift(feet, chosen * estimate.turn.conjugate(), allowed, level, rise)
         return landing._replace(place=landing.place + shift * estimate.turn)
 
     def _lift(self, share: float) -> float:
