@@ -81,8 +81,10 @@ class Terrain(Strict):
 
     @model_validator(mode="after")
     def _fits(self) -> Terrain:
-        if (self.file is None) == (self.kind == "grid"):
-            raise ValueError(f"file is given for a terrain of {self.kind}; it goes with a grid, which needs one")
+        if self.kind == "grid" and self.file is None:
+            raise ValueError("file is missing, which has the heights of a grid")
+        if self.kind != "grid" and self.file is not None:
+            raise ValueError(f"file goes with kind grid alone, not with {self.kind}")
         if self.kind == "gaps" and self.gap >= self.size:
             raise ValueError(
                 f"gap ({self.gap:g} m) leaves nothing to stand on between gaps every {self.size:g} m (size)"

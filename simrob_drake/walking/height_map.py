@@ -3,9 +3,12 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from simrob_drake.frames import Vector
 
+Places = npt.NDArray[np.complex128]
+"""In the plane: x ahead, y to the left, as complex numbers [m]."""
 CELL = 0.01
 """Of the map [m]."""
 _REACH = 6  # cells: how far at most a foothold is shifted, ahead and to the side
@@ -47,7 +50,7 @@ class HeightMap:
         self,
         feet: Sequence[complex],
         chosen: complex,
-        allowed: Callable[[Vector], Vector],
+        allowed: Callable[[Places], npt.NDArray[np.bool_]],
         level: float,
         rise: float,
     ) -> complex:

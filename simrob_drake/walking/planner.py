@@ -10,10 +10,12 @@ import math
 from cmath import exp as turned_by
 from collections.abc import Sequence
 
-from simrob_drake.frames import Vector
+import numpy as np
+import numpy.typing as npt
+
 from simrob_drake.walking.body import StanceFeet, sloped, uphill
 from simrob_drake.walking.estimator import Estimate
-from simrob_drake.walking.height_map import HeightMap
+from simrob_drake.walking.height_map import HeightMap, Places
 from simrob_drake.walking.parameters import Feedback, WalkingParameters
 from simrob_drake.walking.pendulum import weights
 from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, within
@@ -234,7 +236,7 @@ class WalkPlanner:
         feet = [estimate.in_world(landing.place + yaw * each) for each in self._stance.about[swinging]]
         chosen = stride.landing.place - landing.place if stride.step.time > 0 else 0j
 
-        def allowed(shifts: Vector) -> Vector:
+        def allowed(shifts: Places) -> npt.NDArray[np.bool_]:
             return self.steps.allowed(swinging, landing.place + shifts * estimate.turn)
 
         level, rise = self._level(estimate, stride.step.sides[0], self._map), self._parameters.foothold.rise

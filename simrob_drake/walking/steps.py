@@ -8,8 +8,8 @@ from math import ceil, radians
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from simrob_drake.frames import Vector
 from simrob_drake.walking.parameters import Feedback, WalkingParameters
 from simrob_drake.walking.pendulum import Weights, weights
 
@@ -68,7 +68,7 @@ class Steps:
         """Return where the zero-moment point rests while both feet stand, the other one beside the first."""
         return 0.5 * (self.rest_points[standing] + foot + self.rest_points[1 - standing])
 
-    def allowed(self, swinging: int, places: Vector) -> Vector:
+    def allowed(self, swinging: int, places: npt.NDArray[np.complex128]) -> npt.NDArray[np.bool_]:
         """Tell which of some places, complex, a foot may land at."""
         out, foothold = (1.0 if swinging else -1.0) * places.imag, self._foothold
         ahead = (places.real <= foothold.ahead) & (places.real >= -foothold.behind)

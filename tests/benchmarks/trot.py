@@ -3,7 +3,8 @@
 Run it with ``python -m tests.benchmarks.trot [NEWTON [SEEDS [KEY=VALUE]...]]``: pushes of 0.1 s from four sides, each
 seed with a posture off by 0.5°, masses of all links by 5 %, a friction of 0.5 to 1.2, and a phase of the step. With
 ``steps [SEEDS [KEY=VALUE]...]`` it crosses 2 m of tiles of 0.2 m that lie within ±40 mm instead, with ``rubble`` stones
-of up to 40 mm: by the forces on its feet, likewise each seed a little other.
+of up to 40 mm, with ``stairs`` four steps of 40 mm up and four down, with ``gaps`` eight of 60 mm: by the forces on its
+feet, likewise each seed a little other; with ``controllers.walk.height_map=true`` it knows the ground.
 """
 
 import math
@@ -38,6 +39,12 @@ UNEVEN = {
     "controllers.walk.path": {"points": [[0, 0], [2.8, 0]], "speed": 0.2},
     "duration": 30.0,
     "sample_rate": 50,
+}
+GROUNDS = {
+    "steps": {"height": 0.04, "size": 0.2, "length": 2},
+    "rubble": {"height": 0.04, "size": 0.2, "length": 2},
+    "stairs": {"height": 0.04, "size": 0.25, "length": 1.75},
+    "gaps": {"height": 0.1, "size": 0.25, "length": 2, "gap": 0.06},
 }
 CROSSED = 2.65  # of the base: then all feet are behind the field [m]
 PUSHED, STEP, AFTER = 2.5, 0.5, 2.0  # when, two steps, and how long it must keep its feet [s]
@@ -94,7 +101,7 @@ def main(force: float, seeds: int, changes: Mapping[str, Any]) -> None:
 
 def uneven(kind: str, seeds: int, changes: Mapping[str, Any]) -> None:
     """Cross and print."""
-    ground, crossed = {"kind": kind, "height": 0.04, "size": 0.2, "length": 2}, 0
+    ground, crossed = {"kind": kind, **GROUNDS[kind]}, 0
     with TemporaryDirectory() as folder:
         for seed in range(seeds):
             told = {**doubtful(seed, Path(folder)), "floor.terrain": {**ground, "seed": seed}, **UNEVEN, **changes}
@@ -113,7 +120,7 @@ if __name__ == "__main__":
     first, *rest = sys.argv[1:] or ["110"]
     pairs = [each.split("=", 1) for each in rest[1:]]
     told, count = {key: parse_yaml(value, key) for key, value in pairs}, int(rest[0]) if rest else 20
-    if first in {"steps", "rubble"}:
+    if first in GROUNDS:
         uneven(first, count, told)
     else:
         main(float(first), count, told)

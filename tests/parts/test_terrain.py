@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 from pydrake.geometry import HalfSpace, Role
 
 from simrob_drake import load_station, simulate
@@ -38,6 +39,52 @@ def test_heights_are_where_drake_has_the_surfaces(kind, incline):
         near = posed.query().ComputeSignedDistanceToPoint(on, threshold=1e-9)
         assert min(abs(found.distance) for found in near) < 1e-9
         assert posed.query().ComputeSignedDistanceToPoint(on + np.array([0, 0, 1e-4]), threshold=0.0) == []
+
+
+@pytest.fixture
+def grids(tmp_path):
+    """Two files of the same grid: the far left tile high, the near right one low."""
+    (tmp_path / "grid.csv").write_text("0.02,0\n0.04,0.02\n")
+    Image.fromarray(np.array([[255, 128], [128, 0]], np.uint8)).save(tmp_path / "grid.png")
+    return {kind: tmp_path / f"grid.{kind}" for kind in ("csv", "png")}
+
+
+def known(grids):
+    """Fields whose heights are told, with points [m] and their heights."""
+    stairs = {"kind": "stairs", "height": 0.03, "size": 0.2, "length": 1.0}
+    gaps = {"kind": "gaps", "height": 0.1, "size": 0.25, "length": 1.0, "gap": 0.06}
+    tiles = {(0.5, -0.1): 0.0, (0.5, 0.1): 0.02, (0.7, -0.1): 0.02, (0.7, 0.1): 0.04, (0.9, 0.1): 0.0, (0.5, 0.3): 0.0}
+    return [
+        (stairs, {(0.3, 0.0): 0.0, **{(0.5 + 0.2 * n, 0.3): 0.03 * min(n + 1, 5 - n) for n in range(5)}}),
+        (gaps, {(0.49, 0.0): 0.0, (0.5, 0.0): -0.1, (0.55, 0.0): -0.1, (0.56, 0.0): 0.0, (1.275, 0.0): -0.1}),
+        ({"kind": "grid", "size": 0.2, "file": str(grids["csv"])}, tiles),
+        ({"kind": "grid", "size": 0.2, "height": 0.04, "file": str(grids["png"])}, tiles),
+    ]
+
+
+def test_stairs_gaps_and_grids_are_where_they_are_told(grids):
+    for field, heights in known(grids):
+        config = load_station("yobotics_terrain", {**PLAIN, "floor.terrain": {"width": 0.8, **field}})
+        ground, posed = resolve(config).ground, PosedStation(config)
+        points = np.array([(*place, 2.0) for place in heights])
+        tops = ground.beneath(points)
+        np.testing.assert_allclose(tops, [*heights.values()], atol=2e-4)  # 128 of 255 is no half
+        for point, top in zip(points, tops, strict=True):
+            near = posed.query().ComputeSignedDistanceToPoint(np.array([*point[:2], top]), threshold=1e-9)
+            assert min(abs(found.distance) for found in near) < 1e-9
+
+
+def test_what_is_no_grid_is_refused(tmp_path, grids):
+    (tmp_path / "words.csv").write_text("0.1,high\n")
+    (tmp_path / "empty.png").write_text("")
+    for file, message in [
+        ("words.csv", "no table of heights"),
+        ("empty.png", "cannot be read"),
+        ("no.csv", "cannot be"),
+    ]:
+        field = {"kind": "grid", "file": str(tmp_path / file)}
+        with pytest.raises(SimrobError, match=message):
+            resolve(load_station("yobotics_terrain", {**PLAIN, "floor.terrain": field}))
 
 
 def test_the_seed_alone_makes_the_field_and_the_floor_s_size_does_not():
@@ -89,6 +136,9 @@ def test_a_foot_sinks_into_the_soft_patch_as_its_pressure_says():
         ({"floor.terrain.size": 5}, "is not more than length and width"),
         ({"floor.terrain.kind": "hills"}, "rubble"),
         ({"floor.terrain.seed": -1}, "seed"),
+        ({"floor.terrain.kind": "grid"}, "file is missing"),
+        ({"floor.terrain.file": "heights.csv"}, "file goes with kind grid alone"),
+        ({"floor.terrain": {"kind": "gaps", "gap": 0.2, "size": 0.2}}, "leaves nothing to stand on"),
         ({"contact.model": "point"}, "floor.terrain.soft"),
     ],
 )
