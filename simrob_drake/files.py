@@ -118,6 +118,23 @@ def read_columns(file: Path, names: Sequence[str]) -> tuple[NDArray[np.float64],
     return np.array(values).reshape(-1, len(names)), lines.tolist()
 
 
+def read_matrix(file: Path) -> NDArray[np.float64]:
+    """Return the numbers of a table without names, shape (lines, columns).
+
+    Raises:
+        InvalidConfig: the file cannot be read, holds no line, or one of another length than the first or with something
+            that is no finite number.
+    """
+    rows = list[list[float]]()
+    for line, row in _rows(file):
+        rows.append(_numbers(row, list(range(len(row))), file, line))
+        if len(row) != len(rows[0]):
+            raise InvalidConfig(file, f"line {line}", f"has {len(row)} cells, and the first line {len(rows[0])}")
+    if not rows:
+        raise InvalidConfig(file, "", "is empty; it must hold lines of numbers")
+    return np.array(rows)
+
+
 def column_names(file: Path) -> list[str]:
     """Return the names in the first line that is not empty.
 

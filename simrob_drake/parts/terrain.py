@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from io import BytesIO
 from itertools import groupby
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 from pydantic import Field, model_validator
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake.errors import InvalidConfig
+from simrob_drake.files import content_of, read_matrix
 from simrob_drake.frames import Vector
 from simrob_drake.sections import Integer, NotNegative, Number, Positive, Strict
 
@@ -20,6 +22,7 @@ _BELOW = 0.05
 """How far the boxes reach below the lowest of their tops, and how thick what is soft is at least [m]."""
 _AROUND = 1.0  # level ground behind the field at least [m]
 _MOST = 1000  # boxes: contact looks at each
+_MOST_PIXELS = 100_000  # of a picture of heights
 _TILT = 0.25  # of rubble, at most [rad]
 
 
@@ -109,23 +112,20 @@ class Terrain(Strict):
         """Return the heights of a grid, shape (rows along the way, columns from the right) [m].
 
         Raises:
-            InvalidConfig: the file cannot be read, or holds something that is no table of numbers, or no picture.
+            InvalidConfig: the file cannot be read, or holds no table of numbers, or no picture, or a large one.
         """
         assert self.file is not None  # a grid has one
+        if self.file.suffix.lower() != ".png":
+            return read_matrix(self.file)[:, ::-1]
         try:
-            if self.file.suffix.lower() == ".png":
-                with Image.open(self.file) as picture:
-                    found = np.asarray(picture.convert("F"))[::-1, ::-1] / (65535.0 if "16" in picture.mode else 255.0)
-                return np.asarray(self.height * found, dtype=float)
-            found = np.loadtxt(self.file, delimiter=",", ndmin=2)[:, ::-1]
-        except (OSError, UnidentifiedImageError) as problem:
-            raise InvalidConfig(self.file, "", f"cannot be read: {problem}") from None
-        except ValueError as problem:
-            message = f"is no table of heights [m], numbers with commas between them: {problem}"
-            raise InvalidConfig(self.file, "", message) from None
-        if not found.size or not np.isfinite(found).all():
-            raise InvalidConfig(self.file, "", "holds no heights [m], or some that are no numbers")
-        return np.asarray(found)
+            with Image.open(BytesIO(content_of(self.file))) as picture:
+                if picture.width * picture.height > _MOST_PIXELS:
+                    pixels = f"has {picture.width} x {picture.height} pixels, more than {_MOST_PIXELS}; make it smaller"
+                    raise InvalidConfig(self.file, "", pixels)
+                white = 65535.0 if "16" in picture.mode else 255.0
+                return np.asarray(self.height / white * np.asarray(picture.convert("F"))[::-1, ::-1], dtype=float)
+        except OSError as problem:
+            raise InvalidConfig(self.file, "", f"cannot be read as a picture ({problem})") from problem
 
     def blocks(self, floor: float) -> list[TerrainBox]:
         """Return the boxes, those of the level ground around the field included; ``floor`` is its side [m]."""
