@@ -19,7 +19,7 @@ _STAYS = 0.3  # what leaving the foothold that was chosen last costs, likewise, 
 _ABOVE = 100.0  # from where the map looks down [m]
 
 _SIDE = np.arange(-_REACH, _REACH + 1)
-_SHIFTS = CELL * (_SIDE[:, np.newaxis] + 1j * _SIDE)  # in the world
+_SHIFTS: Places = CELL * (_SIDE[:, np.newaxis] + 1j * _SIDE)  # in the world
 
 
 class HeightMap:
@@ -75,9 +75,9 @@ class HeightMap:
             rough += unevenness[window] + (_ROUGH * too_far) ** 2
         if not rough[_REACH, _REACH]:
             return 0j
-        cost = rough + np.abs(_SHIFTS) ** 2 + _STAYS * np.abs(_SHIFTS - chosen) ** 2
+        ways: Vector = np.abs(_SHIFTS) ** 2 + _STAYS * np.abs(_SHIFTS - chosen) ** 2
         may = allowed(_SHIFTS)
-        return complex(_SHIFTS.flat[int(np.where(may, cost, np.inf).argmin())]) if may.any() else 0j
+        return complex(_SHIFTS.flat[int(np.where(may, rough + ways, np.inf).argmin())]) if may.any() else 0j
 
     def _near(self, place: complex) -> tuple[tuple[Vector, Vector], int, int]:
         """Return the block in which a place lies, and where in it the places around begin."""

@@ -294,8 +294,8 @@ class WalkPlanner:
             way += (time - step.nominal) / self._stance.rolls * step.speed
             trim = learnt.trim + feedback.speed_integral / self._parameters.step_time * way
             learnt = learnt._replace(trim=_clipped(trim, _TRIM))
-        beside = self._on_even_ground(stride, estimate, Landing(landing.time, self.steps.apart[swinging]))
-        off = abs(swing.place - beside.place)
+        rests = self._on_even_ground(stride, estimate, Landing(landing.time, self.steps.apart[swinging]))
+        off = abs(swing.place - rests.place)
         ground = ground._replace(height=ground.height + lift)
         stride = Stride(step, swing, landing, trunk, ground, learnt).on_the_other_foot()
         ends = max(off / _TOGETHER, abs(learnt.turn_back) / _SQUARE) <= 1.0 and not hurries

@@ -77,11 +77,18 @@ def test_stairs_gaps_and_grids_are_where_they_are_told(grids):
 def test_what_is_no_grid_is_refused(tmp_path, grids):
     (tmp_path / "words.csv").write_text("0.1,high\n")
     (tmp_path / "empty.png").write_text("")
-    for file, message in [
-        ("words.csv", "no table of heights"),
-        ("empty.png", "cannot be read"),
-        ("no.csv", "cannot be"),
-    ]:
+    (tmp_path / "ragged.csv").write_text("0.1,0.2\n0.1\n")
+    Image.new("L", (1000, 1000)).save(tmp_path / "large.png")
+    Image.fromarray((np.arange(2000) % 251).astype(np.uint8).reshape(40, 50)).save(tmp_path / "rough.png")
+    messages = {
+        "words.csv": "line 1: holds something that is no number",
+        "ragged.csv": "line 2: has 1 cells, and the first line 2",
+        "no.csv": "cannot be read",
+        "empty.png": "cannot be read as a picture",
+        "large.png": "more than 100000",
+        "rough.png": "makes 2000 boxes",
+    }
+    for file, message in messages.items():
         field = {"kind": "grid", "file": str(tmp_path / file)}
         with pytest.raises(SimrobError, match=message):
             resolve(load_station("yobotics_terrain", {**PLAIN, "floor.terrain": field}))
