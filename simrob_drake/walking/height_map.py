@@ -19,7 +19,7 @@ _STAYS = 0.3  # what leaving the foothold that was chosen last costs, likewise, 
 _ABOVE = 100.0  # from where the map looks down [m]
 
 _SIDE = np.arange(-_REACH, _REACH + 1)
-_SHIFTS: Places = CELL * (_SIDE[:, np.newaxis] + 1j * _SIDE)  # in the world
+_SHIFTS = np.array([[complex(ahead, left) for left in CELL * _SIDE] for ahead in CELL * _SIDE])  # in the world
 
 
 class HeightMap:
