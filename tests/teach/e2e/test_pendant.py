@@ -267,8 +267,7 @@ def test_nothing_is_lost_by_a_kill(page, humanoid):
     expect(button(page, "Play")).to_be_enabled()
     humanoid.kill()
     humanoid.start()
-    page.reload()
-    assert "open the newest address" in page.inner_text("body")
+    expect(page.locator("body")).to_contain_text("open the newest address")  # it loads itself anew
     assert program(humanoid) == before
     opened(page, humanoid)
     expect(page.get_by_role("listitem")).to_have_count(len(before["moves"]) + len(before.get("changes", ())))
