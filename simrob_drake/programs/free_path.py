@@ -24,15 +24,23 @@ _DEGREE = 5
 _ROUND = (0.2, 0.1, 0.05, 0.02)  # m between the points that round corners are made of
 _THINNEST = 0.1  # m of an arm that turns about itself
 _POSTURES = 100
+_NOTHING = np.zeros((0, 3))
 _ROUNDING = 1e-9  # m
 _FROM_START = 1  # how the search marks the tree that grows from the start
 
 
-def metres(chain: Chain) -> Vector:
-    """Return how far the tool, or what is 10 cm around it, moves at most for a radian of each axis, shape (n,) [m]."""
-    jacobians = chain.jacobian(random_postures(chain, _POSTURES, 0))
-    moved = np.linalg.norm(jacobians[:, :3], axis=1).max(axis=0) + _THINNEST * chain.revolute
-    return np.asarray(np.maximum(moved, _THINNEST))  # a finger does not move the tool
+def metres(chain: Chain, carried: Vector = _NOTHING) -> Vector:
+    """Return how far what a chain moves goes at most for a radian of each axis, shape (n,) [m].
+
+    It moves the tool, what is 10 cm around it, and points (k, 3) in its frame of what it carries [m].
+    """
+    postures = random_postures(chain, _POSTURES, 0)
+    jacobians = chain.jacobian(postures)[:, np.newaxis]
+    arms = np.vstack([np.zeros(3), carried]) @ chain.forward(postures)[:, :3, :3].swapaxes(1, 2)
+    points = jacobians[:, :, :3] + np.cross(jacobians[:, :, 3:], arms[..., np.newaxis], axis=2)
+    moved = np.linalg.norm(points, axis=2).max(axis=0)
+    moved[0] += _THINNEST * chain.revolute
+    return np.asarray(np.maximum(moved.max(axis=0), _THINNEST))  # a finger does not move the tool
 
 
 @dataclass

@@ -3,9 +3,10 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
-from pydrake.geometry import GeometryId
+from pydrake.geometry import GeometryId, Role
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.targets import owner_and_robot
@@ -42,12 +43,15 @@ class FreeSpace:
     _owners: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Allow what touches at the start.
+        """Take along what fingers hold, and allow what touches at the start.
 
         Raises:
             StartInCollision: a robot that begins deep in something else.
         """
         self._ends = np.cumsum([len(posture) for posture in self.start.values()])[:-1]
+        self.model.place_robots(self.start)
+        self._gripped, robots = self.model.gripped(), {own.instance: name for name, own in self.model.robots.items()}
+        self._holders = {piece: robots[link.model_instance()] for piece, (link, _) in self._gripped.items()}
         begun = {bodies: depth for depth, bodies in reversed(self.hits(self.posture))}
         for shapes, (bodies, allowed) in self._pairs.items():
             self._pairs[shapes] = bodies, allowed + begun.get(bodies, 0.0)
@@ -67,6 +71,7 @@ class FreeSpace:
     def hits(self, posture: Vector, part: float = 1.0) -> list[Hit]:
         """Return what lies in what in a posture (n,) deeper than a part of what is allowed, the deepest first."""
         self.model.place_robots(self.parts(posture))
+        self.model.place_gripped(self._gripped)
         found = list[Hit]()
         for pair in self.model.query().ComputePointPairPenetration():
             shapes = pair.id_A, pair.id_B
@@ -89,9 +94,27 @@ class FreeSpace:
         """Return what was in the way most often, beside the robots that move."""
         return [body for body, _ in self.met.most_common() if self._owners[body] not in self.start][:most]
 
+    def carried(self, robot: str) -> Vector:
+        """Return the corners of boxes around what a robot carries, where they are at the start, shape (k, 3) [m]."""
+        self.hits(self.posture)
+        query, corners = self.model.query(), np.array([*product((-1.0, 1.0), repeat=3)])
+        found = [np.zeros((0, 3))]
+        for shape in query.inspector().GetAllGeometryIds(Role.kProximity):
+            owner, own = self._owner(shape)
+            box = query.inspector().GetObbInGeometryFrame(shape)
+            if own == robot and box is not None and owner in {*self.model.robots[robot].held, *self._gripped}:
+                pose = query.GetPoseInWorld(shape) @ box.pose()
+                found.append((pose.rotation().matrix() @ (corners * box.half_width()).T).T + pose.translation())
+        return np.vstack(found)
+
+    def _owner(self, shape: GeometryId) -> tuple[str, str]:
+        """Return what a shape belongs to, and the robot that carries or holds it, if any."""
+        owner, robot = owner_and_robot(self.model.station, shape)
+        return owner, self._holders.get(owner, robot)
+
     def _known(self, shapes: tuple[GeometryId, GeometryId]) -> tuple[Bodies, float]:
         """Return whose two shapes are, and how deep they may be in each other."""
-        (first, one), (second, other) = sorted(owner_and_robot(self.model.station, shape) for shape in shapes)
+        (first, one), (second, other) = sorted(map(self._owner, shapes))
         self._owners |= {first: one, second: other}
         still, made_so = not {one, other} & {*self.start}, (first, second) in self.model.made_so
         allowed = np.inf if still or made_so else ROUGH if one == other else TOUCH

@@ -128,7 +128,8 @@ class StationModel(PosedStation):
         """Put pieces where the links that hold them are now."""
         for name, (link, pose) in gripped.items():
             self.plant.SetFreeBodyPose(self.context, self.station.free_pieces[name], self.pose(link) @ pose)
-        self.place(self.plant.GetPositions(self.context))
+        if gripped:
+            self.place(self.plant.GetPositions(self.context))
 
     def motion(self, piece: str, state: State) -> JointState:
         """Return where a piece is that a robot carries, and how fast it moves in a state, as a free piece."""

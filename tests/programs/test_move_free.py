@@ -11,6 +11,7 @@ from simrob_drake.frames import as_transform
 from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.kinematics.solver import Unreachable
 from simrob_drake.programs.errors import GoalInCollision, NoFreePath, PathCollision, StartInCollision
+from simrob_drake.programs.free_path import metres
 from simrob_drake.programs.plan import check_collisions
 from simrob_drake.stations.config import PieceConfig
 from tests.programs.conftest import HOME, positions_between
@@ -90,6 +91,54 @@ class TestTheWay:
         for entry in arm.cell.tape.moves():
             again.do(entry)
         np.testing.assert_array_equal(again.position, arm.position)
+
+
+@pytest.fixture(scope="module")
+def holding(tmp_path_factory):
+    """An arm whose fingers hold a bar of 0.4 m, and a post that its end would sweep."""
+    folder = tmp_path_factory.mktemp("bar")
+    (folder / "bar.yaml").write_text("{mass: 0.1, shapes: [{box: [0.4, 0.02, 0.02]}]}")
+    (folder / "post.yaml").write_text("shapes: [{box: [0.04, 0.04, 0.6], pose: [0, 0, 0.3, 0, 0, 0]}]")
+    fingers = {"left_finger": 0.0095, "right_finger": 0.0095}
+    pieces = {
+        **{f"cube_{number}": None for number in range(1, 6)},
+        "bar": {"model": str(folder / "bar.yaml"), "free": True, "pose": [0.302, 0, 0.424, 0, 0, 0]},
+        "post": {"model": str(folder / "post.yaml"), "parent": "world", "pose": [0.35, 0.3, 0, 0, 0, 0]},
+    }
+    own = {f"pieces.{name}": piece for name, piece in pieces.items()}
+    return Arm(load_station("irb120_gripper", {"monitors": {}, "robot.initial_deg": fingers, **own}))
+
+
+class TestHeldByFingers:
+    def test_what_is_held_goes_around_a_post(self, holding):
+        end = [np.deg2rad(80), *holding.position[1:]]
+        with pytest.raises(PathCollision, match="bar would run into post"):
+            holding.plan.move_abs_j(end)
+        plan = holding.plan.move_free(joints=end)
+        looks = plan.postures(np.linspace(0, plan.duration, 1000))
+        np.testing.assert_allclose(looks[:, 6:], 0.0095, atol=1e-6)  # a search that opens the fingers drops the bar
+        model, bar = holding.cell.collision_model, []
+        held = model.plant.GetFrameByName("left_finger")
+        grip = model.pose(held).inverse() @ model.pose(model.piece_origin("bar"))
+        for posture in looks:
+            model.place_robots({"robot": posture})
+            bar.append((model.pose(held) @ grip @ np.linspace([-0.2, 0, 0], [0.2, 0, 0], 41).T).T)
+        beside = np.abs(np.array(bar)[..., :2] - [0.35, 0.3]).max(axis=2) - 0.02  # of the post's sides
+        above = np.array(bar)[..., 2] - 0.6
+        assert np.maximum(beside, above).min() > 0.009  # half of the bar's width, but for what may touch
+
+    def test_a_post_at_the_goal_is_told(self, holding):
+        with pytest.raises(GoalInCollision, match=r"bar would be .* mm deep in post"):
+            holding.plan.move_free(joints=[np.deg2rad(40), *holding.position[1:]])
+
+    def test_looks_are_as_near_as_the_end_of_the_bar_moves(self, holding):
+        tip, chain = np.array([[-0.2, 0.0, 0.0]]), holding.chain
+        way = np.random.default_rng(0).uniform(chain.lower, chain.upper, (50, chain.size))
+        for axis, most in enumerate(metres(chain, tip)):
+            poses = [chain.forward(way + turn * np.eye(chain.size)[axis]) for turn in (0.0, 1e-4)]
+            before, after = (pose[:, :3, :3] @ tip[0] + pose[:, :3, 3] for pose in poses)
+            assert np.linalg.norm(after - before, axis=1).max() <= 1.001e-4 * most
+        assert metres(chain, tip)[5] == pytest.approx(0.2, abs=1e-3)
 
 
 class TestTogether:

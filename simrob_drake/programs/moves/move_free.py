@@ -203,11 +203,13 @@ def plan_around(
     zone_of(how, 1)
     chains, limits = [planning.chain for planning in plannings], [planning.rate_limits for planning in plannings]
     space = first.space([planning.robot for planning in plannings])
+    ranges = [_range(planning, own) for planning, own in zip(plannings, goals, strict=True)]
+    lower, upper = np.concatenate(ranges, axis=1)
     search = Search(
         space,
-        np.concatenate([chain.lower for chain in chains]),
-        np.concatenate([chain.upper for chain in chains]),
-        np.concatenate([metres(chain) for chain in chains]),
+        lower,
+        upper,
+        np.concatenate([_metres(planning, space) for planning in plannings]),
         seed,
         positive(planning_time, "planning_time", "s"),
     )
@@ -222,6 +224,20 @@ def plan_around(
         found.append(planning.looked_at(own, how, own.end[np.newaxis]))
         begin += planning.chain.size
     return found
+
+
+def _range(planning: Planning, goals: Vector) -> Vector:
+    """Return where axes may go on the way to goals (m, n), shape (2, n): within their limits, fingers no further."""
+    limits, ends = np.array([planning.chain.lower, planning.chain.upper]), np.vstack([planning.start, goals])
+    fingers = list(planning.model.fingers)
+    limits[:, fingers] = [ends.min(axis=0)[fingers], ends.max(axis=0)[fingers]]
+    return limits
+
+
+def _metres(planning: Planning, space: FreeSpace) -> Vector:
+    """Return how far the tool of a robot, and what it carries, goes at most for a radian of each axis, (n,) [m]."""
+    tool = planning.pose
+    return metres(planning.chain, (space.carried(planning.robot) - tool[:3, 3]) @ tool[:3, :3])
 
 
 def _free(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
