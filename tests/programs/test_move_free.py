@@ -131,6 +131,12 @@ class TestHeldByFingers:
         with pytest.raises(GoalInCollision, match=r"bar would be .* mm deep in post"):
             holding.plan.move_free(joints=[np.deg2rad(40), *holding.position[1:]])
 
+    def test_what_is_carried_reaches_as_far_as_its_corners(self, holding):
+        corners = holding.cell.free_space(["robot"]).carried("robot")
+        model = holding.cell.collision_model
+        own = model.pose(model.piece_origin("bar")).inverse() @ corners.T
+        np.testing.assert_allclose(np.sort(own[0]), [-0.2] * 4 + [0.2] * 4, atol=1e-6)
+
     def test_looks_are_as_near_as_the_end_of_the_bar_moves(self, holding):
         tip, chain = np.array([[-0.2, 0.0, 0.0]]), holding.chain
         way = np.random.default_rng(0).uniform(chain.lower, chain.upper, (50, chain.size))
