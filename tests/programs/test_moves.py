@@ -12,7 +12,9 @@ from simrob_drake.frames import transform_from_pose
 from simrob_drake.interpolation import Arc, turned_by
 from simrob_drake.kinematics import IncrementalSolver, NoClosedForm, Unreachable
 from simrob_drake.kinematics.numeric import NumericSolver
+from simrob_drake.programs import stateful_station
 from simrob_drake.programs.errors import BrokenPath, JointLimitExceeded, PathCollision, SpeedLimitExceeded
+from simrob_drake.programs.plan import check_moves
 from tests.programs.conftest import DOWN, HOME, positions_between
 
 
@@ -384,6 +386,23 @@ class TestCollisions:
         kinematic.move_j([0.1, 0.15, 0.05, *DOWN], wobj="table")
         kinematic.move_l([0.1, 0.15, -0.01], wobj="table", check=None)
         kinematic.move_l([0.1, 0.15, 0.05], wobj="table", check="collision")
+
+    def test_a_plan_is_looked_at_once_unless_something_has_changed(self, kinematic, monkeypatch):
+        looks, cell = [], kinematic.cell
+        monkeypatch.setattr(stateful_station, "check_moves", lambda *known: looks.append(check_moves(*known)))
+
+        def plan(height):
+            return kinematic.plan.move_j([0.1, 0.15, height, *DOWN], wobj="table")
+
+        cell.run(plan(0.05))
+        assert len(looks) == 1
+        first, _ = plan(0.06), plan(0.07)
+        cell.run(first)
+        assert len(looks) == 4  # the other plan was looked at last
+        again = plan(0.05)
+        cell.change(cell.config.model_copy())
+        cell.run(again)
+        assert len(looks) == 6
 
     @pytest.fixture
     def into_the_middle(self):
