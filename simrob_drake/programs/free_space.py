@@ -70,8 +70,7 @@ class FreeSpace:
 
     def hits(self, posture: Vector, part: float = 1.0) -> list[Hit]:
         """Return what lies in what in a posture (n,) deeper than a part of what is allowed, the deepest first."""
-        self.model.place_robots(self.parts(posture))
-        self.model.place_gripped(self._gripped)
+        self._place(posture)
         found = list[Hit]()
         for pair in self.model.query().ComputePointPairPenetration():
             shapes = pair.id_A, pair.id_B
@@ -96,7 +95,7 @@ class FreeSpace:
 
     def carried(self, robot: str) -> Vector:
         """Return the corners of boxes around what a robot carries, where they are at the start, shape (k, 3) [m]."""
-        self.hits(self.posture)
+        self._place(self.posture)
         query, corners = self.model.query(), np.array([*product((-1.0, 1.0), repeat=3)])
         found = [np.zeros((0, 3))]
         for shape in query.inspector().GetAllGeometryIds(Role.kProximity):
@@ -106,6 +105,10 @@ class FreeSpace:
                 pose = query.GetPoseInWorld(shape) @ box.pose()
                 found.append((pose.rotation().matrix() @ (corners * box.half_width()).T).T + pose.translation())
         return np.vstack(found)
+
+    def _place(self, posture: Vector) -> None:
+        self.model.place_robots(self.parts(posture))
+        self.model.place_gripped(self._gripped)
 
     def _owner(self, shape: GeometryId) -> tuple[str, str]:
         """Return what a shape belongs to, and the robot that carries or holds it, if any."""

@@ -75,7 +75,7 @@ class StatefulStation:
         self._window: LiveView | None = None
         self._runner: Runner | None = None
         self._model = StationModel(self.config)
-        self._free: tuple[object, ...] = ()
+        self._collision_free: tuple[object, ...] = ()  # what was found so last
 
     def __repr__(self) -> str:
         """Say in one line what stands in it."""
@@ -334,10 +334,10 @@ class StatefulStation:
             PathCollision: names the first offending point.
         """
         looked_at = (self.config, self.state, *(part for plan in plans for part in (plan.robot, plan.stretches)))
-        if list(map(id, looked_at)) == list(map(id, self._free)):  # all of which are kept, and do not change
+        if list(map(id, looked_at)) == list(map(id, self._collision_free)):  # all of which are kept, and do not change
             return
         check_moves(self.collision_model, plans)
-        self._free = looked_at
+        self._collision_free = looked_at
 
     @property
     def collision_model(self) -> StationModel:

@@ -12,6 +12,7 @@ from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.kinematics.solver import Unreachable
 from simrob_drake.programs.errors import GoalInCollision, NoFreePath, PathCollision, StartInCollision
 from simrob_drake.programs.free_path import metres
+from simrob_drake.programs.moves import move_free
 from simrob_drake.programs.plan import check_collisions
 from simrob_drake.stations.config import PieceConfig
 from tests.programs.conftest import HOME, positions_between
@@ -136,6 +137,14 @@ class TestHeldByFingers:
         model = holding.cell.collision_model
         own = model.pose(model.piece_origin("bar")).inverse() @ corners.T
         np.testing.assert_allclose(np.sort(own[0]), [-0.2] * 4 + [0.2] * 4, atol=1e-6)
+
+    def test_a_way_is_looked_at_by_the_bar_in_the_axes_of_the_tool(self, holding, monkeypatch):
+        asked = []
+        monkeypatch.setattr(move_free, "metres", lambda *known: (asked.append(known), metres(*known))[1])
+        holding.plan.move_free(joints=[np.deg2rad(10), *holding.position[1:]])
+        (_, corners), pose = asked[-1], holding.chain.forward(holding.position)[0]
+        there = corners @ pose[:3, :3].T + pose[:3, 3]
+        np.testing.assert_allclose(there, holding.cell.free_space(["robot"]).carried("robot"), atol=1e-6)
 
     def test_looks_are_as_near_as_the_end_of_the_bar_moves(self, holding):
         tip, chain = np.array([[-0.2, 0.0, 0.0]]), holding.chain
