@@ -206,7 +206,7 @@ class RobotModel(Strict):
         """The senses of the axes against their joints, 1.0 or -1.0, shape (n,)."""
         return np.array([float(axis.sign) for axis in self.axes.values()])
 
-    @property
+    @cached_property
     def axis_limits(self) -> tuple[Vector, Vector]:
         """Lower and upper limit of every axis [rad or m], each of shape (n,), in the sense of the axes."""
         pairs = np.array([joint_limits(joint) for joint in self.joints])
@@ -228,7 +228,7 @@ class RobotModel(Strict):
         """How far every axis' link is free against its motor, shape (n,) [rad or m]."""
         return self.user_units * self.axis_vector(self.drives.backlash_deg or 0.0, "drives.backlash_deg")
 
-    @property
+    @cached_property
     def speed_limits(self) -> Vector:
         """Largest speed of every axis in the URDF, shape (n,) [rad/s or m/s]; infinite where none is told."""
         return np.array([joint_speed(joint) for joint in self.joints])

@@ -298,7 +298,8 @@ class Bench:
         self._checkpoints = [place for place in self._checkpoints if steps(place.time) < number]
         place = exact[0] if exact else self._checkpoints.pop()
         cell = self.cell
-        cell.change(place.config)
+        if place.config is not cell.config:
+            cell.change(place.config)
         cell.state, cell.timeline.now, pacer.at = place.state, place.time, None
         return place, 0.0 if exact else pacer.line.time_of(number)
 

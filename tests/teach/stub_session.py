@@ -59,7 +59,7 @@ class StubSession:
     def listen_to_view(self, callback):
         self._lookers.append(callback)
         if self._drawn:
-            callback({"subject": "scene", "commands": self._drawn})
+            callback("scene", self._drawn)
         return lambda: self._lookers.remove(callback)
 
     def told(self, *topics, **news):

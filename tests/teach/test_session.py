@@ -1057,12 +1057,12 @@ def test_tabs_hear_of_changes_until_they_forget(teach):
     forget = session.listen(heard_by["one"].append)
     session.listen(heard_by["two"].append)
     views = []
-    session.listen_to_view(views.append)
+    session.listen_to_view(lambda subject, commands: views.append((subject, commands)))
     session.worker.tell({"news": "view", "subject": "poses", "commands": [1]})
     session.book.describe("heard")
     session.hear()
     assert heard_by["one"] == heard_by["two"] == ["program"]
-    assert views[0]["commands"] == [1]
+    assert views[0] == ("poses", [1])
     forget()
     forget()
     session.book.describe("no more")
