@@ -19,7 +19,7 @@ from nicegui import ui
 from simrob_drake.errors import OutputError
 from simrob_drake.files import models_root
 from simrob_drake.folders import writing
-from simrob_drake.results.animation.window import Board, is_short
+from simrob_drake.results.animation.window import Board, is_short, number_of
 from simrob_drake.teach.guard import Guard
 from simrob_drake.teach.pages import shell
 from simrob_drake.teach.pendant import Pendant
@@ -149,8 +149,9 @@ def _serve_view(app: FastAPI, board: Board) -> None:
         return Response(board.page, media_type="text/html", headers={"Cache-Control": "no-store"})
 
     @app.get("/view/events")
-    def events() -> StreamingResponse:
-        return StreamingResponse(board.events(), media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+    def events(after: str = "") -> StreamingResponse:
+        news = board.events(number_of(after))
+        return StreamingResponse(news, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
     @app.post("/view/told", status_code=204)
     async def receive(request: Request) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,8 +15,9 @@ from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.script import script
 from simrob_drake.programs.whole_program import carried_program
-from simrob_drake.stations.load import loops_known, loops_on, station_content, station_yaml, switched
+from simrob_drake.stations.load import loops_known, loops_on, station_content, station_names, station_yaml, switched
 from simrob_drake.teach.jogging import Jogging
+from simrob_drake.teach.packed import pack
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.run_client import HandOver, MakeLive, Topic, done
 from simrob_drake.teach.store import Store, opened
@@ -175,13 +176,23 @@ class Session(Teaching, Jogging):
         return self._exported(self.file, write)
 
     def export_script(self) -> Future[Any]:
-        """Write the program as a Python script that runs by itself and gives the same signals."""
+        """Write the program as a Python script that runs by itself and gives the same signals.
+
+        One of a station that is a file is in a ZIP, with all that it reads.
+        """
         program, file = self._whole_program(), self.file.with_suffix(".py")
         robot = self.robot if self._one_of_several else None
         legs = bool(self.robot) and goes_on_legs(self.model, program)
         code = any(isinstance(one, OwnController) for one in self.config.controllers.values())
-        text = script(program, self.station, self.settings, robot=robot, legs=legs, code=code, file=file)
-        return self._exported(file, lambda: self._store.make(file, text))
+
+        def text(station: str | Path, settings: Mapping[str, Any]) -> str:
+            near = Path(station).with_name(file.name) if isinstance(station, Path) else file
+            return script(program, str(station), settings, robot=robot, legs=legs, code=code, file=near)
+
+        if self.station in station_names():
+            return self._exported(file, lambda: self._store.make(file, text(self.station, self.settings)))
+        packed = file.with_suffix(".zip")
+        return self._exported(packed, lambda: pack(packed, self.config, lambda station: text(station, {})))
 
     def export_station(self) -> Future[Any]:
         """Write the station with its settings as YAML."""
