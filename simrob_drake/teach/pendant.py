@@ -4,8 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from simrob_drake.errors import one_of
 from simrob_drake.results.animation.window import Board
-from simrob_drake.teach.pages.words import words
+from simrob_drake.teach.pages.words import languages
 from simrob_drake.teach.session import Session
 
 Opener = Callable[[str | Path, str | None], Session]
@@ -18,7 +19,7 @@ class Pendant:
     Attributes:
         session: of what is taught now.
         board: the view in three dimensions.
-        language, t: of the pages, and its words.
+        language: of pages that name none.
         dark: whether the pages are dark; None: as the browser likes it.
     """
 
@@ -29,19 +30,11 @@ class Pendant:
             SimrobError: no such subject or language.
         """
         self.dark: bool | None = None
-        self.speak(language)
+        self.language = one_of("language", language, languages())
         self._open_session = open_session
         self.session = open_session(subject, None)
         self.board = Board(on_drag=self._drag)
         self._begin()
-
-    def speak(self, language: str) -> None:
-        """Set the language of pages that are built from now on.
-
-        Raises:
-            UnknownName: there is no such language.
-        """
-        self.t, self.language = words(language), language
 
     def load(self, subject: str | Path, robot: str | None = None) -> bool:
         """Open another subject, or another robot of the present one, in place of this; tell whether it is another.
