@@ -159,6 +159,10 @@ class Session(Teaching, Jogging):
         """Give what ``simrob check`` says of the station with its settings."""
         return self._ask("check")
 
+    def torque_limits(self) -> Future[Any]:
+        """Give what the robot's drives can do now [N·m or N], axis by axis."""
+        return self._ask("torque_limits")
+
     def picture(self) -> Future[Any]:
         """Give the block picture as SVG."""
         return self._ask("picture")

@@ -33,6 +33,11 @@ class Joints:
         self._find()
 
     @property
+    def dials(self) -> dict[str, Dial]:
+        """What sets each joint, by axis."""
+        return {row.name: row.dial for row in self._rows}
+
+    @property
     def targets(self) -> dict[str, float]:
         """Where joints are to go that were set, and can [deg or m], by axis."""
         return {row.name: row.value for row in self._rows if row.is_set and row.value is not None}

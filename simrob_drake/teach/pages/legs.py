@@ -10,6 +10,7 @@ from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.teach.pages import plots
 from simrob_drake.teach.pages.elements import KEYS, allow, card, follow, numbered, rebuild
 from simrob_drake.teach.pages.joints import Joints
+from simrob_drake.teach.pages.marks import Marks, shown_at
 from simrob_drake.teach.pages.move_forms import choices_of, duration_field, offers
 from simrob_drake.teach.pages.move_list import MoveList
 from simrob_drake.teach.pages.phrases import Content, Phrases
@@ -86,9 +87,8 @@ class _Teaching:
                 _button(t("legs.simulate"), session.simulate, 4, "Alt+S")
                 _button(t("legs.discard"), lambda: self._back(session.discard), keys="Alt+X").props("outline")
                 _button(t("legs.reset"), lambda: self._back(session.reset), keys="Alt+R").props("outline")
-        self._axes, self._reference = robot["axes"], _reference_of(session)
-        if self._reference:
-            plots.watch(session, self._reference, plate)
+        self._axes = robot["axes"]
+        Marks(session, phrases, self._axes, self._joints.dials, plate)
         follow(session, self._tell, "program")
         follow(session, self._show_where, "phase", "tick")
 
@@ -125,7 +125,7 @@ class _Teaching:
         session = self._session
         if session.phase == "running":
             return
-        asked = plots.at(session.run.history.get(self._reference, ()), session.run.time) if session.run.time else None
+        asked = shown_at(session, "reference")
         if asked is not None or not session.run.time:
             shown = [axis["now"] for axis in self._axes] if asked is None else asked
             turns = [asked is not None and axis["unit"] == "deg" for axis in self._axes]
@@ -140,12 +140,6 @@ class _Teaching:
         moves = "; ".join(phrases.move(move) for move in self._session.pending)
         self._tested.text = t("legs.tested", moves=moves) if moves else ""
         allow(self._add, "" if moves else t("notice.nothing_tested"))
-
-
-def _reference_of(session: Session) -> str:
-    """Return the signal that tells what a session's robot is asked for; empty without one."""
-    names = [signal["name"] for signal in session.description["signals"]]
-    return next((name for name in (f"{session.robot}.reference", "reference") if name in names), "")
 
 
 def _loops(session: Session, phrases: Phrases) -> None:
