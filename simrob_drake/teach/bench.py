@@ -288,6 +288,7 @@ class Bench:
             "goes_on": not self._fell,
             "time": line.now,
             "reached": max(line.now, round(self.pacer.now, 9)),
+            "parts": [part.stop_time for part in result.parts],
         }
         self._inbox.tell("ended", **ended, positions=self.pacer.last)
         self.pacer.phase("idle")

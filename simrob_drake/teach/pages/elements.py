@@ -282,6 +282,11 @@ def card(title: str, number: int = 0, about: str = "") -> ui.column:
     return found
 
 
+def folded(title: str) -> ui.expansion:
+    """Make a part of a page that shows its heading until it is opened."""
+    return ui.expansion(title).classes("pendant-plate w-full").props("dense header-class=font-bold")
+
+
 def numbered(text: str, number: int) -> str:
     """Return a text with its number, if it has one."""
     return f"{number}. {text}" if number else text
