@@ -1,6 +1,7 @@
 """A session without a run, for the legged page: a robot as it is, a program that keeps what it is given, and notes."""
 
 from concurrent.futures import Future
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -75,7 +76,7 @@ class LegsSession:
         self.program = Program.model_validate({"moves": list(moves), "changes": list(changes)})
         self.pending, self.targets, self.message = (), {}, Notice()
         self.run.watch(("reference", "position", "base_pose"))
-        self.calls, self._hearers = [], []
+        self.calls, self._hearers, self.config = [], [], SimpleNamespace(mode="dynamic")
 
     def listen(self, callback):
         self._hearers.append(callback)

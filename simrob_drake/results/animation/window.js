@@ -54,6 +54,12 @@
     else viewer.handle_command(command);
     if (command.type === "set_control") viewer.gui.open();
   };
+  window.shade = (dark) => { // as the page around is
+    const [top, bottom] = dark ? [[0.11, 0.13, 0.16], [0.2, 0.23, 0.27]] : [[1, 1, 1], [0.86, 0.88, 0.91]];
+    for (const [property, value] of Object.entries({ top_color: top, bottom_color: bottom }))
+      viewer.handle_command({ type: "set_property", path: "/Background", property, value });
+    window.dark = dark;
+  };
   let events = null;
   let seen = 0;
   const listen = () => { // a tab that is behind others leaves its connection to them: browsers have six for all tabs
@@ -63,6 +69,7 @@
     events.onmessage = ({ data, lastEventId }) => {
       seen = Number(lastEventId) || seen;
       JSON.parse(data).forEach(obey);
+      if (window.dark) window.shade(true); // a station brings a light one
     };
     events.addEventListener("end", () => {
       events.close();

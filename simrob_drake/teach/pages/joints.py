@@ -27,10 +27,15 @@ class Joints:
         t = phrases.t
         self._search = ui.input(t("legs.search"), on_change=self._find).props("clearable dense outlined type=search")
         self._search.classes("w-full")
-        with ui.column().classes("w-full gap-0 overflow-y-auto flex-nowrap").style("max-height: max(16rem, 38vh)"):
+        with ui.column().classes("w-full gap-0 overflow-y-auto flex-nowrap").classes("pendant-joints"):
             self._rows = [_Row(phrases, axis, changed, entered) for axis in axes]
             self._nothing = ui.label(t("legs.no_joint"))
         self._find()
+
+    @property
+    def dials(self) -> dict[str, Dial]:
+        """What sets each joint, by axis."""
+        return {row.name: row.dial for row in self._rows}
 
     @property
     def targets(self) -> dict[str, float]:

@@ -91,6 +91,7 @@ class MoveList:
         t = self._phrases.t
         self._dialogs.clear()
         with self._dialogs, ui.dialog(value=True) as dialog, ui.card().classes("w-full"):
+            set_label(dialog, t("legs.edit"))
             ui.html(t("legs.edit"), tag="h2", sanitize=False).classes("text-base font-bold")
             read = form()
             wrong = ui.label().classes("text-negative").props("role=alert")
