@@ -35,8 +35,9 @@ from simrob_drake.importer.repairs.shapes import import_shapes
 from simrob_drake.importer.repairs.structure import repair_structure
 from simrob_drake.importer.trees import HOME, KD, KP, Notes, take_notes
 from simrob_drake.robots.catalog import RobotModel, described_robot, load_robot_from_urdf
+from simrob_drake.robots.grasps import GRASP, grasp_frame
 from simrob_drake.robots.parse import lone_robot
-from simrob_drake.robots.urdf import LARGEST_URDF, with_absolute_meshes
+from simrob_drake.robots.urdf import LARGEST_URDF, add_frame, name_of, with_absolute_meshes
 from simrob_drake.robots.urdf_check import check_urdf
 from simrob_drake.yaml_files import parse_json, read_yaml
 
@@ -120,16 +121,34 @@ def write_robot(
     notes = take_notes(robot)
     check_urdf(robot, source)
     file = work / (source.name if described is not None else f"{_plain(robot.get('name') or source.stem)}.urdf")
-    ET.indent(robot)
-    ET.ElementTree(robot).write(file, encoding="utf-8", xml_declaration=True)
+    _write(robot, file)
     if isolated:
         probe(file, report)
+    if described is None:
+        _add_grasp(robot, file, report)
     (work / ROBOT_FILE).write_text(_description(described, file, base, notes, report), encoding="utf-8")
     (work / REPORT_FILE).write_text(json.dumps(report.as_json(), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     try:
         return load_robot_from_urdf(file)
     except InvalidConfig as problem:  # figures that nothing has, such as gains for masses of 1e30 kg
         raise report.refusal(f"{ROBOT_FILE} {problem.key}", problem.problem) from problem
+
+
+def _write(robot: ET.Element, file: Path) -> None:
+    ET.indent(robot)
+    ET.ElementTree(robot).write(file, encoding="utf-8", xml_declaration=True)
+
+
+def _add_grasp(robot: ET.Element, file: Path, report: ImportReport) -> None:
+    """Add the frame in which the fingers of a robot, written already, grasp, unless it has one of that name."""
+    found = grasp_frame(load_robot_from_urdf(file))
+    if found is None or GRASP in map(name_of, (*robot.iterfind("link"), *robot.iterfind("frame"))):
+        return
+    palm, pose = found
+    add_frame(robot, GRASP, palm, pose)
+    _write(robot, file)
+    place = " ".join(f"{value:.4g}" for value in pose.translation())
+    report.add("read", f"frame '{GRASP}'", f"where the fingers meet, at {place} m of '{palm}'; they close along its y")
 
 
 def _repair(robot: ET.Element, source: Path, work: Path, options: ImportOptions, report: ImportReport) -> Base:
@@ -193,12 +212,15 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport) -> str:
         content["home_deg"] = home
     elif isinstance(robot.home_deg, dict):
         content["home_deg"] = robot.home_deg
-        midway = ", ".join(robot.home_deg)
-        report.add("defaulted", "robot.yaml", f"zero is outside of the limits of {midway}: they start midway")
+        midway = ", ".join(axis for axis in robot.home_deg if not robot.gripper or axis not in robot.gripper.axes)
+        if midway:
+            report.add("defaulted", "robot.yaml", f"zero is outside of the limits of {midway}: they start midway")
     if robot.gripper is not None:
         content["gripper"] = robot.gripper.model_dump(mode="json", exclude_none=True)
         names = ", ".join(robot.gripper.axes)
-        report.add("read", "robot.yaml", f"{names} are fingers, closed where they are nearest to each other")
+        report.add(
+            "read", "robot.yaml", f"{names} are fingers, closed where they are nearest to each other, open at the start"
+        )
     if not robot.links_without_inertia:
         gains = vars(first_gains(robot)).items()
         made = {key: dict(zip(robot.axes, values.tolist(), strict=True)) for key, values in gains}
@@ -224,6 +246,8 @@ _CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]
 def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> RobotModel:
     """Return the robot of any URDF: read as it is if it is clean, imported once if it is not, or if options ask for it.
 
+    One with fingers is imported, too, unless it is described: that tells where they grasp.
+
     Raises:
         InvalidModel: a defect that no import can repair.
         OutputError: the cache cannot be written.
@@ -236,7 +260,8 @@ def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> R
         except SimrobError:
             pass
         else:
-            return robot
+            if robot.gripper is None or described_robot(path) is not None:
+                return robot
     return _imported_once(path, options or ImportOptions())
 
 
@@ -277,6 +302,8 @@ def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
 
 _FREQUENCY = 30.0  # rad/s; an arm of 0.8 kg m² gets the 700 N·m/rad that are usual for it
 _SAG = math.radians(1.0), 1e-3  # what an axis may give way under gravity [rad], and one that slides [m]
+_OFF = math.radians(30.0)  # where axes that carry fingers give all they have
+_PRESSES = 0.1  # part of their way from which fingers press with all they have
 _LIGHTEST = 1e-9  # a milligram at an arm of 30 mm: what files say below that was rounded [kg m² or kg]
 _POSTURES = 20
 
@@ -307,10 +334,15 @@ def first_gains(robot: RobotModel) -> FirstGains:
     critically.
 
     A robot that is not fixed stands on some of its joints, so that each may feel the whole mass at half of the robot's
-    height.
+    height. Fingers press with all that their motors have from a tenth of their way before they are closed, and axes of
+    an arm with fingers, which will carry more than itself, give all they have 30 deg off.
     """
     load = _load(robot)
     stiffness = load.torques / np.where(robot.prismatic, _SAG[1], _SAG[0])
+    if robot.fingers:
+        stiffness = np.where(robot.prismatic, stiffness, np.maximum(stiffness, robot.efforts / _OFF))
+    for place, ends in robot.fingers.items():
+        stiffness[place] = max(stiffness[place], robot.efforts[place] / (_PRESSES * abs(ends[1] - ends[0])))
     kp = np.maximum(stiffness, _FREQUENCY * np.maximum(_FREQUENCY * load.inertias, load.dampings))
     kd = 2 * np.sqrt(load.coupling * kp * load.inertias)
     return FirstGains(_rounded(kp), _rounded(kd))

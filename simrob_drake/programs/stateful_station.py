@@ -353,8 +353,10 @@ class StatefulStation:
         return FreeSpace(self._placed(self._model.whole), {robot: self.reference(robot) for robot in robots})
 
     def _placed(self, model: StationModel) -> StationModel:
-        model.place_pieces(self.state)
-        model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
+        positions, references = (
+            {name: of(name) for name in self.config.robots} for of in (self.position, self.reference)
+        )
+        model.place_state(self.state, positions, references)
         return model
 
     def show(self) -> str:

@@ -44,6 +44,8 @@ from simrob_drake.sections import Number, Positive, Strict
 
 _USUAL = re.compile(r"tool|tcp|flange|attachment|end_?effector|(^|_)ee(_|f?$)|tip|grasp", re.IGNORECASE)
 """Names that published robots give to the place of the tool."""
+_GRASPS = re.compile(r"tcp|tip|grasp", re.IGNORECASE)
+"""Those of them that say where fingers grasp."""
 _SHAPES = ("visual", "collision")
 
 
@@ -141,7 +143,8 @@ def _inertia(link: ET.Element) -> _Inertia | None:
 def tool_links(root: ET.Element, palm: str = "") -> list[str]:
     """Return the links of a robot, at least one joint of which moves, that can carry a tool, the likeliest first.
 
-    A ``palm``, which holds fingers, comes before all others, or what is rigidly attached to it by such a name.
+    A ``palm``, which holds fingers, comes before all others, and before it what is rigidly attached to it by such a
+    name, first where it is that of a grasp.
 
     These are the ends of the kinematic chains: of every chain the link or frame with a usual name (``tool0``, ``tcp``
     ...) that is rigidly attached to its last moving link, else the outermost such link. Chains whose end has a usual
@@ -161,8 +164,9 @@ def tool_links(root: ET.Element, palm: str = "") -> list[str]:
             usual = [name for name in (*frames, *attached) if _USUAL.search(name)]
             ends.append((not usual, -counts[end], (usual or attached)[-1]))
     hand = [palm, *(link_of(joint, "child") for joint in outward(starts, palm, rigid=True))] if palm else []
-    hand = [name for name in hand if _USUAL.search(name)][-1:] or hand[:1]
-    return list(dict.fromkeys([*hand, *(tool for _, _, tool in sorted(ends, key=lambda end: end[:2]))]))
+    hand += [name_of(frame) for frame in root.iterfind("frame") if frame.get("link") in hand]
+    named = [name for usual in (_GRASPS, _USUAL) for name in hand if usual.search(name)]
+    return list(dict.fromkeys([*named, *hand[:1], *(tool for _, _, tool in sorted(ends, key=lambda end: end[:2]))]))
 
 
 FOLLOWS = "follows"

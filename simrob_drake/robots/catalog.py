@@ -347,7 +347,8 @@ def load_robot_file(file: Path | str) -> RobotModel:
 def load_robot_from_urdf(path: Path | str) -> RobotModel:
     """Return the robot of any clean URDF: with the ``robot.yaml`` beside it if that names this file, else its joints.
 
-    Where nothing is told of its home, joints that cannot be at zero are in the middle of their range there.
+    Where nothing is told of its home, joints that cannot be at zero are in the middle of their range there, and fingers
+    are open.
 
     Raises:
         InvalidModel: the file cannot be read or has a defect.
@@ -372,7 +373,13 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
         units = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
         axes = {axis: (closed / units[axis], opened / units[axis]) for axis, (closed, opened) in hand[0].items()}
         robot = robot.model_copy(update={"gripper": Gripper(axes=axes)})
-    return robot.model_copy(update={"home_deg": _midway(robot) or 0.0})
+    return robot.model_copy(update={"home_deg": _usual_home(robot) or 0.0})
+
+
+def _usual_home(robot: RobotModel) -> dict[str, float]:
+    """Return where axes are that cannot be at zero, midway, and fingers, open [deg, or m of prismatic ones]."""
+    fingers = robot.gripper.axes if robot.gripper else {}
+    return _midway(robot) | {axis: opened for axis, (_, opened) in fingers.items() if opened}
 
 
 def _midway(robot: RobotModel) -> dict[str, float]:
