@@ -94,10 +94,12 @@ def run(seed: int) -> tuple[bool, float]:
 
 def main(seeds: str = "10", first: str = "0") -> None:
     """Play with some seeds, and print how often the ball was in the goal."""
-    found = [run(seed) for seed in range(int(first), int(first) + int(seeds))]
-    for seed, (scored, aside) in enumerate(found, int(first)):
-        print(f"seed {seed}: {'goal' if scored else 'no goal'}, {1000 * aside:+.0f} mm beside the middle")
-    print(f"{sum(scored for scored, _ in found)} of {len(found)}")
+    goals = 0
+    for seed in range(int(first), int(first) + int(seeds)):
+        scored, aside = run(seed)
+        goals += scored
+        print(f"seed {seed}: {'goal' if scored else 'no goal'}, {1000 * aside:+.0f} mm beside the middle", flush=True)
+    print(f"{goals} of {seeds}")
 
 
 if __name__ == "__main__":
