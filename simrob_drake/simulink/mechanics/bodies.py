@@ -71,8 +71,8 @@ PUSH = "External Force and Torque"
 GEARS = "Common Gear Constraint", "Bevel Gear Constraint", "Rack and Pinion Constraint", "Worm and Gear Constraint"
 ROD, SPRING, BETWEEN = "Distance Constraint", "Spring and Damper Force", "Internal Force"
 _MARKS = ("Reference Frame", PUSH)
-CLOUD = "Point Cloud"
-_GEOMETRY_ONLY = {"Infinite Plane", "Disk", "Point", CLOUD, "Grid Surface", "Spline", "Line Segment"}
+CLOUD, GRID = "Point Cloud", "Grid Surface"
+_GEOMETRY_ONLY = {"Infinite Plane", "Disk", "Point", CLOUD, GRID, "Spline", "Line Segment"}
 """Curves and surfaces: their frame is the left port."""
 
 
@@ -272,7 +272,7 @@ def read_contacts(network: Connections) -> list[ContactPair]:
 
 
 def _geometry_ports(node: Node) -> Iterator[tuple[str, int]]:
-    if node.kind in ("Infinite Plane", "Disk", CLOUD):
+    if node.kind in ("Infinite Plane", "Disk", CLOUD, GRID):
         yield "rconn", 1
     elif node.kind in SOLIDS:
         yield from ((port.side, port.number) for port in solid_ports(node) if port.what == GEOMETRY)
