@@ -31,7 +31,7 @@ from simrob_drake.robots.urdf import (
     root_link,
 )
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
-from simrob_drake.sections import FileName, Strict, default_of, is_file_name, validated
+from simrob_drake.sections import FileName, Positive, Strict, default_of, is_file_name, validated
 from simrob_drake.yaml_files import read_yaml
 
 
@@ -105,6 +105,8 @@ class RobotModel(Strict):
     acceleration_deg: PositiveAxisValues | None = None
     """Largest acceleration of its axes [deg/s², or m/s² of a prismatic axis]; `drake:acceleration` of the URDF's limits
     unless given, and without these none."""
+    payload: Positive | None = None
+    """Largest mass that it is rated to carry, beside its own links [kg]."""
     servo: Gains = default_of(Gains)
     """Gains of its servos, which a station may change."""
     feet: Feet | None = None
