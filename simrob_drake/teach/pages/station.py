@@ -49,7 +49,7 @@ class _Page:
         self._sections: dict[str, Callable[[list[Field]], None]] = {}
         self._panels = next((one for one in context.slot.parent.ancestors() if isinstance(one, ui.tab_panels)), None)
         self._asked = True
-        self._wires, self._told = dict[str, BlockMeaning](), dict[str, str]()
+        self._wires, self._shown_values = dict[str, BlockMeaning](), dict[str, str]()
         with card(t("station.blocks"), about=t("station.blocks_help")):
             self._wrong_picture = ui.label().classes("text-negative")
             self._picture = BlockPicture(t, self._show_block, self._show_wire)
@@ -135,8 +135,8 @@ class _Page:
         """Have the signals of the wires as long as their values are to be shown."""
         names, ends = list(self._columns), self._picture.wires.items() if self._values.value else ()
         self._wires = {number: wire_meaning(*end, self._content, names) for number, end in ends}
-        self._told = dict.fromkeys(self._picture.wires, "")
-        self._picture.tell(self._told)
+        self._shown_values = dict.fromkeys(self._picture.wires, "")
+        self._picture.tell(self._shown_values)
         self._watching.clear()
         with self._watching:
             signals = {name for wire in self._wires.values() for name in wire.signals[:1]}
@@ -153,8 +153,8 @@ class _Page:
             value = at(run.history.get(name, ()), run.time)
             if value is not None and name in about:
                 values[number] = in_brief(as_list(value), about[name], wire.axis)
-        if values.items() - self._told.items():
-            self._told |= values
+        if values.items() - self._shown_values.items():
+            self._shown_values |= values
             self._picture.tell(values)
 
     def _mark_changes(self) -> None:
