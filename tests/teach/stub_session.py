@@ -49,7 +49,7 @@ class StubSession:
         self.description, self.settings, self.targets, self.pending, self.ghosts = {}, {}, {}, (), []
         self.file, self.folder = Path(), Path()
         self.calls, self._hearers, self._lookers, self._drawn = [], [], [], drawn
-        self.program = SimpleNamespace(grid=0.05, moves=[])
+        self.program, self.changes = SimpleNamespace(grid=0.05, moves=[]), ()
         self.closed = False
 
     def listen(self, callback):
