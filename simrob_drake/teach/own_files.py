@@ -82,6 +82,6 @@ def report_of(urdf: Path) -> str:
     except SimrobError:
         return ""
     entries = [entry for entry in report.get("entries", ()) if entry["kind"] != "read"]
-    lines = [f"{entry['kind']}: {entry['element']}: {entry['text']}" for entry in entries[:_LINES]]
+    lines = [": ".join(filter(None, (one["kind"], one["element"], one["text"]))) for one in entries[:_LINES]]
     more = [f"... {len(entries) - _LINES} more in {REPORT_FILE}"] if len(entries) > _LINES else []
     return "\n".join([f"{Path(report['source']).name}: {report['summary']}", *lines, *more])

@@ -81,7 +81,7 @@ def _build_hand(session: Session, t: Words, place: ArmState) -> None:
 
 def _choice(label: str, options: Any = None, value: Any = None) -> ui.select:
     field = ui.select(options or [], label=label, value=value).props("dense outlined options-dense").classes("grow")
-    return field.style("min-width: 8rem")
+    return field.style("min-width: 7rem; flex-basis: 7rem")
 
 
 def _put(session: Session, text: str, kind: type[Move], piece: ui.select) -> None:
@@ -111,6 +111,7 @@ def _build_program(session: Session, phrases: Phrases, robot: Mapping[str, Any],
         titles = {key: phrases.title(kind) for key, kind in kinds.items()}
         kind = _choice(t("arm.move"), titles, MoveJ.key)
         via, target, speed = _choice(t("arm.via")), _choice(t("arm.target")), speed_field(t)
+        speed.field.classes("w-28")
         add = ui.button(t("arm.add_line"), icon="playlist_add").props("no-caps")
         add.props[KEYS] = "Alt+A"
 

@@ -37,10 +37,10 @@ class Jogging:
             ui.tab("joints", label=self._t("arm.joints")).props[KEYS] = "Alt+J"
             ui.tab("tool", label=self._t("arm.tool_centre")).props[KEYS] = "Alt+K"
         with ui.tab_panels(kinds, value="joints", animated=False).classes("w-full bg-transparent"):
-            with ui.tab_panel("joints").classes("p-0 pt-2 gap-1"):
+            with ui.tab_panel("joints").classes("p-0 gap-1"):
                 self._joints = {axis["name"]: self._joint(phrases, axis) for axis in axes}
             Marks(session, phrases, axes, self._joints, kinds)
-            with ui.tab_panel("tool").classes("p-0 pt-2 gap-1"):
+            with ui.tab_panel("tool").classes("p-0 gap-1"):
                 self._build_tool()
         self._off = ui.label().classes("text-sm pendant-off").props("aria-live=polite")
         place.subscribe(self._follow)

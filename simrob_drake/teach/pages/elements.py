@@ -118,7 +118,7 @@ class Dial:
         """
         self._moved, self._unit, self._side, self._quiet = moved, unit, side, False
         self._marked: object = None
-        with ui.row().classes("w-full items-center gap-x-2 gap-y-0 px-2 py-1 rounded") as self.row:
+        with ui.row().classes("pendant-dial w-full items-center gap-x-2 gap-y-0 px-2 rounded") as self.row:
             with ui.column().classes("gap-0 grow").style("flex-basis: 11rem"):
                 ui.label(name)
                 if about:

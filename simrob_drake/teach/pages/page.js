@@ -38,5 +38,6 @@
     const shade = () => frame.contentWindow.shade?.(document.body.classList.contains("body--dark"));
     new MutationObserver(shade).observe(document.body, { attributeFilter: ["class"] });
     shade();
+    frame.classList.add("shown"); // Meshcat's own look is past
   };
 })();
