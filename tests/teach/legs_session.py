@@ -13,7 +13,7 @@ from simrob_drake.robots.catalog import load_robot
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.run import TaughtRun
 
-READS = ("watch", "torque_limits")
+READS = ("torque_limits",)
 """What a page asks for to show it; what a user does is noted."""
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
