@@ -35,7 +35,7 @@ def test_a_hand_that_closes_along_another_axis_has_its_y_along_that(tmp_path):
     """The fingers of a hand whose palm looks along x and closes along z."""
     sides = []
     for name, sign in (("up", 1), ("down", -1)):
-        shapes = box("0.03 0.02 0.01", f"0.065 0 {sign * 0.005}")
+        shapes = box("0.02 0.02 0.01", f"0.065 0 {sign * 0.005}")
         sides.append(link(name, shapes, com=f"0.03 0 {sign * 0.01}"))
         sides.append(joint(name, "palm", name, axis=f"0 0 {sign}", low=0, high=0.03))
     _, pose = grasp(tmp_path, gantry(*sides))
