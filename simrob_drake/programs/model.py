@@ -62,7 +62,7 @@ class StationModel(PosedStation):
         self.robots: dict[str, StationRobot] = self.station.robots
         self._moved: dict[ModelInstanceIndex, RigidTransform] = {}
         self._held: dict[str, tuple[Frame, RigidTransform]] = {}
-        self._given_way: dict[str, Vector] = {}
+        self._offsets: dict[str, Vector] = {}
 
     @cached_property
     def colliding(self) -> StationModel:
@@ -115,18 +115,18 @@ class StationModel(PosedStation):
         What fingers hold in the state goes along from now on, and they stay as far from their references as they are:
         what they press on is between them.
         """
-        self._held, self._given_way = {}, {}
+        self._held, self._offsets = {}, {}
         self.place_pieces(state)
         self.place_robots({name: position(name) for name in self.robots})
         self._held = self._gripped()
         for name, robot in self.robots.items():
             fingers = np.isin(np.arange(len(robot.axes)), [*robot.model.fingers])
-            self._given_way[name] = np.where(fingers, position(name) - reference(name), 0.0)
+            self._offsets[name] = np.where(fingers, position(name) - reference(name), 0.0)
         self.place_robots({name: reference(name) for name in self.robots})
 
     def place_robots(self, postures: Mapping[str, Vector]) -> None:
         """Put robots into postures (n,) [rad or m], with what their fingers hold; the others stay."""
-        super().place_robots({name: posture + self._given_way.get(name, 0.0) for name, posture in postures.items()})
+        super().place_robots({name: posture + self._offsets.get(name, 0.0) for name, posture in postures.items()})
         for name, (link, pose) in self._held.items():
             self.plant.SetFreeBodyPose(self.context, self.station.free_pieces[name], self.pose(link) @ pose)
         if self._held:
