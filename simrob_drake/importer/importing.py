@@ -21,6 +21,7 @@ from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.files import ROBOT_FILE, NotRead, opened, text_of
 from simrob_drake.folders import cache_entry, filled_at_once
 from simrob_drake.frames import Vector
+from simrob_drake.importer.hands import add_hand, of_hand
 from simrob_drake.importer.meshes.places import mesh_files
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import MANIFEST, package_root, robot_file
@@ -113,11 +114,13 @@ def write_robot(
     Raises:
         InvalidModel: a defect that can't be repaired.
     """
-    robot = read_source(source, report, options)
-    described = described_robot(source)
+    robot = _repaired(source, work, options, report)
+    described = described_robot(source) if options.hand is None else None
     if described is not None and options.base == "auto":
         options = options.model_copy(update={"base": described.base})
-    base = _repair(robot, source, work, options, report)
+    if options.hand is not None:
+        add_hand(robot, _repaired, work, options, report)
+    base = choose_base(robot, options, report)
     notes = take_notes(robot)
     check_urdf(robot, source)
     file = work / (source.name if described is not None else f"{_plain(robot.get('name') or source.stem)}.urdf")
@@ -151,15 +154,20 @@ def _add_grasp(robot: ET.Element, file: Path, report: ImportReport) -> None:
     report.add("read", f"frame '{GRASP}'", f"where the fingers meet, at {place} m of '{palm}'; they close along its y")
 
 
-def _repair(robot: ET.Element, source: Path, work: Path, options: ImportOptions, report: ImportReport) -> Base:
-    """Do all repairs in the order in which they stand on each other, and return how the base is held."""
+def _repaired(source: Path, work: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
+    """Return the robot of a file after all repairs, in the order in which they stand on each other; meshes are written.
+
+    Raises:
+        InvalidModel: a defect that can't be repaired.
+    """
+    robot = read_source(source, report, options)
     repair_structure(robot, options, report)
     repair_materials(robot, report)
     repair_joints(robot, options, report)
     import_shapes(robot, source=source, folder=work, options=options, report=report)
     repair_inertias(robot, work, options, report)
     repair_drives(robot, options, report)
-    return choose_base(robot, options, report)
+    return robot
 
 
 def default_folder(source: Path) -> Path:
@@ -292,12 +300,14 @@ def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
 def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
     """Yield all that the result depends on, but for our code; the file's own name is no part of it."""
     yield options.model_dump_json().encode()
+    own_files = [file for file in (source, source.parent / ROBOT_FILE) if isfile(file)]
     robot = read_source(source, ImportReport(source), options)
     yield ET.tostring(robot)  # of a xacro with all that it includes
-    own_files = [file for file in (source, source.parent / ROBOT_FILE) if isfile(file)]
     for file in (*own_files, *mesh_files(robot, source=source, options=options)):
         with opened(file) as content:  # meshes may be larger than what is read of them
             yield hashlib.file_digest(content, "sha256").digest()
+    if options.hand is not None:
+        yield from _dependencies(options.hand, of_hand(options))
 
 
 _FREQUENCY = 30.0  # rad/s; an arm of 0.8 kg m² gets the 700 N·m/rad that are usual for it

@@ -5,7 +5,7 @@ Pieces change hands in it (SimRob's PegarEn): another parent, the same place in 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -62,7 +62,7 @@ class StationModel(PosedStation):
         self.robots: dict[str, StationRobot] = self.station.robots
         self._moved: dict[ModelInstanceIndex, RigidTransform] = {}
         self._held: dict[str, tuple[Frame, RigidTransform]] = {}
-        self._given_way: dict[str, Vector] = {}
+        self._offsets: dict[str, Vector] = {}
 
     @cached_property
     def colliding(self) -> StationModel:
@@ -108,25 +108,25 @@ class StationModel(PosedStation):
             self.plant.SetFreeBodyPose(self.context, body, pose)
 
     def place_state(
-        self, state: State | None, positions: Mapping[str, Vector], references: Mapping[str, Vector]
+        self, state: State | None, position: Callable[[str], Vector], reference: Callable[[str], Vector]
     ) -> None:
-        """Put pieces where they are in a state, and robots from where they are, (n,) each, to where they should be.
+        """Put pieces where they are in a state, and robots where they should be in it, of each told (n,) [rad or m].
 
         What fingers hold in the state goes along from now on, and they stay as far from their references as they are:
         what they press on is between them.
         """
-        self._held, self._given_way = {}, {}
+        self._held, self._offsets = {}, {}
         self.place_pieces(state)
-        self.place_robots(positions)
+        self.place_robots({name: position(name) for name in self.robots})
         self._held = self._gripped()
         for name, robot in self.robots.items():
             fingers = np.isin(np.arange(len(robot.axes)), [*robot.model.fingers])
-            self._given_way[name] = np.where(fingers, positions[name] - references[name], 0.0)
-        self.place_robots(references)
+            self._offsets[name] = np.where(fingers, position(name) - reference(name), 0.0)
+        self.place_robots({name: reference(name) for name in self.robots})
 
     def place_robots(self, postures: Mapping[str, Vector]) -> None:
         """Put robots into postures (n,) [rad or m], with what their fingers hold; the others stay."""
-        super().place_robots({name: posture + self._given_way.get(name, 0.0) for name, posture in postures.items()})
+        super().place_robots({name: posture + self._offsets.get(name, 0.0) for name, posture in postures.items()})
         for name, (link, pose) in self._held.items():
             self.plant.SetFreeBodyPose(self.context, self.station.free_pieces[name], self.pose(link) @ pose)
         if self._held:

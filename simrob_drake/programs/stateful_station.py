@@ -353,10 +353,7 @@ class StatefulStation:
         return FreeSpace(self._placed(self._model.whole), {robot: self.reference(robot) for robot in robots})
 
     def _placed(self, model: StationModel) -> StationModel:
-        positions, references = (
-            {name: of(name) for name in self.config.robots} for of in (self.position, self.reference)
-        )
-        model.place_state(self.state, positions, references)
+        model.place_state(self.state, self.position, self.reference)
         return model
 
     def show(self) -> str:

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from math import isclose
 from typing import Annotated, NamedTuple
 
@@ -169,6 +169,7 @@ def tool_links(root: ET.Element, palm: str = "") -> list[str]:
     return list(dict.fromkeys([*named, *hand[:1], *(tool for _, _, tool in sorted(ends, key=lambda end: end[:2]))]))
 
 
+_MOST = 5  # fingers of a hand
 FOLLOWS = "follows"
 """What an import calls a ``mimic``, which no solver of ours does: the joint has a motor of its own."""
 
@@ -240,7 +241,14 @@ def _sliding(root: ET.Element, joints: Mapping[str, ET.Element]) -> _Fingers | N
         if last and joint.get("type") == "prismatic" and np.isfinite(joint_limits(joint)).all():
             sides.setdefault(link_of(joint, "parent"), {})[name] = joint_limits(joint)
     palm, ends = max(sides.items(), key=lambda side: len(side[1]), default=("", {}))
-    return _Fingers(ends, palm) if len(ends) > 1 else None
+    if not 1 < len(ends) <= _MOST:
+        return None
+    ways = product(*((way, way[::-1]) for way in ends.values()))  # each may be closed at either end of its own
+
+    def apart(way: Iterable[tuple[float, float]]) -> float:
+        return _apart(root, {name: end for name, (end, _) in zip(ends, way, strict=True)}, palm)
+
+    return _Fingers(dict(zip(ends, min(ways, key=apart), strict=True)), palm)
 
 
 def _is_hand(root: ET.Element, joints: Mapping[str, ET.Element], fingers: _Fingers) -> bool:

@@ -380,18 +380,14 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
 
 def _usual_home(robot: RobotModel) -> dict[str, float]:
     """Return where axes are that cannot be at zero, midway, and fingers, open [deg, or m of prismatic ones]."""
-    fingers = robot.gripper.axes if robot.gripper else {}
-    return _midway(robot) | {axis: opened for axis, (_, opened) in fingers.items() if opened}
-
-
-def _midway(robot: RobotModel) -> dict[str, float]:
-    """Return the axes that cannot be at zero, in the middle of their range [deg, or m of prismatic ones]."""
     lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
-    return {
+    fingers = robot.gripper.axes if robot.gripper else {}
+    midway = {
         axis: float(f"{(low + high) / 2:.6g}")
         for axis, low, high in zip(robot.axes, lower, upper, strict=True)
         if not low <= 0 <= high
     }
+    return midway | {axis: opened for axis, (_, opened) in fingers.items() if opened}
 
 
 def described_robot(path: Path) -> RobotModel | None:

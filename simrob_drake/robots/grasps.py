@@ -1,7 +1,8 @@
 """Where the fingers of a hand grasp: where the inner faces of two of them meet first when they close.
 
 Fingers are their shapes that collide, meshes as convex hulls. Lines along the direction in which two fingertips close
-tell how far their faces are apart, over a grid across it; they meet where they are nearest.
+tell how far their faces are apart, over a grid across it; they meet where they are nearest. Of faces that are longer
+than wide the outermost square counts.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ GRASP = "grasp"
 _LINES = 80  # along each side of the grid
 _HALVINGS = 12  # of the way, to find where fingers meet
 _NEAR = 1e-3  # m: faces that are so little farther apart than the nearest meet, too
+_SKEW = 0.03  # rad: so far off the axes of the hand is along them
 _LEAST = 1e-6  # m
 
 
@@ -88,6 +90,8 @@ class _Hand:
         turn = np.column_stack([np.cross(*axes.T), axes])
         if np.trace(turn) < np.trace(turn * (-1, -1, 1)):  # as near to the axes of the hand as it can be
             turn = turn * (-1, -1, 1)
+        if np.abs(turn - np.round(turn)).max() < _SKEW:  # hands are drawn along their axes
+            turn, way = np.round(turn), np.round(way)
         place = self._meeting(tips, way, turn)
         return None if place is None else RigidTransform(RotationMatrix(turn), np.round(place, 6) + 0.0)
 
@@ -152,7 +156,9 @@ class _Hand:
         if apart is None:
             return None
         gaps, middles = apart
-        return np.asarray(middles[gaps <= gaps.min() + _NEAR].mean(axis=0))
+        met = middles[gaps <= gaps.min() + _NEAR]
+        across, _, out = (met @ turn).T
+        return np.asarray(met[out >= out.max() - np.ptp(across) - _LEAST].mean(axis=0))
 
     def _gaps(self, tips: list[_Tip], way: Vector, turn: Vector, part: float) -> tuple[Vector, Vector] | None:
         """Return how far the faces of two tips are apart along lines of a grid (k,), and between them (k, 3) [m]."""

@@ -22,11 +22,20 @@ def test_pads_that_slide_meet_in_the_middle_of_their_faces(tmp_path):
     np.testing.assert_allclose(pose.GetAsMatrix34(), [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.07]], atol=1e-6)
 
 
+def test_long_faces_grasp_with_the_square_at_their_tips(tmp_path):
+    sides = []
+    for name, sign in (("left", 1), ("right", -1)):
+        sides.append(link(name, box("0.02 0.01 0.08", f"0 {sign * 0.005} 0.04"), com=f"0 {sign * 0.01} 0.03"))
+        sides.append(joint(name, "palm", name, axis=f"0 {sign} 0", low=0, high=0.04))
+    _, pose = grasp(tmp_path, gantry(*sides))
+    np.testing.assert_allclose(pose.translation(), [0, 0, 0.07], atol=5e-4)  # within half a line of the grid
+
+
 def test_a_hand_that_closes_along_another_axis_has_its_y_along_that(tmp_path):
     """The fingers of a hand whose palm looks along x and closes along z."""
     sides = []
     for name, sign in (("up", 1), ("down", -1)):
-        shapes = box("0.03 0.02 0.01", f"0.065 0 {sign * 0.005}")
+        shapes = box("0.02 0.02 0.01", f"0.065 0 {sign * 0.005}")
         sides.append(link(name, shapes, com=f"0.03 0 {sign * 0.01}"))
         sides.append(joint(name, "palm", name, axis=f"0 0 {sign}", low=0, high=0.03))
     _, pose = grasp(tmp_path, gantry(*sides))
