@@ -113,6 +113,7 @@ class Branches:
 
 _LOOKS = 6  # postures of chance that tell which distances change at all
 _SAME = 1e-6  # m
+_SPARSE, _NEAREST = 4, 6  # looks of which one is at all pairs, and pairs that all are at
 
 
 def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> str:
@@ -170,18 +171,26 @@ def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tu
 def approach(model: StationModel, robot: str, rows: Vector) -> Approach:
     """Return how near a robot and what it carries come to anything else at positions (k, nq) of the plant.
 
-    What touches in the first of them, or is as far in all, does not count.
+    What touches in the first of them, or is as far in all, does not count. Every fourth is looked at for all that could
+    be near, the others for the nearest of it.
     """
     near = _surroundings(model, robot)
     if not near.pairs or rows.shape[1] != model.plant.num_positions():  # another one's base is not fixed
         return np.inf, ""
+    found = _distances(model, near, rows[::_SPARSE])
+    found = np.where((np.ptp(found, axis=0) > _SAME) & (found[0] > TOUCH), found.min(axis=0), np.inf)
+    nearest = [near.pairs[place] for place in np.argsort(found)[:_NEAREST] if np.isfinite(found[place])]
+    if not nearest:
+        return np.inf, ""
+    near = Distances(nearest, model.station.scene_graph.model_inspector())
+    found = _distances(model, near, rows).min(axis=0)
+    pair = near.pairs[int(found.argmin())]
+    return float(found.min()), " to ".join(model.owner(shape) for shape in pair)
+
+
+def _distances(model: StationModel, near: Distances, rows: Vector) -> Vector:
     looks = list[Vector]()
     for row in rows:
         model.place(row)
         looks.append(near.of(model.query()))
-    found = np.array(looks)
-    found = np.where((np.ptp(found, axis=0) > _SAME) & (found[0] > TOUCH), found.min(axis=0), np.inf)
-    if not np.isfinite(found).any():
-        return np.inf, ""
-    nearest = int(found.argmin())
-    return float(found[nearest]), " to ".join(model.owner(shape) for shape in near.pairs[nearest])
+    return np.array(looks)

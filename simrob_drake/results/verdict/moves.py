@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from simrob_drake.results.record.run import AskedMove, RecordedRun
     from simrob_drake.stations.solver_config import VerdictConfig
 
-_LOOKS = 21  # at a move, for what comes near
+_LOOKS = 41  # at a move, for what comes near
 _SOON = 1e-6  # s
 
 
@@ -119,7 +119,7 @@ def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
     table = [["move", "end [s]", "reached", "beside", "following", "at torque limit", "speed of asked", "nearest"]]
     for move in moves:
         asked = "" if move.asked_speed is None else f" of {move.asked_speed:.3g}"
-        near = "" if move.distance is None else f"{1e3 * move.distance:.0f} mm {move.nearest}"
+        near = "" if move.distance is None else f"{1e3 * move.distance:z.0f} mm {move.nearest}"
         table.append(
             [
                 move.move,
