@@ -12,7 +12,7 @@ import numpy as np
 
 from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.reading.model_file import SCRIPT
+from simrob_drake.simulink.reading.model_file import SCRIPT, Libraries
 from simrob_drake.simulink.signals.arithmetic import MATH, OPERATORS, applied, chosen, compared, joined, table_of
 from simrob_drake.simulink.signals.forms import Form, Rule, Signal, SignalReader, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun, statements
@@ -22,6 +22,7 @@ from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 _SIGNATURE = re.compile(r"function\s+(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
 _SEVERAL = re.compile(r"\[([^\]=]+)\]\s*=(?!=)\s*(.+)", re.DOTALL)
 _CALL = re.compile(r"(\w+)\s*\((.*)\)\s*", re.DOTALL)
+_CALLED = re.compile(r"\b([A-Za-z]\w*)\s*\(")
 _MOST_CALLS = 50
 _ENDED = "return"  # where it is kept whether a function has returned
 _PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number
@@ -72,7 +73,9 @@ class Translation(CodeRun):
         }  # fmt: skip
 
     def _guarded(self, value: Value) -> Value:
-        for guard in self._guards if isinstance(value, Form) else ():
+        if not isinstance(value, Form):
+            return value or (1.0 if self._guards else value)
+        for guard in self._guards:
             value = chosen(guard, value, 1.0)
         return value
 
@@ -195,6 +198,18 @@ def functions_of(code: str) -> dict[str, ScriptFunction]:
     return found
 
 
+def _with_files(functions: dict[str, ScriptFunction], libraries: Libraries) -> dict[str, ScriptFunction]:
+    """Return functions with those that they call of files of their own."""
+    found, waiting = dict(functions), list(functions.values())
+    while waiting:
+        for name in dict.fromkeys(_CALLED.findall("\n".join(waiting.pop().body))):
+            if name not in found and name not in NUMBERS.functions and len(found) < _MOST_CALLS:
+                own = functions_of(libraries.script(name))
+                found = {**own, **found}
+                waiting += own.values()
+    return {**functions, **found}
+
+
 def _names(text: str) -> list[str]:
     return [name for name in re.split(r"[\s,]+", text) if name]
 
@@ -295,7 +310,7 @@ def _matlab_function(reader: SignalReader, node: Node, number: int) -> Signal | 
         return None
 
     def translated() -> list[Signal]:
-        functions = functions_of(code)
+        functions = _with_files(functions_of(code), reader.network.expanded.libraries)
         (main, *_) = functions.values()
         inports = [child for child in block.children.values() if child.kind == "Inport"]
         ports = {child.block.name: int(child.text("Port", "1") or "1") for child in inports}
@@ -332,8 +347,11 @@ def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Valu
     return flat(_understood(node, lambda: [signal([run._condition(text)])])[0])[0]
 
 
-def _over(node: Node, variables: Mapping[str, Signal]) -> Translation:
-    return Translation({name: _columns(values) for name, values in variables.items()}, node.workspace.lookup, {})
+def _over(
+    node: Node, variables: Mapping[str, Signal], functions: Mapping[str, ScriptFunction] | None = None
+) -> Translation:
+    known = {name: _columns(values) for name, values in variables.items()}
+    return Translation(known, node.workspace.lookup, functions or {})
 
 
 def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
@@ -342,10 +360,11 @@ def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
     values = reader.input(node)
     if node.kind == "Fcn":
         text = text.replace("[", "(").replace("]", ")")
-    elif text in FUNCTIONS:
+    own = ScriptFunction("", [], [], [f"{text}(u)" if text.isidentifier() else text])
+    functions = _with_files({"": own}, reader.network.expanded.libraries)
+    if text in FUNCTIONS or text in functions:
         text = f"{text}(u)"
-
-    run = _over(node, {"u": values})
+    run = _over(node, {"u": values}, functions)
     return _understood(node, lambda: [_as_signal(run._value(text))])[0] if text else None
 
 
