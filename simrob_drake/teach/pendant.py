@@ -50,7 +50,7 @@ class Pendant:
             SimrobError: no such subject; what is open stays so.
         """
         same = str(subject) == self.session.subject
-        if same and robot in (None, self.session.robot):
+        if same and robot in (None, self.session.book.robot):
             return False
         if same:
             self.session.close()  # two sessions do not teach in one folder

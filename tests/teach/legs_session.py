@@ -57,12 +57,18 @@ def take(session, news):
         setattr(session.run if hasattr(session.run, name) else session, name, value)
 
 
+def be_all_parts(session):
+    """Let a session of tests stand for its parts, too: pages find there what it has itself."""
+    session.client = session.book = session.history = session.setup = session.arm = session.exports = session
+
+
 class LegsSession:
     """What the legged page calls of a session; `calls` has the names and arguments."""
 
     can_undo = can_redo = False
 
     def __init__(self, name="humanoid", *, moves=(), changes=()):
+        be_all_parts(self)
         self.subject = self.robot = name
         self.station = f"{name}_dynamic"
         self.description, self.phase, self.pace, self.run = described(name), "idle", 1.0, TaughtRun()

@@ -29,12 +29,12 @@ class MoveList:
         }
         change_acts: dict[str, tuple[str, _Act]] = {
             "edit": (t("legs.edit"), self._edit_change),
-            "delete": (t("legs.delete"), session.remove_change),
+            "delete": (t("legs.delete"), session.book.remove_change),
         }
         if self._stepped:
             self._build_steps()
             acts = {"arrow_right": (t("arm.next"), self._go), "play_arrow": (t("arm.run_line"), self._run), **acts}
-        acts |= {"edit": (t("legs.edit"), self._edit_move), "delete": (t("legs.delete"), session.remove)}
+        acts |= {"edit": (t("legs.edit"), self._edit_move), "delete": (t("legs.delete"), session.book.remove)}
         self._moves = _Lines(acts)
         self._nothing = ui.label(t("arm.no_lines" if self._stepped else "legs.no_moves")).classes("opacity-70")
         self._heading = ui.label(t("legs.changes")).classes("font-bold mt-2")
@@ -51,8 +51,8 @@ class MoveList:
         self._runs = [button.props("no-caps outline") for button in (play, step)]
 
     def _show(self) -> None:
-        program, session = self._session.program, self._session
-        self._moves.show([self._phrases.move(move.entry(), session.targets) for move in program.moves])
+        program, session = self._session.book.program, self._session
+        self._moves.show([self._phrases.move(move.entry(), session.book.targets) for move in program.moves])
         self._nothing.set_visibility(not program.moves)
         self._heading.set_visibility(bool(program.changes))
         self._changes.show([self._phrases.change(change, program.grid or GRID) for change in program.changes])
@@ -64,27 +64,27 @@ class MoveList:
 
     def _go(self, index: int) -> None:
         """Mark the move that comes next."""
-        self._next = index if index < len(self._session.program.moves) else 0
+        self._next = index if index < len(self._session.book.program.moves) else 0
         for number, button in enumerate(self._moves.buttons("arrow_right")):
             button.props(f"color={'primary' if number == self._next else 'grey'}")
 
     def _run(self, index: int) -> None:
-        self._session.run_line(index)
+        self._session.arm.run_line(index)
         self._go(index + 1)
 
     def _move(self, index: int, by: int, icon: str) -> None:
-        if 0 <= index + by < len(self._session.program.moves):
-            self._session.move_entry(index, index + by)
+        if 0 <= index + by < len(self._session.book.program.moves):
+            self._session.book.move_entry(index, index + by)
             self._moves.focus(index + by, icon)
 
     def _edit_move(self, index: int) -> None:
-        move, choices = self._session.program.moves[index].entry(), choices_of(self._session, self._robot)
-        self._edit(partial(stored_form, self._phrases, choices, move), partial(self._session.edit, index))
+        move, choices = self._session.book.program.moves[index].entry(), choices_of(self._session, self._robot)
+        self._edit(partial(stored_form, self._phrases, choices, move), partial(self._session.book.edit, index))
 
     def _edit_change(self, index: int) -> None:
-        change = self._session.program.changes[index].model_dump(mode="json", exclude_none=True)
+        change = self._session.book.program.changes[index].model_dump(mode="json", exclude_none=True)
         form = partial(yaml_form, self._phrases.t("legs.as_yaml"), change)
-        self._edit(form, partial(self._session.edit_change, index))
+        self._edit(form, partial(self._session.book.edit_change, index))
 
     def _edit(self, form: Callable[[], Read], store: Callable[[Any], bool]) -> None:
         """Open a form in a window of its own, which closes when what it holds was stored."""

@@ -76,9 +76,9 @@ def _loaded(session: Session, t: Words, load: Callable[[str, str], None]) -> Non
     robots.on_value_change(lambda event: load(session.subject, event.value) if event.value else None)
 
     def show() -> None:
-        text.text = t("shell.loaded", station=session.station, file=session.file)
+        text.text = t("shell.loaded", station=session.book.station, file=session.book.file)
         several = list(session.description.get("robots", ()))
-        robots.set_options(several, value=session.robot if session.robot in several else None)
+        robots.set_options(several, value=session.book.robot if session.book.robot in several else None)
         robots.set_visibility(len(several) > 1)
 
     follow(session, show, "description", "program")
@@ -92,8 +92,8 @@ def _conflict(session: Session, t: Words) -> None:
             ui.button(t(f"shell.{name}"), on_click=choose).props("no-caps dense outline")
 
     def show() -> None:
-        text.text = t("notice.conflict", file=session.file.name)
-        place.set_visibility(session.conflict)
+        text.text = t("notice.conflict", file=session.book.file.name)
+        place.set_visibility(session.book.conflict)
 
     follow(session, show, "program")
 
@@ -103,15 +103,15 @@ def _undo(session: Session, t: Words) -> None:
     redo = icon_button("redo", t("shell.redo"), session.redo, keys="Control+Shift+Z")
 
     def show() -> None:
-        allow(undo, "" if session.can_undo else t("why.no_undo"))
-        allow(redo, "" if session.can_redo else t("why.no_redo"))
+        allow(undo, "" if session.book.history.can_undo else t("why.no_undo"))
+        allow(redo, "" if session.book.history.can_redo else t("why.no_redo"))
 
     follow(session, show, "program", "description")
 
 
 def _take_away(session: Session, t: Words) -> None:
     async def take(kind: str) -> None:
-        file = await wrap_future(getattr(session, f"export_{kind}")())
+        file = await wrap_future(getattr(session.exports, kind)())
         if file is not None:
             ui.download.file(file)
 
@@ -172,7 +172,7 @@ def _tabs(session: Session, t: Words) -> None:
 
     def show() -> None:
         nonlocal chosen
-        kind = session.description.get("robots", {}).get(session.robot, {}).get("kind", "")
+        kind = session.description.get("robots", {}).get(session.book.robot, {}).get("kind", "")
         for name, head in heads.items():
             head.set_visibility(name in (kind, always))
         fitting = kind if kind in TABS else always
@@ -197,7 +197,7 @@ def _robots_and_stations(session: Session, t: Words, load: Callable[[str], None]
     names = station_names()
 
     def chosen(name: str | None) -> None:
-        if name in names and name != session.station:  # else it was shown, not chosen
+        if name in names and name != session.book.station:  # else it was shown, not chosen
             load(name)
 
     with ui.element("nav").classes("pendant-robots") as nav:
@@ -210,7 +210,7 @@ def _robots_and_stations(session: Session, t: Words, load: Callable[[str], None]
         models = {robot["model"] for robot in session.description.get("robots", {}).values()}
         for name, picture in pictures.items():
             picture.props["aria-pressed"] = "true" if name in models else "false"
-        stations.set_value(session.station if session.station in names else None)
+        stations.set_value(session.book.station if session.book.station in names else None)
 
     follow(session, mark, "description")
 
