@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -182,11 +183,11 @@ class ScriptFunction(NamedTuple):
 
 
 def functions_of(code: str) -> dict[str, ScriptFunction]:
-    """Return the functions of a script by name, the first of them first."""
+    """Return the functions of a script by name, the first of them first; none of a script without."""
     lines = statements(re.sub(r"(function[^\n(]*\([^)]*\))", r"\1\n", code))
     starts = [place for place, line in enumerate(lines) if _SIGNATURE.match(line) and line.startswith("function")]
     found: dict[str, ScriptFunction] = {}
-    for begin, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+    for begin, end in pairwise([*starts, len(lines)]):
         signature = _SIGNATURE.match(lines[begin])
         assert signature is not None
         body = lines[begin + 1 : end]
