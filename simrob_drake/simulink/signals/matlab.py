@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -20,8 +20,9 @@ from simrob_drake.simulink.values.code import CodeRun, statements
 from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, evaluate, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
-_SIGNATURE = re.compile(r"function\s+(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
+_SIGNATURE = re.compile(r"function(?:\s+|(?=\[))(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
 _SEVERAL = re.compile(r"\[([^\]=]+)\]\s*=(?!=)\s*(.+)", re.DOTALL)
+_EQUALS = re.compile(r"(?<![=~<>!])=(?!=)")
 _CALL = re.compile(r"(\w+)\s*\((.*)\)\s*", re.DOTALL)
 _CALLED = re.compile(r"\b([A-Za-z]\w*)\s*\(")
 _MOST_CALLS = 50
@@ -114,6 +115,11 @@ class Translation(CodeRun):
         """Do an assignment, of several outputs of a function, too."""
         several = _SEVERAL.fullmatch(text)
         call = _CALL.fullmatch(several[2]) if several else None
+        if several is None and not _EQUALS.search(text):
+            with suppress(NotUnderstood):
+                parse(text)
+                return  # an expression alone changes nothing
+            raise NotUnderstood(text[:60])
         if several is None:
             super().assign(text)
         elif call is None or call[1] not in self._functions:
@@ -238,8 +244,8 @@ def _on_symbols(numeric: Callable[..., Any] | None, symbolic: Callable[..., Valu
 
     def function(*arrays: Any) -> Any:
         values = [matrix(array) for array in arrays]
-        if numeric is not None and not any(array.dtype == object for array in values):
-            return numeric(*values)
+        if numeric is not None and not any(isinstance(one, Form) for array in values for one in array.flat):
+            return numeric(*(array.astype(float) for array in values))
         return mapped(symbolic, *(array.astype(object) for array in values))
 
     return function
