@@ -600,10 +600,11 @@ def test_frames_on_the_centre_of_mass_and_on_old_solids(tmp_path):
     np.testing.assert_allclose(
         frame_pose(old, parse_part(frame_xml("+x -y -z point").encode())).translation(), [1, -2, -3]
     )
-    turned = node("Revolved Solid", RevolutionCrossSection="[1 0; 2 0; 2 1; 1 1]", RevolutionExtent="Custom",
-                  RevolutionAngle="pi")  # fmt: skip
-    front = frame_pose(turned, parse_part(frame_xml("front surface").encode()))
-    np.testing.assert_allclose(front.translation(), [0, 1.5, 0.5], atol=1e-12)
+    half = {"RevolutionCrossSection": "[1 0; 2 0; 2 1; 1 1]", "RevolutionExtent": "Custom", "RevolutionAngle": "pi"}
+    for kind, shape in (("Revolved Solid", ""), ("Solid", "GeneralSolidOfRevolution")):
+        turned = node(kind, GeometryShape=shape, **half)
+        front = frame_pose(turned, parse_part(frame_xml("front surface").encode()))
+        np.testing.assert_allclose(front.translation(), [0, 1.5, 0.5], atol=1e-12)
     with pytest.raises(InvalidModel, match="'circular curve 9', whose place is not known here"):
         frame_pose(wedge, parse_part(frame_xml("circular curve 9").encode()))
 
