@@ -54,7 +54,7 @@ _BY_ENTRY: dict[EntryKind, Fate] = {
 """What an entry of the report makes of the block that it is about."""
 
 
-_SENSING = {*JOINTS, *GEARS, ROD, SPRING, BETWEEN, "Spatial Contact Force", "Weld Joint"}
+_SENSING = {*JOINTS, *GEARS, ROD, SPRING, BETWEEN, "Spatial Contact Force", "Weld Joint", "Transform Sensor"}
 """Blocks whose right ports but the first tell what they measure."""
 
 

@@ -90,7 +90,7 @@ def test_translations(parameters, expected):
         {"TranslationMethod": "Magic"},
         {"RotationMethod": "RotationMatrix", "RotationMatrix": "[1 0 0; 0 1 0; 0 0 2]"},
         {"RotationMethod": "Quaternion", "Quaternion": "[0 0 0 0]"},
-        {"RotationMethod": "ArbitraryAxis", "RotationArbitraryAxis": "[0 0 0]"},
+        {"RotationMethod": "ArbitraryAxis", "RotationArbitraryAxis": "[0 0 0]", "RotationAngle": "90"},
         {"RotationMethod": "AlignedAxes", "FollAlignAxisA": "+Z", "FollAlignAxisB": "-Z"},
         {"RotationMethod": "RotationSequence", "RotationSequence": "XYQ"},
         {"TranslationMethod": "Cartesian", "TranslationCartesianOffset": "[1 2]"},
@@ -349,6 +349,12 @@ def test_loops_that_cannot_close_are_told(tmp_path):
     assert not load_station(imported.station).couplings
 
 
+def test_no_turn_needs_no_axis():
+    """As data files of imported assemblies have it."""
+    figures = {"RotationMethod": "ArbitraryAxis", "RotationArbitraryAxis": "[0 0 0]"}
+    assert rigid_transform(node(**figures, RotationAngle="0")).IsExactlyIdentity()
+
+
 def test_a_physical_bus_joins_its_elements_by_name(tmp_path):
     """A hinge hangs on the world, and its body behind it, through a bus whose two ends list them in other orders."""
     level = Level()
@@ -411,13 +417,13 @@ TOUCH = "sm_lib/Forces and\nTorques/Spatial\nContact Force"
 FIGURES = {"NormalStiffness": "1e4", "NormalDamping": "50", "SenseSeparationDistance": "on"}
 
 
-def ball_on(level, world, name, start, touched):
+def ball_on(level, world, name, start, touched, **figures):
     """Let a ball of 50 mm fall from a place onto what its geometry port is given of; return the ball's SID."""
     joint = level.block("sm_lib/Joints/6-DOF Joint", f"{name} free")
     put = level.block(TRANSFORM, f"{name} put", TranslationMethod="Cartesian", TranslationCartesianOffset=start)
     ball = level.block("sm_lib/Body Elements/Spherical Solid", name, SphereRadius="0.05", Density="1000",
                        ExportEntireGeometry="on")  # fmt: skip
-    touch = level.block(TOUCH, f"{name} touches", **FIGURES)
+    touch = level.block(TOUCH, f"{name} touches", **FIGURES | figures)
     level.connect(f"{world}#rconn:1", f"{put}#lconn:1")
     level.connect(f"{put}#rconn:1", f"{joint}#lconn:1")
     level.connect(f"{joint}#rconn:1", f"{ball}#rconn:1")
@@ -448,6 +454,15 @@ def test_planes_and_disks_carry_where_they_are(tmp_path):
     for name, height in (("On_plane", 0.35), ("On_disk", 0.65), ("Beside", 0.35)):
         assert result.piece_pose(name)[-1, 2] == pytest.approx(height - SINK, abs=2e-4)
     assert result["distance.On_disk_touches"][-1] == pytest.approx(-SINK, abs=1e-4)
+
+
+def test_a_contact_without_stiffness_is_lost(tmp_path):
+    level = Level()
+    world, plane = level.block(WORLD, "World"), level.block("sm_lib/Curves and Surfaces/Infinite Plane", "Plane")
+    level.connect(f"{world}#rconn:1", f"{plane}#lconn:1")
+    ball_on(level, world, "Ball", "[0 0 1]", plane, NormalStiffness="0")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "1 Spatial Contact Force lost"
 
 
 def grid_model(path, *, tilt="0", heights="[0.1 0.1 0.3 0.3]' * [1 1 1]"):
@@ -585,10 +600,11 @@ def test_frames_on_the_centre_of_mass_and_on_old_solids(tmp_path):
     np.testing.assert_allclose(
         frame_pose(old, parse_part(frame_xml("+x -y -z point").encode())).translation(), [1, -2, -3]
     )
-    turned = node("Revolved Solid", RevolutionCrossSection="[1 0; 2 0; 2 1; 1 1]", RevolutionExtent="Custom",
-                  RevolutionAngle="pi")  # fmt: skip
-    front = frame_pose(turned, parse_part(frame_xml("front surface").encode()))
-    np.testing.assert_allclose(front.translation(), [0, 1.5, 0.5], atol=1e-12)
+    half = {"RevolutionCrossSection": "[1 0; 2 0; 2 1; 1 1]", "RevolutionExtent": "Custom", "RevolutionAngle": "pi"}
+    for kind, shape in (("Revolved Solid", ""), ("Solid", "GeneralSolidOfRevolution")):
+        turned = node(kind, GeometryShape=shape, **half)
+        front = frame_pose(turned, parse_part(frame_xml("front surface").encode()))
+        np.testing.assert_allclose(front.translation(), [0, 1.5, 0.5], atol=1e-12)
     with pytest.raises(InvalidModel, match="'circular curve 9', whose place is not known here"):
         frame_pose(wedge, parse_part(frame_xml("circular curve 9").encode()))
 

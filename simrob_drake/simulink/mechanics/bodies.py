@@ -248,11 +248,7 @@ _DISTANCE_AFTER = 2  # it is the first of the sensed signals
 
 
 def read_contacts(network: Connections) -> list[ContactPair]:
-    """Return the contacts of a model.
-
-    Raises:
-        InvalidModel: figures that cannot be.
-    """
+    """Return the contacts of a model; those whose figures cannot be are lost."""
     nodes = [node for node in network.expanded.nodes if node.block.commented == "off"]
     geometry: dict[Place, Node] = {}
     for node in nodes:
@@ -267,7 +263,10 @@ def read_contacts(network: Connections) -> list[ContactPair]:
             node.note("lost", "the contact: one of its ends is no solid or plane")
             continue
         sensed = _DISTANCE_AFTER if node.is_on("SenseSeparationDistance") else 0
-        contacts.append(ContactPair(node, (ends[0], ends[1]), _surface(node), sensed))
+        try:
+            contacts.append(ContactPair(node, (ends[0], ends[1]), _surface(node), sensed))
+        except InvalidModel as problem:
+            node.lose(problem)
     return contacts
 
 

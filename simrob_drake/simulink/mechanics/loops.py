@@ -139,7 +139,7 @@ def _turned(pose: RigidTransform) -> Vector:
     return np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]) / 2
 
 
-_CLOSED, _LOOSE = 1e-6, 1e-3  # m: what is no gap, and what rounded figures may leave of one
+_CLOSED, _LOOSE = 1e-6, 4e-4  # m and rad: what is no gap, and what a station takes of one that rounded figures leave
 _NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
 _CHANGES = 1e-3  # by so much of its largest factor a gear's factors may change with the posture
 _CUT: dict[str, Literal["hinge", "ball"]] = {"Revolute Joint": "hinge", "Spherical Joint": "ball"}
