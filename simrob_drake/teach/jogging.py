@@ -13,27 +13,33 @@ from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.program import Program
 from simrob_drake.teach.move_runner import MoveRunner
-from simrob_drake.teach.run_client import done
+from simrob_drake.teach.program_book import ProgramBook
+from simrob_drake.teach.run_client import RunClient, done
 from simrob_drake.teach.taught import Target
 
 _DIGITS = 6  # of degrees, and of metres: a thousandth of a millimetre
 
 
-class Jogging(MoveRunner):
-    """What a pendant of an arm does. Jogs are neither stored nor wait to be.
+class Jogging:
+    """What a pendant of an arm does. Jogs are neither stored nor wait to be; what is wrong is told by the client.
 
-    Attributes: those of the session that tell of arms.
+    Attributes:
+        ghosts: the branches that :meth:`branches` found last.
     """
 
-    ghosts: Sequence[dict[str, Any]] = ()
+    def __init__(self, client: RunClient, book: ProgramBook, runner: MoveRunner) -> None:
+        """Begin without ghosts; those of a station go when another one is there."""
+        self._client, self._book, self._runner = client, book, runner
+        self.ghosts: Sequence[dict[str, Any]] = ()
+        client.listen(lambda _: self.hide_ghosts() if self.ghosts else None, "description")
 
     def where(self, frame: str = "base") -> Future[Any]:
         """Give where the arm is, as :func:`simrob_drake.teach.arm_questions.where` tells it."""
-        return self._ask("where", frame=frame)
+        return self._client.ask("where", frame=frame)
 
     def jog_axes(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
         """Move axes to positions [deg or m]; of jogs that come while another runs the last is done."""
-        return self._when_idle(lambda: self._jog(plain(targets_deg), duration))
+        return self._runner.when_idle(lambda: self._runner.jog(plain(targets_deg), duration))
 
     def jog_tool(
         self, delta: Sequence[float], frame: str = "base", *, start: Sequence[float] | None = None
@@ -46,15 +52,16 @@ class Jogging(MoveRunner):
             start: the pose in the base that ``delta`` counts from [m, deg]; where the tool is unless given.
         """
         by: dict[str, Any] = {"delta": plain(delta), "frame": frame, "start": plain(start)}
-        return self._when_idle(lambda: self._ask("jogged_axes", self._jog, **by))
+        return self._runner.when_idle(lambda: self._client.ask("jogged_axes", self._runner.jog, **by))
 
     def jog_pose(self, pose: Sequence[float], frame: str = "base") -> Future[Any]:
         """Move the tool to a pose [x y z Rz Ry Rx], m and degrees, in a frame, by the nearest posture."""
-        return self._when_idle(lambda: self._ask("inverse", self._jog, pose=plain(pose), frame=frame))
+        to: dict[str, Any] = {"pose": plain(pose), "frame": frame}
+        return self._runner.when_idle(lambda: self._client.ask("inverse", self._runner.jog, **to))
 
     def tool(self, name: str) -> Future[Any]:
         """Use another tool; targets taught then are of it, too."""
-        return self._when_idle(lambda: self._run_free([self._checked({ToolMove.key: name})]))
+        return self._runner.when_idle(lambda: self._runner.run_free([self._book.checked({ToolMove.key: name})]))
 
     def teach_target(self, name: str | None = None, frame: str = "world") -> Future[Any]:
         """Keep where the arm is in ``targets``, with its pose in a frame; the future gives the name.
@@ -65,22 +72,22 @@ class Jogging(MoveRunner):
         """
 
         def keep(place: dict[str, Any]) -> str:
-            known = self._history.present.targets
+            known = self._book.history.present.targets
             called = name or next(text for number in range(1, len(known) + 2) if (text := f"p{number}") not in known)
             axes = {axis: round(value, _DIGITS) + 0.0 for axis, value in place["axes"].items()}
             pose = tuple(round(value, _DIGITS) + 0.0 for value in place["pose"])
-            target = Target(axes=axes, pose=pose, frame=frame, tool=place["tool"] or "", robot=self.robot)
-            self._record(self._history.present.replaced(targets={**known, called: target}))
+            target = Target(axes=axes, pose=pose, frame=frame, tool=place["tool"] or "", robot=self._book.robot)
+            self._book.record(self._book.history.present.replaced(targets={**known, called: target}))
             return called
 
-        return self._ask("where", keep, frame=frame)
+        return self._client.ask("where", keep, frame=frame)
 
     def remove_target(self, name: str) -> bool:
         """Forget a taught target; lines that were made of it stay."""
-        left = dict(self._history.present.targets)
+        left = dict(self._book.history.present.targets)
         if left.pop(name, None) is None:
             return False
-        self._record(self._history.present.replaced(targets=left))
+        self._book.record(self._book.history.present.replaced(targets=left))
         return True
 
     def add_line(self, kind: str, target: str, *, index: int | None = None, via: str | None = None, **how: Any) -> bool:
@@ -97,42 +104,42 @@ class Jogging(MoveRunner):
         """
 
         def lengthened(program: Program) -> Program:
-            known = self._history.present.targets
+            known = self._book.history.present.targets
             goal = known[one_of("target", target, known)]
             place = len(program.moves) if index is None else index
             for number, move in enumerate(self._lines(program, place, kind, goal, via, how)):
                 program = program.inserted(place + number, move)
             return program
 
-        return self._edit(lengthened)
+        return self._book.change(lengthened)
 
     def run_line(self, index: int) -> Future[Any]:
         """Run one stored line from where the arm is (step)."""
-        moves = self.program.moves
-        move = self._or_wrong(lambda: moves[whole(index, "index", 0, len(moves) - 1)])
-        return done(None) if move is None else self._when_idle(lambda: self._run_free([move]))
+        moves = self._book.program.moves
+        move = self._client.or_wrong(lambda: moves[whole(index, "index", 0, len(moves) - 1)])
+        return done(None) if move is None else self._runner.when_idle(lambda: self._runner.run_free([move]))
 
     def branches(self, target: str | None = None) -> Future[Any]:
         """Find every posture for a taught target, or for where the tool is, into ``ghosts`` and into the view."""
 
         def found(branches: list[dict[str, Any]]) -> Any:
             self.ghosts = branches
-            self._tell("program")
+            self._client.tell("program")
             return self.mark_branch(None)
 
-        known = self._history.present.targets
+        known = self._book.history.present.targets
         goal = known.get(target or "")
         of: dict[str, Any] = {"pose": list(goal.pose), "frame": goal.frame, "tool": goal.tool} if goal else {}
-        return self._ask("branches", found, **of)
+        return self._client.ask("branches", found, **of)
 
     def mark_branch(self, number: int | None) -> Future[Any]:
         """Let the view show one of ``ghosts`` less faint than the others, or none."""
         postures, good = ([one[key] for one in self.ghosts] for key in ("axes", "usable"))
-        return self._ask("ghosts", lambda _: self.ghosts, postures=postures, good=good, marked=number)
+        return self._client.ask("ghosts", lambda _: self.ghosts, postures=postures, good=good, marked=number)
 
     def choose_branch(self, number: int) -> Future[Any]:
         """Go to one of ``ghosts``, and hide them."""
-        ghost = self._or_wrong(lambda: self.ghosts[whole(number, "branch", 0, len(self.ghosts) - 1)])
+        ghost = self._client.or_wrong(lambda: self.ghosts[whole(number, "branch", 0, len(self.ghosts) - 1)])
         if ghost is None:
             return done(None)
         self.hide_ghosts()
@@ -141,17 +148,8 @@ class Jogging(MoveRunner):
     def hide_ghosts(self) -> Future[Any]:
         """Hide the ghosts."""
         self.ghosts = []
-        self._tell("program")
+        self._client.tell("program")
         return self.mark_branch(None)
-
-    def _described(self, description: dict[str, Any]) -> dict[str, Any]:
-        if self.ghosts:  # of the station before
-            self.hide_ghosts()
-        return super()._described(description)
-
-    def _jog(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
-        self.run.moves.append([None], self.run.start, free=True)
-        return self._start("free", "jog", targets_deg=targets_deg, duration=duration)
 
     def _lines(
         self, program: Program, place: int, kind: str, goal: Target, via: str | None, how: Mapping[str, Any]
@@ -159,22 +157,22 @@ class Jogging(MoveRunner):
         """Return the line to a target, and before it what its tool needs."""
         before = [move for move in program.moves[:place] if isinstance(move, ToolMove)]
         now = next((tool.name for tool in reversed(before) if tool.robot in (None, goal.robot)), self._first_tool)
-        lines = [self._checked({ToolMove.key: goal.tool})] if goal.tool not in ("", now) else []
+        lines = [self._book.checked({ToolMove.key: goal.tool})] if goal.tool not in ("", now) else []
         content = dict(how)
         if getattr(KINDS[one_of("kind of move", kind, KINDS)], "of_axes", False):
-            content["targets_deg"] = [goal.axes[axis] for axis in self.model.axes]
+            content["targets_deg"] = [goal.axes[axis] for axis in self._book.model.axes]
         else:
             content["targets_deg"] = list(goal.pose)
             content |= {} if goal.frame == "world" else {"wobj": goal.frame}
         if via is not None:
-            known = self._history.present.targets
+            known = self._book.history.present.targets
             passed = known[one_of("target", via, known)]
             if passed.frame != goal.frame:
                 raise InvalidParameter(f"frame of {via}", passed.frame, f"{goal.frame}, as that of the target")
             content["via"] = list(passed.pose[:3])
-        return [*lines, self._checked({kind: content})]
+        return [*lines, self._book.checked({kind: content})]
 
     @property
     def _first_tool(self) -> str:
-        robots = self.description.get("robots", {})
-        return str(robots.get(self.robot, {}).get("tcp") or "")
+        robots = self._client.description.get("robots", {})
+        return str(robots.get(self._book.robot, {}).get("tcp") or "")

@@ -51,7 +51,7 @@ class Pendant:
             SimrobError: no such subject; what is open stays so.
         """
         same = str(subject) == self.session.subject
-        if same and robot in (None, self.session.robot):
+        if same and robot in (None, self.session.book.robot):
             return False
         if same:
             self.session.close()  # two sessions do not teach in one folder
@@ -69,8 +69,9 @@ class Pendant:
             SimrobError: nothing can be opened among them; what is open stays so.
         """
         self.load(keep(files, self.session.folder.parent))
-        if self.session.robot and (report := report_of(self.session.model.urdf_path)):
-            self.session.message = Notice(fills={"text": report})
+        book = self.session.book
+        if book.robot and (report := report_of(book.model.urdf_path)):
+            self.session.client.say(Notice(fills={"text": report}))
 
     def close(self) -> None:
         """End the session and its run."""

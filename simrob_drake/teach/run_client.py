@@ -1,4 +1,4 @@
-"""What a session stands on: the client of the run in a process of its own, and those who listen. Nothing here waits."""
+"""The client of the run in a process of its own, and those who listen to it. Nothing here waits."""
 
 from __future__ import annotations
 
@@ -36,7 +36,14 @@ class Running(Protocol):
 class RunClient:
     """Asks the run, takes its news, and tells listeners what changed.
 
-    Attributes: those of :class:`~simrob_drake.teach.session.Session` that tell of the run.
+    Attributes:
+        description: of the station, as ``Live.open`` gives it; empty until it is there. Its ``loops``, ``{name, on}``,
+            can be switched.
+        phase: ``opening``, ``idle``, ``running``, ``paused``, ``rewinding``, ``saving`` or ``gone``.
+        run: what was run since the start of the station, to be looked at.
+        pace: asked for; None: as fast as it can.
+        message: the last thing to tell; ``str(message)`` is English, ``message.key`` tells pages which.
+        takes: what takes news, by their kind; who runs something has its own there.
     """
 
     def __init__(self, live: MakeLive | None = None, hand_over: HandOver | None = None) -> None:
@@ -47,9 +54,14 @@ class RunClient:
         self._deaths: deque[float] = deque(maxlen=_DEATHS)
         self._waiting: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._hand_over = hand_over or self._waiting.put
-        self._listeners: list[Callable[[Topic], None]] = []
+        self._listeners: list[tuple[Callable[[Topic], object], tuple[Topic, ...]]] = []
         self._viewers: list[Callable[[News], None]] = []
         self._watched: dict[object, tuple[str, ...]] = {}
+        self.takes: dict[str, Callable[[News], object]] = {
+            "view": self._viewed,
+            "tick": self._ticked,
+            "warned": lambda news: self.wrong(news["text"]),
+        }
         self.description: dict[str, Any] = {}
         self.phase, self.run = "opening", TaughtRun()
         self.pace: float | None = 1.0
@@ -70,12 +82,12 @@ class RunClient:
         if live is not None:
             live.close()
 
-    def listen(self, callback: Callable[[Topic], None]) -> Callable[[], None]:
-        """Let something be called after each change with what changed; returns what ends that.
+    def listen(self, callback: Callable[[Topic], object], *topics: Topic) -> Callable[[], None]:
+        """Let something be called after each change with what changed, of some topics or all; returns what ends that.
 
         ``program``: program, pending, undo, targets; ``description``: description and settings.
         """
-        return _enlisted(self._listeners, callback)
+        return _enlisted(self._listeners, (callback, topics))
 
     def listen_to_view(self, callback: Callable[[News], None]) -> Callable[[], None]:
         """Let something have each news ``view`` ``{subject, commands}``; returns what ends that."""
@@ -93,13 +105,16 @@ class RunClient:
             del self._watched[viewer]
         names = list(dict.fromkeys(name for own in self._watched.values() for name in own))
         self.run.watch(names)
-        self._tell("history")
-        return done() if self._live is None else self._ask("watch", signals=names)  # else it is told these first
+        self.tell("history")
+        return done() if self._live is None else self.ask("watch", signals=names)  # else it is told these first
 
     # The run
 
-    def _open_live(self, failed: Callable[[], object], **how: Any) -> Future[Any]:
-        """Open a station in the run, which is started if it is not there; ``failed`` is called if that cannot be."""
+    def open(self, then: Callable[[dict[str, Any]], Any], failed: Callable[[], object], **how: Any) -> Future[Any]:
+        """Open a station in the run, which is started if it is not there.
+
+        ``then`` takes its description, ``failed`` is called if it cannot be opened, ``how`` is for ``Live.open``.
+        """
         if self._live is None:
             self._generation += 1
             here = self._generation
@@ -110,24 +125,21 @@ class RunClient:
             self._live = self._make_live(
                 lambda news: self._later(lambda: self._take(news) if here == self._generation else None)
             )
-        self._set_phase("opening")
-        opened = self._ask("open", self._described, failed, **how)
-        self._ask("pace", factor=self.pace)
+        opened = self.ask("open", then, failed, **how)
+        self.ask("pace", factor=self.pace)
         self.watch(self._watched.get(None, ()))
         return opened
 
-    def _described(self, description: dict[str, Any]) -> dict[str, Any]:
+    def show_start(self, description: dict[str, Any]) -> None:
+        """Take the description of a station that was opened; it stands at its start."""
         self.description = description
         if self.run.lost:  # it can be looked at all the same
-            self._ask("rewind", time=self.run.time, positions=self.run.moment(self.run.time))
+            self.ask("rewind", time=self.run.time, positions=self.run.moment(self.run.time))
         else:
             self.run.take(0.0, self.run.moment(0.0), {})
-        if self.phase == "opening":
-            self._set_phase("idle")
-        self._tell("description")
-        return description
+        self.tell("description")
 
-    def _ask(
+    def ask(
         self,
         method: str,
         then: Callable[[Any], Any] = lambda result: True if result is None else result,
@@ -145,7 +157,7 @@ class RunClient:
         answer: Future[Any] = Future()
         answer.set_running_or_notify_cancel()  # a page that leaves does not take it back: it will be answered
         if self._live is None:
-            self._say(Notice("gone", wrong=True))
+            self.say(Notice("gone", wrong=True))
             failed()
             answer.set_result(None)
             return answer
@@ -158,7 +170,7 @@ class RunClient:
             except RunLost:
                 pass  # of which news come, too
             except SimrobError as problem:
-                self._wrong(problem)
+                self.wrong(problem)
                 failed()
             finally:  # a fault of ours, too, leaves nobody waiting
                 if isinstance(result, Future):
@@ -174,24 +186,19 @@ class RunClient:
             self._hand_over(action)
 
     def _take(self, news: News) -> None:
-        """Take news; those of a run are for who runs something."""
-        match news["news"]:
-            case "view":
-                for viewer in list(self._viewers):
-                    viewer(news)
-            case "tick":
-                self._ticked(news)
-            case "phase":
-                self._set_phase(news["phase"])
-            case "warned":
-                self._wrong(news["text"])
+        if (take := self.takes.get(news["news"])) is not None:
+            take(news)
+
+    def _viewed(self, news: News) -> None:
+        for viewer in list(self._viewers):
+            viewer(news)
 
     def _ticked(self, news: News) -> None:
         if not self.run.lost:  # else it is of the next one, which is being opened
             self.run.take(news["time"], news.get("positions"), news["values"], news["ratio"])
-            self._tell("tick")
+            self.tell("tick")
 
-    def _died(self, why: str) -> bool:
+    def died(self, why: str) -> bool:
         """Tell that the run died; return whether it may be started again, for that has helped so far."""
         live, self._live, self.description = self._live, None, {}
         if live is not None:
@@ -199,35 +206,44 @@ class RunClient:
         now = monotonic()
         often = len(self._deaths) == _DEATHS and now - self._deaths[0] < _SOON
         self._deaths.append(now)
-        self._say(Notice("lost" if often else "died", {"why": why}, wrong=True))
-        self._set_phase("gone")
+        self.say(Notice("lost" if often else "died", {"why": why}, wrong=True))
         return not often
 
     # Telling
 
-    def _set_phase(self, phase: str) -> None:
+    def show_phase(self, phase: str) -> None:
+        """Tell a phase that is new."""
         if phase != self.phase:
             self.phase = phase
-            self._tell("phase")
+            self.tell("phase")
 
-    def _tell(self, topic: Topic) -> None:
-        for callback in list(self._listeners):
-            callback(topic)
+    def tell(self, topic: Topic) -> None:
+        """Let listeners know that something has changed."""
+        for callback, topics in list(self._listeners):
+            if not topics or topic in topics:
+                callback(topic)
 
-    def _say(self, notice: Notice) -> None:
+    def say(self, notice: Notice) -> None:
+        """Tell something in words."""
         self.message = notice
-        self._tell("message")
+        self.tell("message")
 
-    def _or_wrong(self, make: Callable[[], Made]) -> Made | None:
+    def or_wrong(self, make: Callable[[], Made]) -> Made | None:
         """Return what is made; None where something is wrong, which is told."""
         try:
             return make()
         except SimrobError as problem:
-            self._wrong(problem)
+            self.wrong(problem)
             return None
 
-    def _wrong(self, problem: object) -> None:
-        self._say(Notice(fills={"text": str(problem)}, wrong=True))
+    def refuse(self, key: str, **fills: Any) -> bool:
+        """Tell why something was not done; return False."""
+        self.say(Notice(key, fills, wrong=True))
+        return False
+
+    def wrong(self, problem: object) -> None:
+        """Tell what is wrong."""
+        self.say(Notice(fills={"text": str(problem)}, wrong=True))
 
 
 def done(result: Any = True) -> Future[Any]:
@@ -237,11 +253,11 @@ def done(result: Any = True) -> Future[Any]:
     return future
 
 
-def _enlisted(listeners: list[Any], callback: Any) -> Callable[[], None]:
-    listeners.append(callback)
+def _enlisted(listeners: list[Any], listener: Any) -> Callable[[], None]:
+    listeners.append(listener)
 
     def forget() -> None:
         with suppress(ValueError):
-            listeners.remove(callback)
+            listeners.remove(listener)
 
     return forget

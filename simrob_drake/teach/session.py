@@ -2,65 +2,74 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
-from simrob_drake.errors import InvalidParameter, SimrobError, one_of
+from simrob_drake.arguments import plain
+from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.folders import alone_in, writing
 from simrob_drake.importer.packages import granting, is_robot_file, package_root, robot_file
-from simrob_drake.parts.controllers.own import OwnController
-from simrob_drake.programs.program import Program
-from simrob_drake.programs.script import script
-from simrob_drake.programs.whole_program import carried_program
-from simrob_drake.stations.load import loops_known, loops_on, station_content, station_yaml, switched
+from simrob_drake.programs.moves.joints import JointMove, move_of
+from simrob_drake.programs.moves.move import MOVE_TIME
+from simrob_drake.programs.stages import step_moves
+from simrob_drake.programs.timeline import GRID, Change
+from simrob_drake.sections import validated
+from simrob_drake.teach.exports import Exports
 from simrob_drake.teach.jogging import Jogging
+from simrob_drake.teach.move_runner import MoveRunner
 from simrob_drake.teach.pages.words import Notice
-from simrob_drake.teach.run_client import HandOver, MakeLive, Topic, done
-from simrob_drake.teach.store import Store, opened
-from simrob_drake.teach.subjects import goes_on_legs, program_of, station_for
-from simrob_drake.teach.teaching import Teaching
+from simrob_drake.teach.program_book import ProgramBook
+from simrob_drake.teach.run import TaughtRun
+from simrob_drake.teach.run_client import HandOver, MakeLive, RunClient, Topic, done
+from simrob_drake.teach.setup import Setup
+from simrob_drake.teach.subjects import program_of, station_for
+from simrob_drake.teach.taught import Taught
 
 __all__ = ["Session", "Topic"]
 
+SLOWEST, FASTEST = 0.1, 4.0
+"""Simulated time over the clock's that can be asked for."""
 _PROGRAM = "program.yaml"
+_ANY = "idle", "running", "paused"  # phases in which a run can be gone on with, and back in
 
 
-class Session(Teaching, Jogging):
+class Session:
     """One robot or station being taught; tabs share it. All calls come from one thread, and none waits.
+
+    It does itself what the thesis's console does (Test, Add, Simulate, Discard, Reset, Step), and what the bar of a run
+    does; for the rest it has parts.
 
     Nothing raises because of what a user does: what is wrong becomes :attr:`message`. Methods that need the run give a
     :class:`concurrent.futures.Future` (``await asyncio.wrap_future(...)``), which never raises and can be ignored: its
     result is None where something was wrong, else True or what was asked for. The others tell by True or False whether
-    it was done. Every change of the program is in :attr:`file` when the method returns.
+    it was done. Every change of the program is in its file when the method returns.
 
     Attributes:
         subject: what was opened, as given.
         folder: of the program's file and of what is taken away; this subject's own.
-        file: of the program.
-        station: name or file of the station, and ``config``: it with its settings.
-        robot: the robot that is taught, of :attr:`description`'s robots; empty in a station without any.
-        description: of the station, as ``Live.open`` gives it; empty until it is there. Its ``loops``, ``{name, on}``,
-            can be switched.
-        program: what is stored.
-        pending: moves that were tested and not added yet, as a program's file has them.
-        phase: ``opening``, ``idle``, ``running``, ``paused``, ``rewinding``, ``saving`` or ``gone``.
-        run: what was run since the start of the station, to be looked at.
-        pace: asked for; None: as fast as it can.
-        conflict: whether another editor has changed the file since: see :meth:`take_theirs` and :meth:`keep_both`.
-        message: the last thing to tell; ``str(message)`` is English, ``message.key`` tells pages which.
-        settings: what is changed of the station, by dotted key.
-        targets: taught targets of an arm by name.
-        ghosts: the branches that :meth:`branches` found last.
+        client: of the run, which is in a process of its own; its news, and who listens to them.
+        book: the program and what else is taught, kept in its file.
+        setup: the station with its settings.
+        arm: what a pendant of an arm does.
+        exports: what is taken away.
+        hear, listen, listen_to_view, watch: those of the client.
     """
 
     def __init__(self, live: MakeLive | None = None, hand_over: HandOver | None = None) -> None:
         """Begin empty; :meth:`open` makes one that can be used."""
-        super().__init__(live, hand_over)
         self.subject, self.folder = "", Path()
-        self._held, self._loops = ExitStack(), dict[str, dict[str, Any]]()
+        self.client = client = RunClient(live, hand_over)
+        self.book = book = ProgramBook(client)
+        self._runner = runner = MoveRunner(client, book)
+        self.setup = Setup(client, book, runner)
+        self.arm = Jogging(client, book, runner)
+        self.exports = Exports(client, book, runner.commands)
+        self.hear, self.watch = client.hear, client.watch
+        self.listen, self.listen_to_view = client.listen, client.listen_to_view
+        self._held = ExitStack()
 
     @classmethod
     def open(
@@ -93,194 +102,187 @@ class Session(Teaching, Jogging):
         if program is None and (found := program_of(subject)) is not None:
             program, subject = found
         session = cls(live, hand_over)
-        session.subject, session._allow_code = str(subject), allow_code
+        session.subject, book = str(subject), session.book
         with ExitStack() as held:
             if is_robot_file(str(subject)):  # which somebody names here, so that its package may be read
                 held.enter_context(granting([package_root(robot_file(subject, "subject"))]))
-            name, session.station = station_for(subject, Path(folder))
-            session.config = session._loaded({})
-            session._loops = loops_known(session.config)
-            robots = list(session.config.robots)
-            session.robot = one_of("robot", robot, robots) if robot is not None else next(iter(robots), "")
+            name, station = station_for(subject, Path(folder))
+            book.use(station, robot, allow_code=allow_code)
             session.folder = (Path(folder) / name).absolute()
             with writing(session.folder):
                 session.folder.mkdir(parents=True, exist_ok=True)
             held.enter_context(alone_in(session.folder))
-            own = f"{session.robot}.yaml" if session._one_of_several else _PROGRAM
-            session._load(Path(program).absolute() if program is not None else session.folder / own)
+            own = f"{book.robot}.yaml" if book.one_of_several else _PROGRAM
+            book.load(Path(program).absolute() if program is not None else session.folder / own, session.folder)
             session._held = held.pop_all()
-        session._reopen()
+        session._runner.reopen()
         return session
 
     def close(self) -> None:
         """End the run and its process; another one may teach in the folder then."""
-        super().close()
+        self.client.close()
+        self._runner.commands.forget()
         self._held.close()
 
-    # A file that another editor has changed
-
-    def take_theirs(self) -> bool:
-        """Take the file as it is now; :meth:`undo` brings back what was taught here."""
-        return self._stepped(lambda: self._load(self.file), self.conflict)
-
-    def keep_both(self) -> bool:
-        """Leave the file as it is; what is taught goes to another one."""
-        if not self.conflict:
-            return False
-        theirs, self._store = self.file.name, self._store.sibling(self.folder, new=True)
-        self.file = self._store.file
-        self._save()
-        self._say(Notice("both_kept", {"file": theirs, "new": self.file.name}))
-        return True
-
-    # The station
-
-    def value(self, key: str) -> Any:
-        """Return what the station has under a dotted key, settings counted in; None if nothing."""
-        node: Any = station_content(self.config)
-        for part in key.split("."):
-            node = node.get(part) if isinstance(node, dict) else None
-        return node
-
-    def set(self, key: str, value: Any) -> bool:
-        """Change the station by a dotted key and open it anew, while nothing runs; None takes an entry out."""
-        return self._reconfigure({**self.settings, key: value})
-
-    def unset(self, key: str) -> bool:
-        """Take a setting back."""
-        return self._reconfigure({other: value for other, value in self.settings.items() if other != key})
-
-    def switch_loop(self, name: str, on: bool) -> bool:
-        """Switch an outer loop of the station on or off, while nothing runs."""
-        settings = self._or_wrong(lambda: switched(self._loops, self.settings, name, on))
-        return settings is not None and self._reconfigure(settings)
-
-    def check(self) -> Future[Any]:
-        """Give what ``simrob check`` says of the station with its settings."""
-        return self._ask("check")
-
-    def torque_limits(self) -> Future[Any]:
-        """Give what the robot's drives can do now [N·m or N], axis by axis."""
-        return self._ask("torque_limits")
-
-    def picture(self) -> Future[Any]:
-        """Give the block picture as SVG."""
-        return self._ask("picture")
-
-    # Take away: files in the folder
-
-    def export_program(self) -> Future[Any]:
-        """Write the program as YAML that ``simrob run`` takes, beside it the station if it has settings."""
-        program = self._store.placed(self._whole_program(), self.settings)
-
-        def write() -> None:
-            self.conflict = not self._store.write(program)
-
-        return self._exported(self.file, write)
-
-    def export_script(self) -> Future[Any]:
-        """Write the program as a Python script that runs by itself and gives the same signals."""
-        program, file = self._whole_program(), self.file.with_suffix(".py")
-        robot = self.robot if self._one_of_several else None
-        legs = bool(self.robot) and goes_on_legs(self.model, program)
-        code = any(isinstance(one, OwnController) for one in self.config.controllers.values())
-        text = script(program, self.station, self.settings, robot=robot, legs=legs, code=code, file=file)
-        return self._exported(file, lambda: self._store.make(file, text))
-
-    def export_station(self) -> Future[Any]:
-        """Write the station with its settings as YAML."""
-        file, text = self._store.station_file, station_yaml(self.config)
-        return self._exported(file, lambda: self._store.make(file, text))
-
-    def export_csv(self) -> Future[Any]:
-        """Write the signals of the last run; as all of these the future gives the file."""
-        return self._saved("signals", ".csv")
-
-    def export_recording(self) -> Future[Any]:
-        """Write the last run as one HTML page."""
-        return self._saved("page", ".html")
-
-    def film_strip(self) -> Future[Any]:
-        """Draw the last run as a strip of pictures, for who cannot see the view; the future gives the file."""
-        return self._saved("strip", ".png", quietly=True)
-
-    # How
+    # What pages read most
 
     @property
-    def _one_of_several(self) -> bool:
-        """Whether the program is that of one robot beside others; arms share one, whose lines say which is meant."""
-        return len(self.config.robots) > 1 and self.model.feet is not None
+    def description(self) -> dict[str, Any]:
+        """Of the station; see :class:`RunClient`."""
+        return self.client.description
 
-    def _load(self, file: Path) -> None:
-        """Take what is taught in a file, or in another one where that cannot be."""
-        robot = self.robot if self._one_of_several else None
-        first = Store(file, self.station, robot, carried_program(self.config))
-        self._store, self._history, notice = opened(first, self.folder, self._fits)
-        self.file = self._store.file
-        try:
-            if settings := self._history.present.settings:
-                self.config = self._loaded(settings)
-        except SimrobError as problem:  # of a station whose file has changed
-            self._wrong(problem)
-            self._history.record(self._history.present.replaced(settings={}))
-        self._save()
-        if notice is not None:
-            self._say(notice)
+    @property
+    def phase(self) -> str:
+        """What is under way, likewise."""
+        return self.client.phase
 
-    def _fits(self, program: Program) -> None:
-        """Check that a program can be this robot's.
+    @property
+    def run(self) -> TaughtRun:
+        """What was run, likewise."""
+        return self.client.run
 
-        Raises:
-            SimrobError: it has an axis or a kind of moves that the robot has not.
+    @property
+    def message(self) -> Notice:
+        """The last thing to tell, likewise."""
+        return self.client.message
+
+    # What is tried, stored and run
+
+    def test(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
+        """Try a move of axes [deg or m], together with those tested before it since the last :meth:`add`.
+
+        All go together, in the same time [s], from where the robot was before the first; that of the last test unless
+        given. Nothing is stored. What falls stays tested, until something else is tried in its place.
         """
-        for move in program.moves:
-            self._within_limits(move)
-            if not (move.of_arms if self.model.feet is None else move.of_legs):
-                raise InvalidParameter("move", move.key, f"one of {self.model.name}")
+        now = self.book.history.present
+        before = cast(JointMove, now.pending[-1]).duration if now.joins else MOVE_TIME
 
-    def _reconfigure(self, settings: dict[str, Any]) -> bool:
-        if self.phase not in ("opening", "idle", "gone"):
-            return self._refused("busy")
-        config = self._or_wrong(lambda: self._loaded(settings))
-        if config is None:
-            return False
-        before, self.config = self.config, config
-        self._record(self._history.present.replaced(settings=settings))
-        taken = self._history.present
+        def tested() -> Taught:
+            move = move_of(targets_deg, before if duration is None else duration)
+            self.book.within_limits(move)
+            return (now if now.joins else self._runner.without_fallen).with_tested(move)
 
-        def refused() -> None:
-            if self._history.present is taken:
-                self._history.withdraw()
-                self.config = before
-                self._save()
-            self._set_phase("idle")
+        return self._runner.try_moves(tested)
 
-        self._reopen(refused)
+    def step(self) -> Future[Any]:
+        """Try one step (Paso): it waits for :meth:`add` or :meth:`discard`, as a tested move."""
+
+        def stepped() -> Taught:
+            model, own = self.book.model, self.book.config.robots[self.book.robot].feet
+            feet = own or (model.feet.default if model.feet else None)
+            return self._runner.without_fallen.with_tried(*step_moves(model, feet))
+
+        return self._runner.try_moves(stepped)
+
+    def try_move(self, move: Mapping[str, Any]) -> Future[Any]:
+        """Try any move, as a program's file has it, likewise."""
+        return self._runner.try_moves(lambda: self._runner.without_fallen.with_tried(self.book.checked(move)))
+
+    def add(self) -> bool:
+        """Store what was tested."""
+        now = self.book.history.present
+        if not now.pending:
+            return self.client.refuse("nothing_tested")
+        self.book.record(now.added())
+        self.run.moves.mark_stored()
         return True
 
-    def _described(self, description: dict[str, Any]) -> dict[str, Any]:
-        on = loops_on(self._loops, self.settings)
-        loops = [{"name": name, "on": name in on} for name in self._loops]
-        return super()._described({**description, "loops": loops})
+    def discard(self) -> Future[Any]:
+        """Forget what was tested, and go back to before it."""
+        self.book.record(self.book.history.present.discarded())
+        return self._runner.when_idle(self._runner.go_back)
 
-    def _exported(self, file: Path, write: Callable[[], object]) -> Future[Any]:
-        try:
-            write()
-        except SimrobError as problem:
-            self._wrong(problem)
+    def simulate(self) -> Future[Any]:
+        """Run all that is stored from the start; of an empty program what the station's file asks for."""
+        return self._runner.when_idle(self._runner.play)
+
+    def reset(self) -> Future[Any]:
+        """Erase the program and go back to the start; :meth:`undo` brings it back."""
+        self.book.record(self.book.history.present.discarded().replaced(program=Taught().program))
+        self.client.say(Notice("reset"))
+        return self.restart()
+
+    def restart(self) -> Future[Any]:
+        """Go back to the start; the program stays."""
+        return self._runner.when_idle(self._runner.restart)
+
+    def undo(self) -> bool:
+        """Take back the last change of program, tested moves, targets or settings."""
+        return self._runner.step_to(self.book.history.undo, self.book.history.can_undo)
+
+    def redo(self) -> bool:
+        """Bring back what :meth:`undo` took."""
+        return self._runner.step_to(self.book.history.redo, self.book.history.can_redo)
+
+    def take_theirs(self) -> bool:
+        """Take the file as another editor has left it; :meth:`undo` brings back what was taught here."""
+        return self._runner.step_to(lambda: self.book.load(self.book.file, self.folder), self.book.conflict)
+
+    def keep_both(self) -> bool:
+        """Leave that file as it is; what is taught goes to another one."""
+        return self.book.keep_both(self.folder)
+
+    # While it runs
+
+    def pause(self) -> Future[Any]:
+        """Pause at the next tick of the grid."""
+        return self.client.ask("pause")
+
+    def go_on(self) -> Future[Any]:
+        """Go on after a pause, or from a moment that was gone back to; what came after that is forgotten."""
+        return self._queued("go on", lambda: self._runner.proceed("go_on"))
+
+    def one_tick(self) -> Future[Any]:
+        """Go on for one tick of the grid after a pause."""
+        return self._queued("go on", lambda: self._runner.proceed("one_tick"))
+
+    def stop(self) -> Future[Any]:
+        """End the run where it is."""
+        return self.client.ask("stop")
+
+    def set_pace(self, factor: float | None) -> Future[Any]:
+        """Run so many times as fast as the clock, 0.1 to 4; None: as fast as it can."""
+        known = isinstance(factor, (int, float)) and SLOWEST <= factor <= FASTEST
+        if factor is not None and not known:
+            expected = f"{SLOWEST:g} to {FASTEST:g} times as fast as the clock, or None: as fast as it can"
+            self.client.wrong(InvalidParameter("pace", quoted(factor), expected))
             return done(None)
-        if self.conflict and file == self.file:
-            return done(self._refused("conflict", file=file.name) or None)
-        self._say(Notice("exported", {"file": str(file)}))
-        self._save()  # and tell what was put aside
-        return done(file)
+        self.client.pace = factor
+        self.client.tell("phase")
+        return self.client.ask("pace", factor=factor)
 
-    def _saved(self, what: str, suffix: str, *, quietly: bool = False) -> Future[Any]:
-        file = self.file.with_suffix(suffix)
+    def rewind(self, time: float) -> Future[Any]:
+        """Show a moment of what was run [s]; one less than a tick of the grid behind the last is the last."""
+        over = float(time) - self.run.reach
+        moment = self.run.reach if 0 < over <= (self.book.program.grid or GRID) else float(time)
 
-        def written(_: Any) -> Path:
-            if not quietly:
-                self._say(Notice("exported", {"file": str(file)}))
-            return file
+        def shown(goes_on: Any) -> bool:
+            self.run.time = moment
+            if goes_on:
+                self.run.start, self.run.rewound = self.run.time, True
+            self.client.tell("tick")
+            return True
 
-        return self._queued(what, lambda: self._travel("save", written, phase="saving", what=what, file=str(file)))
+        return self._queued("rewind", lambda: self._runner.show_moment(moment, shown))
+
+    def change(self, key: str, value: Any) -> Future[Any]:
+        """Change the running station by a dotted key, such as ``servo.kp``; it goes into the program with its time."""
+        return self._changed("change", {"set": {key: value}}, settings={key: value})
+
+    def push(self, at: str, force: Sequence[float], duration: float = 0.1) -> Future[Any]:
+        """Push a body with a force [N] for a time [s]; it goes into the program, too."""
+        push = {"at": at, "force": force, "duration": duration}
+        return self._changed("push", {"push": push}, **push)
+
+    def drag(self, at: str, point: Sequence[float], target: Sequence[float] | None) -> Future[Any]:
+        """Pull a point of a body [m] to a place in the world [m] by a spring, or let go of it; likewise."""
+        drag = {"at": at, "point": point, "targets": [[0, 0, 0] if target is None else target]}
+        return self._changed("drag", {"drag": drag}, at=at, point=point, target=target)
+
+    def _changed(self, method: str, change: dict[str, Any], **arguments: Any) -> Future[Any]:
+        """Ask for a change, if a program's file could have it."""
+        could_be = self.client.or_wrong(lambda: validated(Change, {"time": 0.0, **plain(change)}, "the change"))
+        return self.client.ask(method, **plain(arguments)) if could_be else done(None)
+
+    def _queued(self, kind: str, begin: Callable[[], Future[Any]]) -> Future[Any]:
+        return self._runner.commands.queued(kind, begin, _ANY)

@@ -1,7 +1,6 @@
 """A session without a run, for the legged page: a robot as it is, a program that keeps what it is given, and notes."""
 
 from concurrent.futures import Future
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -44,6 +43,7 @@ def described(name="humanoid"):
     ]
     pose = {"name": "base_pose", "unit": "m", "title": "base pose", "columns": [f"base.{axis}" for axis in POSE]}
     return {
+        "mode": "dynamic",
         "robots": {name: robot},
         "pieces": ["box", "ball"],
         "bodies": [],
@@ -58,19 +58,25 @@ def take(session, news):
         setattr(session.run if hasattr(session.run, name) else session, name, value)
 
 
+def be_all_parts(session):
+    """Let a session of tests stand for its parts, too: pages find there what it has itself."""
+    session.client = session.book = session.history = session.setup = session.arm = session.exports = session
+
+
 class LegsSession:
     """What the legged page calls of a session; `calls` has the names and arguments."""
 
     can_undo = can_redo = False
 
     def __init__(self, name="humanoid", *, moves=(), changes=()):
+        be_all_parts(self)
         self.subject = self.robot = name
         self.station = f"{name}_dynamic"
         self.description, self.phase, self.pace, self.run = described(name), "idle", 1.0, TaughtRun()
         self.program = Program.model_validate({"moves": list(moves), "changes": list(changes)})
         self.pending, self.targets, self.message = (), {}, Notice()
         self.run.watch(("reference", "position", "base_pose"))
-        self.calls, self._hearers, self.config = [], [], SimpleNamespace(mode="dynamic")
+        self.calls, self._hearers = [], []
 
     def listen(self, callback):
         self._hearers.append(callback)

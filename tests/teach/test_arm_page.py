@@ -38,40 +38,46 @@ class ArmSession(StubSession):
 
     def __init__(self, station="irb120_workcell"):
         super().__init__("irb120", station=station)
-        self.arm, self.robot, self.program, self.phase = Arm(station), "robot", Program(), "idle"
-        own = self.arm.cell.robot("robot").model
+        self.real, self.robot, self.program, self.phase = Arm(station), "robot", Program(), "idle"
+        own = self.real.cell.robot("robot").model
         lower, upper = own.axis_limits / own.user_units
         axes = [
             {"name": name, "aliases": [], "unit": "deg", "low": low, "high": high, "now": 0.0}
-            for name, low, high in zip(self.arm.axes, lower, upper, strict=True)
+            for name, low, high in zip(self.real.axes, lower, upper, strict=True)
         ]
         self.description = {"robots": {"robot": {"model": "irb120", "kind": "arm", "axes": axes}}}
         self.targets, self.ghosts, self.pending = {}, [], ()
 
+    def watch(self, signals, viewer):
+        assert signals == []  # of which it has none
+
+    def ask(self, question):
+        return given({"torque_limits": [150.0] * 6}[question])
+
     def where(self, frame="base"):
-        return given(arm_questions.where(self.arm, frame))
+        return given(arm_questions.where(self.real, frame))
 
     def jog_axes(self, targets_deg, duration=None):
         self.calls.append(("jog_axes", dict(targets_deg)))
         try:
-            move = arm_questions.jog_move(self.arm, targets_deg, duration)
+            move = arm_questions.jog_move(self.real, targets_deg, duration)
         except SimrobError as problem:
             self.told("message", message=Notice(fills={"text": str(problem)}, wrong=True))
             return given(None)
-        at = {"robot": self.arm.chain.postures(move["move_abs_j"]["targets"], "q")[0]}
-        self.arm.cell.state = State(at, {"robot": 0 * at["robot"]}, at)
+        at = {"robot": self.real.chain.postures(move["move_abs_j"]["targets"], "q")[0]}
+        self.real.cell.state = State(at, {"robot": 0 * at["robot"]}, at)
         self.told("phase")
         return given(True)
 
     def jog_tool(self, delta, frame="base", *, start=None):
         self.calls.append(("jog_tool", list(delta), frame, list(start)))
-        return self.jog_axes(arm_questions.inverse(self.arm, arm_questions.jogged(self.arm, delta, frame, start)))
+        return self.jog_axes(arm_questions.inverse(self.real, arm_questions.jogged(self.real, delta, frame, start)))
 
     def jog_pose(self, pose, frame="base"):
-        return self.jog_axes(arm_questions.inverse(self.arm, pose, frame))
+        return self.jog_axes(arm_questions.inverse(self.real, pose, frame))
 
     def teach_target(self, name=None, frame="world"):
-        told = arm_questions.where(self.arm, frame)
+        told = arm_questions.where(self.real, frame)
         target = {"axes": told["axes"], "pose": told["pose"], "tool": told["tool"], "frame": frame}
         self.told("program", targets={**self.targets, name or f"p{len(self.targets) + 1}": target})
         return given(name)
@@ -98,7 +104,7 @@ class ArmSession(StubSession):
 
     def branches(self, target=None):
         pose = [] if target is None else [self.targets[target]["pose"], self.targets[target]["frame"]]
-        self.told("program", ghosts=arm_questions.branches(self.arm, *pose))
+        self.told("program", ghosts=arm_questions.branches(self.real, *pose))
         return given(self.ghosts)
 
     def choose_branch(self, number):
@@ -115,7 +121,7 @@ class ArmSession(StubSession):
         return given(True)
 
     def tool(self, name):
-        self.arm.tool(name)
+        self.real.tool(name)
         self.told("phase")
         return given(True)
 
@@ -177,7 +183,7 @@ async def test_a_slider_of_a_joint_moves_it_and_all_others_show_where_it_is():
         the(user, ui.slider, "Joint 1").value = 20
         await settled()
         assert session.calls == [("jog_axes", {"joint_1": 20})]
-        assert session.arm.reference[0] == pytest.approx(radians(20))
+        assert session.real.reference[0] == pytest.approx(radians(20))
         assert the(user, ui.number, "Joint 1").value == 20
 
 
@@ -198,7 +204,7 @@ async def test_the_tools_sliders_count_from_their_middle_along_a_frame():
     async with opened(session) as user:
         user.find("Tool", kind=ui.tab).click()
         await settled()
-        middle = arm_questions.tool_pose(session.arm)
+        middle = arm_questions.tool_pose(session.real)
         the(user, ui.slider, "z").value = -40
         await settled()
         the(user, ui.slider, "x").value = 10
@@ -209,10 +215,10 @@ async def test_the_tools_sliders_count_from_their_middle_along_a_frame():
             ("jog_tool", [0.01, 0, -0.04, 0, 0, 0], "base", middle),
         ]
         wanted = [middle[0] + 0.01, middle[1], middle[2] - 0.04]
-        assert arm_questions.tool_pose(session.arm)[:3] == pytest.approx(wanted, abs=1e-8)
+        assert arm_questions.tool_pose(session.real)[:3] == pytest.approx(wanted, abs=1e-8)
         assert the(user, ui.slider, "z").value == -40, "they stay while the tool alone is jogged"
         await settled(0.6)
-        session.jog_axes({"joint_1": 5})
+        session.arm.jog_axes({"joint_1": 5})
         await settled()
         assert the(user, ui.slider, "z").value == 0, "and count anew where it got otherwise"
 
@@ -253,17 +259,17 @@ async def test_a_typed_pose_is_gone_to_in_the_frame_that_is_chosen():
         the(user, ui.select, t("arm.frame")).value = "board"
         await settled()
         field = the(user, ui.input, t("arm.pose"))
-        assert pose_of(field.value) == pytest.approx(arm_questions.tool_pose(session.arm, "board"), abs=1e-3)
+        assert pose_of(field.value) == pytest.approx(arm_questions.tool_pose(session.real, "board"), abs=1e-3)
         field.value = "100 50 far 90 0 180"
         user.find(t("arm.pose"), kind=ui.input).trigger("keydown.enter")
         assert field.error == t("arm.pose_wrong")
         assert session.calls == []
-        wanted = arm_questions.tool_pose(session.arm, "board")
+        wanted = arm_questions.tool_pose(session.real, "board")
         wanted[2] += 0.05
         field.value = pose_text(wanted)
         user.find(t("arm.pose"), kind=ui.input).trigger("keydown.enter")
         await settled()
-        assert arm_questions.tool_pose(session.arm, "board") == pytest.approx(wanted, abs=1e-3)
+        assert arm_questions.tool_pose(session.real, "board") == pytest.approx(wanted, abs=1e-3)
 
 
 @on_page
@@ -273,27 +279,27 @@ async def test_a_target_is_taught_gone_to_and_forgotten():
         await user.should_see(t("arm.no_targets"))
         the(user, ui.select, t("arm.goes_with")).value = "board"
         await press(user, t("arm.teach"))
-        assert session.targets["p1"]["frame"] == "board"
+        assert session.book.targets["p1"]["frame"] == "board"
         await user.should_see("in board")
-        session.jog_axes({"joint_1": 30})
+        session.arm.jog_axes({"joint_1": 30})
         await press(user, t("arm.go_to", name="p1"))
-        assert session.arm.reference[0] == pytest.approx(0)
+        assert session.real.reference[0] == pytest.approx(0)
         await press(user, t("arm.forget", name="p1"))
-        assert session.targets == {}
+        assert session.book.targets == {}
 
 
 @on_page
 async def test_a_line_is_added_shown_by_its_targets_name_stepped_and_changed():
     session = ArmSession()
     async with opened(session) as user:
-        session.teach_target()
-        session.jog_axes({"joint_1": 30})
-        session.teach_target("over")
+        session.arm.teach_target()
+        session.arm.jog_axes({"joint_1": 30})
+        session.arm.teach_target("over")
         await settled()
         the(user, ui.select, t("arm.move")).value = "move_l"
         await press(user, t("arm.add_line"))
-        move = session.program.moves[0].entry()["move_l"]
-        assert move["targets_deg"] == pytest.approx(session.targets["over"]["pose"])
+        move = session.book.program.moves[0].entry()["move_l"]
+        assert move["targets_deg"] == pytest.approx(session.book.targets["over"]["pose"])
         assert move["speed"] == pytest.approx(0.2)
         await user.should_see("1. MoveL over, 200 mm/s")
         await press(user, t("arm.step"))
@@ -302,7 +308,7 @@ async def test_a_line_is_added_shown_by_its_targets_name_stepped_and_changed():
         durations = [one for one in user.find(ui.number).elements if one.props.get("label") == t("fields.duration")]
         max(durations, key=lambda element: element.id).value = 2.5
         await press(user, t("legs.save"))
-        assert "2.5 s" in Phrases(t, []).move(session.program.moves[0].entry())
+        assert "2.5 s" in Phrases(t, []).move(session.book.program.moves[0].entry())
         await user.should_not_see("200 mm/s")
 
 
@@ -311,8 +317,8 @@ async def test_an_arc_needs_a_target_on_its_way():
     session = ArmSession()
     async with opened(session) as user:
         for angle in (0, 20):
-            session.jog_axes({"joint_1": angle})
-            session.teach_target()
+            session.arm.jog_axes({"joint_1": angle})
+            session.arm.teach_target()
         await settled()
         with pytest.raises(AssertionError, match="Via"):
             the(user, ui.select, t("arm.via"))
@@ -322,7 +328,7 @@ async def test_an_arc_needs_a_target_on_its_way():
         assert not add.enabled
         the(user, ui.select, t("arm.via")).value = "p1"
         await press(user, t("arm.add_line"))
-        assert session.program.moves[0].via == pytest.approx(session.targets["p1"]["pose"][:3])
+        assert session.book.program.moves[0].via == pytest.approx(session.book.targets["p1"]["pose"][:3])
         await user.should_see("MoveC p1 → p2")
 
 
@@ -330,19 +336,19 @@ async def test_an_arc_needs_a_target_on_its_way():
 async def test_a_branch_is_chosen_among_those_that_can_be_taken():
     session = ArmSession()
     async with opened(session) as user:
-        session.jog_axes({"joint_1": 10, "joint_2": 20, "joint_4": 20, "joint_5": 60})
-        pose = arm_questions.tool_pose(session.arm)
+        session.arm.jog_axes({"joint_1": 10, "joint_2": 20, "joint_4": 20, "joint_5": 60})
+        pose = arm_questions.tool_pose(session.real)
         await press(user, t("arm.branches"))
-        usable = [number for number, branch in enumerate(session.ghosts) if branch["usable"]]
+        usable = [number for number, branch in enumerate(session.arm.ghosts) if branch["usable"]]
         buttons = [b for b in user.find(ui.button).elements if b.text == t("arm.choose")]
-        assert len(buttons) == len(session.ghosts)
+        assert len(buttons) == len(session.arm.ghosts)
         assert sum(b.enabled for b in buttons) == len(usable) > 1
-        wanted = session.ghosts[usable[1]]["axes"]
-        await user.should_see(t("arm.not_usable", number=len(session.ghosts)))
+        wanted = session.arm.ghosts[usable[1]]["axes"]
+        await user.should_see(t("arm.not_usable", number=len(session.arm.ghosts)))
         await press(user, t("arm.choose_branch", number=usable[1] + 1))
-        assert arm_questions.where(session.arm)["axes"] == pytest.approx(wanted, abs=1e-6)
-        assert arm_questions.tool_pose(session.arm)[:3] == pytest.approx(pose[:3], abs=1e-8)
-        assert session.ghosts == []
+        assert arm_questions.where(session.real)["axes"] == pytest.approx(wanted, abs=1e-6)
+        assert arm_questions.tool_pose(session.real)[:3] == pytest.approx(pose[:3], abs=1e-8)
+        assert session.arm.ghosts == []
 
 
 @on_page
@@ -350,7 +356,7 @@ async def test_tools_and_pieces_change_hands():
     session = ArmSession()
     async with opened(session) as user:
         the(user, ui.select, t("arm.tool")).value = "gripper"
-        assert session.arm.cell.robot("robot").tcp == "gripper"
+        assert session.real.cell.robot("robot").tcp == "gripper"
         the(user, ui.select, t("arm.held")).value = "pencil"
         await press(user, t("arm.leave_piece"))
         await user.should_see(t("arm.tried", what="leave pencil"))
@@ -397,7 +403,7 @@ async def test_a_new_kind_of_motion_is_offered_and_shown_by_its_title():
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(KINDS, MoveSpiral.key, MoveSpiral)
         async with opened(session) as user:
-            session.teach_target()
+            session.arm.teach_target()
             await settled()
             the(user, ui.select, t("arm.move")).value = MoveSpiral.key
             await press(user, t("arm.add_line"))

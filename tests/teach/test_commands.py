@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simrob_drake.teach.commands import Commands
+from simrob_drake.teach.run_client import RunClient
 from simrob_drake.teach.session import Session
 from simrob_drake.teach.taught import History, Taught
 
@@ -57,7 +58,7 @@ COMMANDS = {
     "pause": lambda s, n: s.pause(),
     "go_on": lambda s, n: s.go_on(),
     "rewind": lambda s, n: s.rewind(s.run.reach * n / 9),
-    "save": lambda s, n: s.export_csv(),
+    "save": lambda s, n: s.exports.csv(),
     "add": lambda s, n: s.add(),
     "undo": lambda s, n: s.undo(),
     "redo": lambda s, n: s.redo(),
@@ -95,7 +96,7 @@ def check_interleaving(folder, commands):
         if name in TAUGHT:
             COMMANDS[name](model, number)
             settle(model)
-            assert (slow.program, slow.pending) == (model.program, model.pending), name
+            assert (slow.book.program, slow.book.pending) == (model.book.program, model.book.pending), name
     settle(slow)
     assert slow.phase == "idle"
     assert all(one.done() for one in asked if hasattr(one, "done"))
@@ -123,20 +124,21 @@ def test_two_hundred_orders_of_commands(tmp_path_factory, commands):
 
 @pytest.mark.parametrize("how", ["fails", "left", "cancelled", "done"])
 def test_what_waited_is_answered_however_it_ends(how):
-    commands, begun = Commands(), Future()
+    client, begun = RunClient(), Future()
+    commands = Commands(client)
 
     def begin():
         if how == "fails":
             raise ValueError("not so")
         return begun
 
-    answer, after = commands.wait("first", begin, ("idle",)), commands.wait("second", lambda: begun, ("idle",))
+    answer, after = commands.queued("first", begin), commands.queued("second", lambda: begun)
     if how == "left":
         assert answer.cancel()
         commands.forget("first")
     with pytest.raises(ValueError, match="not so") if how == "fails" else nullcontext():
-        commands.begin(lambda: "idle")
-    commands.begin(lambda: "idle")
+        commands.set_phase("idle")
+    commands.set_phase("idle")
     assert begun.cancel() if how == "cancelled" else begun.set_result(3) is None
     assert [answer.done(), after.done(), commands.waiting] == [True, True, {}]
     if how == "done":
@@ -189,7 +191,7 @@ def rapid_tests(folder, count):
             session.hear(0.05)
         assert session.run.reach == pytest.approx(0.3)
         assert session.message.wrong is False, session.message
-        assert len(session.pending) == 1
+        assert len(session.book.pending) == 1
     finally:
         session.close()
 

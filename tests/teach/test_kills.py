@@ -30,7 +30,7 @@ def opened(folder):
 
 def teach(session, told):
     """Teach moves for ever, and tell of each that was stored."""
-    number = len(session.program.moves)
+    number = len(session.book.program.moves)
     while True:
         session.test({"left_elbow": taught(number)})
         session.hear()
@@ -47,7 +47,7 @@ def killed_again_and_again(folder, kills, seed):
     """Kill one process after the other that teaches; print how much was taught."""
     chance, session = random.Random(seed), opened(folder)
     for _ in range(kills):
-        stored = len(session.program.moves)
+        stored = len(session.book.program.moves)
         hears, tells = os.pipe()
         child = os.fork()
         if child == 0:
@@ -61,12 +61,12 @@ def killed_again_and_again(folder, kills, seed):
         stored += 1 + sum(len(part) for part in iter(lambda pipe=hears: os.read(pipe, 4096), b""))
         os.close(hears)
         session = opened(folder)
-        moves = [move.target_deg["left_elbow"] for move in session.program.moves]
+        moves = [move.target_deg["left_elbow"] for move in session.book.program.moves]
         assert str(session.message) == "", session.message
         assert moves == [taught(number) for number in range(len(moves))], "what was taught is not in order"
         assert stored <= len(moves) <= stored + 1, f"{stored} moves were stored, {len(moves)} are there"
-        assert Program.load(session.file).moves == session.program.moves
-        assert session.can_undo
+        assert Program.load(session.book.file).moves == session.book.program.moves
+        assert session.book.history.can_undo
     print(len(moves))
 
 

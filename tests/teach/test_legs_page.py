@@ -186,7 +186,7 @@ def test_a_test_that_is_refused_leaves_what_was_typed():
     async def script(user, session):
         give(user, field(user, "left elbow"), 30.0)
         press(user, "2. Test")
-        session.pending = ()
+        session.book.pending = ()
         session.ending.set_result(None)
         session.told("phase", "program", time=0.0)
         await heard()
@@ -391,7 +391,7 @@ def test_a_stored_walk_keeps_what_the_form_does_not_show():
         press(user, "Save")
 
     session = shown(script, LegsSession(moves=[{"walk": {"steps": 4, "step_time": 0.4}}]))
-    assert session.program.moves[0].entry() == {"walk": {"steps": 8, "step_time": 0.4}}
+    assert session.book.program.moves[0].entry() == {"walk": {"steps": 8, "step_time": 0.4}}
 
 
 def test_what_no_form_asks_for_is_edited_as_the_file_has_it():
@@ -413,7 +413,7 @@ def test_what_no_form_asks_for_is_edited_as_the_file_has_it():
         assert max(texts, key=lambda element: element.id).value == "repeat: 2"
 
     session = shown(script, LegsSession(moves=[{"act": "bow"}]))
-    assert session.program.moves[0].entry() == {"act": {"name": "wave", "repeat": 2}}
+    assert session.book.program.moves[0].entry() == {"act": {"name": "wave", "repeat": 2}}
 
 
 def test_changes_of_a_run_stand_below_the_moves():
@@ -511,7 +511,7 @@ def test_a_joint_that_does_not_come_to_where_it_should_says_why():
     asked[knee], done[knee], torque[knee] = radians(60), radians(57), 1.25
 
     async def script(user, session):
-        session.torque_limits = lambda: given([3.0] * 18)
+        session.ask = lambda _: given([3.0] * 18)
         session.run.take(1.0, None, {"reference": asked, "position": done, "torque": torque})
         session.told("phase", "tick")
         await heard(0.1)
@@ -613,4 +613,4 @@ def test_a_new_kind_of_move_is_offered_by_its_title_its_form_and_its_caption(mon
 
     session = shown(script)
     assert [call for call in session.calls if call[0] == "try_move"] == [("try_move", hop)]
-    assert session.program.moves[0].entry() == {"hop": {**hop["hop"], "height": 0.2}}
+    assert session.book.program.moves[0].entry() == {"hop": {**hop["hop"], "height": 0.2}}

@@ -66,7 +66,7 @@ def test_what_the_import_did_is_told(tmp_path):
     file = keep({source.name: source.read_bytes()}, tmp_path)
 
     session = Session.open(file, tmp_path, live=CountingRun)
-    lines = report_of(session.model.urdf_path).splitlines()
+    lines = report_of(session.book.model.urdf_path).splitlines()
     session.close()
     assert lines[0].startswith("double_pendulum.urdf: ")
     assert "1 dropped" in lines[0]

@@ -60,9 +60,9 @@ def test_the_program_that_a_station_carries_is_taught_first(teach, tmp_path):
     station = tmp_path / "yobotics_program.yaml"
     station.write_text(yaml.safe_dump({"robot": {"model": "yobotics"}, "program": {"moves": [{"wait": 0.5}]}}))
     session = teach(str(station))
-    assert [move.key for move in session.program.moves] == ["wait"]
-    session.remove(0)
-    assert teach(str(station)).program.moves == ()  # what was taught since counts
+    assert [move.key for move in session.book.program.moves] == ["wait"]
+    session.book.remove(0)
+    assert teach(str(station)).book.program.moves == ()  # what was taught since counts
 
 
 def heard(session, future):
@@ -79,7 +79,7 @@ def tried(session, *given):
 
 
 def on_disk(session):
-    return Program.load(session.file)
+    return Program.load(session.book.file)
 
 
 # Try
@@ -89,17 +89,17 @@ def test_tests_gather_in_one_move_that_begins_where_the_first_did(teach):
     session = teach()
     assert tried(session, ELBOW, 1.5) is not None
     assert tried(session, {"HomIF": 40}) is not None
-    assert session.pending == ({"target_deg": {"left_elbow": 30.0, "HomIF": 40.0}, "duration": 1.5},)
+    assert session.book.pending == ({"target_deg": {"left_elbow": 30.0, "HomIF": 40.0}, "duration": 1.5},)
     first, back, both = session.worker.asked("do", "rewind")
     assert first == ("do", {"moves": [{"target_deg": ELBOW, "duration": 1.5}]})
     assert back == ("rewind", {"time": 0.0})
-    assert both == ("do", {"moves": list(session.pending)})
-    assert not session.program.moves
+    assert both == ("do", {"moves": list(session.book.pending)})
+    assert not session.book.program.moves
     assert session.add()
-    assert not session.pending
-    assert [move.target_deg for move in session.program.moves] == [{"left_elbow": 30.0, "HomIF": 40.0}]
+    assert not session.book.pending
+    assert [move.target_deg for move in session.book.program.moves] == [{"left_elbow": 30.0, "HomIF": 40.0}]
     assert tried(session, KNEE) is not None  # the next one begins behind it
-    assert session.worker.asked("do", "rewind")[3:] == [("do", {"moves": list(session.pending)})]
+    assert session.worker.asked("do", "rewind")[3:] == [("do", {"moves": list(session.book.pending)})]
     assert session.run.time == 2.5
 
 
@@ -110,7 +110,7 @@ def test_tested_again_it_is_seen_again(teach):
     assert [name for name, _ in session.worker.asked("do", "rewind")] == ["do", "rewind", "do"]
     assert session.run.time == 1.0
     assert session.undo()
-    assert not session.can_undo
+    assert not session.book.history.can_undo
 
 
 def test_nothing_is_added_before_something_is_tested(teach):
@@ -126,28 +126,28 @@ def test_discard_goes_back_to_before_all_that_was_tried(teach):
     session.add()
     tried(session, KNEE)
     heard(session, session.try_move({"walk": {"steps": 2}}))
-    assert len(session.pending) == 2
+    assert len(session.book.pending) == 2
     assert heard(session, session.discard())
     assert session.worker.asked("rewind") == [("rewind", {"time": 1.0})]
-    assert session.pending == ()
-    assert len(session.program.moves) == 1
+    assert session.book.pending == ()
+    assert len(session.book.program.moves) == 1
     assert session.run.time == 1.0
 
 
 def test_a_step_is_the_robots_own(teach):
     session = teach()
     heard(session, session.step())
-    assert [list(move["target_deg"]) for move in session.pending] == [
+    assert [list(move["target_deg"]) for move in session.book.pending] == [
         ["CadIF", "RodI"],
         ["RodD", "TobD"],
         ["CadIF", "RodI"],
         ["RodD", "TobD", "HomDF"],
     ]
     tried(session, ELBOW)  # no part of the step
-    assert len(session.pending) == 5
+    assert len(session.book.pending) == 5
     other = teach("roid1")
     heard(other, other.step())
-    assert [list(move) for move in other.pending] == [["walk"]]
+    assert [list(move) for move in other.book.pending] == [["walk"]]
 
 
 def test_what_cannot_be_run_is_not_kept(teach):
@@ -157,8 +157,8 @@ def test_what_cannot_be_run_is_not_kept(teach):
     assert tried(session, KNEE) is None
     assert str(session.message) == "do cannot be"
     assert session.phase == "idle"
-    assert session.pending == ({"target_deg": ELBOW, "duration": 1.0},)
-    assert not session.can_redo
+    assert session.book.pending == ({"target_deg": ELBOW, "duration": 1.0},)
+    assert not session.book.history.can_redo
 
 
 def falling(session, asked, begun=0.0):
@@ -176,7 +176,7 @@ def test_a_move_in_which_the_robot_falls_is_kept_and_can_be_looked_at(teach):
     session.add()
     session.worker.held = True
     falling(session, session.test({"HomIF": 110.0, "HomDF": 110.0}), 1.0)
-    assert [move["target_deg"] for move in session.pending] == [{"HomIF": 110.0, "HomDF": 110.0}]
+    assert [move["target_deg"] for move in session.book.pending] == [{"HomIF": 110.0, "HomDF": 110.0}]
     assert session.message.wrong
     assert (session.run.time, session.run.reach) == (1.8, 1.8)
     session.rewind(1.5)
@@ -186,8 +186,8 @@ def test_a_move_in_which_the_robot_falls_is_kept_and_can_be_looked_at(teach):
     session.hear()
     again = session.test({"HomIF": 40.0})  # the others stay as they were
     session.hear()
-    assert session.worker.asked("do")[-1][1]["moves"] == list(session.pending)
-    assert session.pending[0]["target_deg"] == {"HomIF": 40.0, "HomDF": 110.0}
+    assert session.worker.asked("do")[-1][1]["moves"] == list(session.book.pending)
+    assert session.book.pending[0]["target_deg"] == {"HomIF": 40.0, "HomDF": 110.0}
     session.worker.finish(time=2.0)
     session.hear()
     assert again.result()
@@ -202,11 +202,11 @@ def test_after_a_fall_the_next_test_begins_before_it_and_nothing_is_done_twice(t
     session.worker.tick(0.5)
     session.worker.note(push={"at": "trunk", "force": [9, 0, 0]})
     falling(session, fallen)
-    assert len(session._history.present.changes) == 1
+    assert len(session.book.history.present.changes) == 1
     session.test(ELBOW, 2.0)
     session.hear()
     assert not session.worker.asked("rewind")
-    assert not session._history.present.changes  # nobody pushes any more
+    assert not session.book.history.present.changes  # nobody pushes any more
     session.worker.finish()
     session.hear()
     session.test(KNEE)
@@ -219,18 +219,18 @@ def test_what_fell_gives_way_to_what_is_tried_instead(teach):
     tried(session, ELBOW)
     session.worker.held = True
     falling(session, session.try_move({"walk": {"steps": 4, "amplitude": 1.9}}), 1.0)
-    assert len(session.pending) == 2
+    assert len(session.book.pending) == 2
     falling(session, session.try_move({"walk": {"steps": 4, "amplitude": 1.5}}), 1.0)
-    assert [move["walk"]["amplitude"] for move in session.pending[1:]] == [1.5]
+    assert [move["walk"]["amplitude"] for move in session.book.pending[1:]] == [1.5]
     session.test(KNEE)
     session.hear()
-    assert [list(move["target_deg"]) for move in session.pending] == [["left_elbow"], ["left_knee"]]
-    assert session.worker.asked("do")[-1][1]["moves"] == [session.pending[1]]
+    assert [list(move["target_deg"]) for move in session.book.pending] == [["left_elbow"], ["left_knee"]]
+    assert session.worker.asked("do")[-1][1]["moves"] == [session.book.pending[1]]
     session.worker.finish()
     session.hear()
     falling(session, session.step(), 2.0)
     assert session.undo()
-    assert len(session.pending) == 2
+    assert len(session.book.pending) == 2
 
 
 def test_a_move_that_fell_can_be_added_and_discarded(teach):
@@ -240,8 +240,8 @@ def test_a_move_that_fell_can_be_added_and_discarded(teach):
         falling(session, session.test(ELBOW))
         getattr(session, name)()
         session.hear()
-        assert session.pending == ()
-        assert len(session.program.moves) == (name == "add")
+        assert session.book.pending == ()
+        assert len(session.book.program.moves) == (name == "add")
         assert session.run.time == (0.8 if name == "add" else 0.0)
         session.undo()
         session.undo()
@@ -249,7 +249,7 @@ def test_a_move_that_fell_can_be_added_and_discarded(teach):
 
 def test_a_program_in_which_the_robot_falls_can_be_looked_at(teach):
     session = teach()
-    session.insert(0, {"walk": {"steps": 4}})
+    session.book.insert(0, {"walk": {"steps": 4}})
     session.worker.held = True
     falling(session, session.simulate())
     assert (session.run.time, session.run.reach) == (0.8, 0.8)
@@ -304,11 +304,11 @@ def test_simulate_plays_all_from_the_start(teach):
     tried(session, {"HomIF": 10})
     assert heard(session, session.simulate())
     (_, played), *_ = session.worker.asked("play")
-    assert Program.of_text(played["program"]).moves == session.program.moves
+    assert Program.of_text(played["program"]).moves == session.book.program.moves
     assert session.run.time == 2.0
-    assert len(session.pending) == 1  # what was tested is not lost, nor taken for stored
+    assert len(session.book.pending) == 1  # what was tested is not lost, nor taken for stored
     tried(session, {"HomIF": 20})
-    assert session.worker.asked("do")[-1][1]["moves"] == list(session.pending)
+    assert session.worker.asked("do")[-1][1]["moves"] == list(session.book.pending)
     assert session.run.time == 3.0
 
 
@@ -318,7 +318,7 @@ def test_an_empty_program_leaves_the_station_to_its_file(teach):
     (_, played), *_ = session.worker.asked("play")
     duration = load_station("humanoid_dynamic").duration
     assert Program.of_text(played["program"]).moves[0].duration == duration
-    assert not session.program.moves
+    assert not session.book.program.moves
 
 
 def test_what_is_asked_for_while_something_runs(teach):
@@ -351,14 +351,14 @@ def test_reset_erases_all_and_undo_brings_it_back(teach):
     tried(session, ELBOW)
     session.add()
     tried(session, KNEE)
-    before = session.program, session.pending
+    before = session.book.program, session.book.pending
     assert heard(session, session.reset())
-    assert not session.program.moves
-    assert not session.pending
+    assert not session.book.program.moves
+    assert not session.book.pending
     assert session.undo()
-    assert (session.program, session.pending) == before
+    assert (session.book.program, session.book.pending) == before
     assert session.redo()
-    assert not session.program.moves
+    assert not session.book.program.moves
 
 
 # Bad input
@@ -380,31 +380,31 @@ def test_wrong_targets_are_refused_in_words(teach, target, told):
     assert tried(session, target) is None
     assert told in str(session.message)
     assert session.message.wrong
-    assert not session.pending
+    assert not session.book.pending
     assert not session.worker.asked("do")
-    assert not session.can_undo
-    assert not session.insert(0, {"target_deg": target})
+    assert not session.book.history.can_undo
+    assert not session.book.insert(0, {"target_deg": target})
 
 
 @pytest.mark.parametrize(
     ("asked", "told"),
     [
-        (lambda s: s.edit(3, {"act": "bow"}), "of a move; there is none"),
-        (lambda s: s.insert(0, {"hop": 1}), "no kind of move"),
-        (lambda s: s.insert(0, {"walk": {"steps": "many"}}), "steps"),
-        (lambda s: s.remove_change(0), "index"),
-        (lambda s: s.set("servo.kpp", 3), "servo.kpp: unknown key; did you mean 'kp'?"),
-        (lambda s: s.set("servo.kp", -3), "a gain is of 0 to"),
-        (lambda s: s.switch_loop("balanse", True), "did you mean 'balance'?"),
+        (lambda s: s.book.edit(3, {"act": "bow"}), "of a move; there is none"),
+        (lambda s: s.book.insert(0, {"hop": 1}), "no kind of move"),
+        (lambda s: s.book.insert(0, {"walk": {"steps": "many"}}), "steps"),
+        (lambda s: s.book.remove_change(0), "index"),
+        (lambda s: s.setup.set("servo.kpp", 3), "servo.kpp: unknown key; did you mean 'kp'?"),
+        (lambda s: s.setup.set("servo.kp", -3), "a gain is of 0 to"),
+        (lambda s: s.setup.switch_loop("balanse", True), "did you mean 'balance'?"),
         (lambda s: s.set_pace(7).result(), "0.1 to 4 times as fast as the clock"),
         (lambda s: s.test(ELBOW, 0).result(), "a positive time [s]"),
         (lambda s: s.try_move({"walk": {"steps": 0.5}}).result(), "steps"),
         (lambda s: s.push("trunk", [1, 2]).result(), "force"),
         (lambda s: s.push("trunk", [1, 2, float("inf")]).result(), "force"),
         (lambda s: s.drag("trunk", [0, 0, 0], ["a", 0, 0]).result(), "targets"),
-        (lambda s: s.choose_branch(0).result(), "branch"),
-        (lambda s: s.run_line(0).result(), "index"),
-        (lambda s: s.add_line("move_j", "p1"), "there is no target 'p1'"),
+        (lambda s: s.arm.choose_branch(0).result(), "branch"),
+        (lambda s: s.arm.run_line(0).result(), "index"),
+        (lambda s: s.arm.add_line("move_j", "p1"), "there is no target 'p1'"),
     ],
 )
 def test_wrong_input_is_told_and_changes_nothing(teach, asked, told):
@@ -414,7 +414,7 @@ def test_wrong_input_is_told_and_changes_nothing(teach, asked, told):
     assert told in str(session.message)
     assert session.message.wrong
     assert on_disk(session) == before
-    assert not session.can_undo
+    assert not session.book.history.can_undo
 
 
 def test_no_such_subject(tmp_path):
@@ -431,11 +431,11 @@ OPERATIONS = {
     "add": lambda s, n: s.add(),
     "discard": lambda s, n: heard(s, s.discard()),
     "act": lambda s, n: heard(s, s.try_move({"act": "bow"})),
-    "insert": lambda s, n: s.insert(min(n, len(s.program.moves)), {"target_deg": {"left_knee": n}}),
-    "edit": lambda s, n: s.edit(-1, {"target_deg": {"HomIF": n}}),
-    "remove": lambda s, n: s.remove(0),
-    "move": lambda s, n: s.move_entry(0, len(s.program.moves) - 1),
-    "describe": lambda s, n: s.describe(f"{n}\u2028"),
+    "insert": lambda s, n: s.book.insert(min(n, len(s.book.program.moves)), {"target_deg": {"left_knee": n}}),
+    "edit": lambda s, n: s.book.edit(-1, {"target_deg": {"HomIF": n}}),
+    "remove": lambda s, n: s.book.remove(0),
+    "move": lambda s, n: s.book.move_entry(0, len(s.book.program.moves) - 1),
+    "describe": lambda s, n: s.book.describe(f"{n}\u2028"),
     "reset": lambda s, n: heard(s, s.reset()),
     "simulate": lambda s, n: heard(s, s.simulate()),
     "note": lambda s, n: s.worker.note(set={"servo.kp": 100 + n}),
@@ -445,7 +445,7 @@ OPERATIONS = {
 
 
 def state(session):
-    return session.program, session.pending, session.settings, session.targets
+    return session.book.program, session.book.pending, session.book.settings, session.book.targets
 
 
 @settings(max_examples=15, deadline=None)
@@ -460,8 +460,8 @@ def test_all_that_is_done_is_in_the_file_and_can_be_undone(tmp_path_factory, ope
     for name, number in operations:
         OPERATIONS[name](session, number)
         session.hear()
-        assert on_disk(session).moves == session.program.moves
-        assert on_disk(session).changes == session.program.changes
+        assert on_disk(session).moves == session.book.program.moves
+        assert on_disk(session).changes == session.book.program.changes
         states.append(state(session))
     now, steps = state(session), 0
     while session.undo():
@@ -488,17 +488,17 @@ def test_a_session_is_taken_up_where_it_was_left(teach):
     tried(session, ELBOW)
     session.add()
     tried(session, KNEE)
-    session.set("servo.kp", 120)
+    session.setup.set("servo.kp", 120)
     again = teach()
     assert state(again) == state(session)
     assert again.worker.asked("open")[0][1]["settings"] == {"servo.kp": 120}
     assert again.undo()
-    assert not again.settings
+    assert not again.book.settings
     assert again.undo()
-    assert not again.pending
+    assert not again.book.pending
     assert again.undo()
-    assert len(again.pending) == 1
-    assert not again.program.moves
+    assert len(again.book.pending) == 1
+    assert not again.book.program.moves
 
 
 @pytest.mark.parametrize("writes", [0, 1])
@@ -516,11 +516,11 @@ def test_a_kill_between_two_files_loses_nothing(teach, monkeypatch, writes):
 
     monkeypatch.setattr(store, "written_at_once", killed)
     with pytest.raises(KeyboardInterrupt):
-        session.edit(0, {"target_deg": KNEE})
+        session.book.edit(0, {"target_deg": KNEE})
     monkeypatch.undo()
     again = teach()
-    assert again.program.moves[0].target_deg == (KNEE if writes else ELBOW)
-    assert on_disk(again).moves == again.program.moves
+    assert again.book.program.moves[0].target_deg == (KNEE if writes else ELBOW)
+    assert on_disk(again).moves == again.book.program.moves
     assert again.undo()
 
 
@@ -528,12 +528,12 @@ def test_what_is_changed_by_hand_counts_and_can_be_undone(teach):
     session = teach()
     tried(session, ELBOW)
     session.add()
-    text = session.file.read_text()
-    session.file.write_text(text.replace("30.0", "44.0"))
+    text = session.book.file.read_text()
+    session.book.file.write_text(text.replace("30.0", "44.0"))
     again = teach()
-    assert again.program.moves[0].target_deg == {"left_elbow": 44.0}
+    assert again.book.program.moves[0].target_deg == {"left_elbow": 44.0}
     assert again.undo()
-    assert again.program.moves[0].target_deg == ELBOW
+    assert again.book.program.moves[0].target_deg == ELBOW
 
 
 ANOTHERS = {"left_elbow": 44.0}
@@ -541,9 +541,9 @@ ANOTHERS = {"left_elbow": 44.0}
 
 def changed_elsewhere(session):
     """Let another editor change the first move of a program, and the session notice."""
-    text = session.file.read_text().replace("30.0", "44.0")
+    text = session.book.file.read_text().replace("30.0", "44.0")
     assert "44.0" in text
-    session.file.write_text(text)
+    session.book.file.write_text(text)
     tried(session, KNEE)
     return text
 
@@ -552,19 +552,19 @@ def test_another_editors_change_is_not_overwritten(teach):
     session = teach()
     tried(session, ELBOW)
     session.add()
-    assert not session.conflict
+    assert not session.book.conflict
     text = changed_elsewhere(session)
-    assert session.conflict
+    assert session.book.conflict
     assert session.add()
-    assert len(session.program.moves) == 2  # one can teach on
-    assert session.export_program().result() is None
+    assert len(session.book.program.moves) == 2  # one can teach on
+    assert session.exports.program().result() is None
     assert session.message.key == "conflict"
-    assert session.file.read_text() == text
+    assert session.book.file.read_text() == text
     again = teach()  # nor is anything lost by a kill
-    assert [move.target_deg for move in again.program.moves] == [ANOTHERS]
+    assert [move.target_deg for move in again.book.program.moves] == [ANOTHERS]
     assert again.undo()
-    assert [move.target_deg for move in again.program.moves] == [ELBOW, KNEE]
-    assert on_disk(again).moves == again.program.moves
+    assert [move.target_deg for move in again.book.program.moves] == [ELBOW, KNEE]
+    assert on_disk(again).moves == again.book.program.moves
 
 
 def test_another_editors_change_is_taken_and_can_be_undone(teach):
@@ -575,11 +575,11 @@ def test_another_editors_change_is_taken_and_can_be_undone(teach):
     changed_elsewhere(session)
     session.add()
     assert session.take_theirs()
-    assert not session.conflict
-    assert [move.target_deg for move in session.program.moves] == [ANOTHERS]
+    assert not session.book.conflict
+    assert [move.target_deg for move in session.book.program.moves] == [ANOTHERS]
     assert session.undo()
-    assert [move.target_deg for move in session.program.moves] == [ELBOW, KNEE]
-    assert on_disk(session).moves == session.program.moves
+    assert [move.target_deg for move in session.book.program.moves] == [ELBOW, KNEE]
+    assert on_disk(session).moves == session.book.program.moves
     assert session.redo()
     assert [move.target_deg for move in on_disk(session).moves] == [ANOTHERS]
 
@@ -589,15 +589,15 @@ def test_both_are_kept(teach):
     assert not session.keep_both()
     tried(session, ELBOW)
     session.add()
-    text, theirs = changed_elsewhere(session), session.file
+    text, theirs = changed_elsewhere(session), session.book.file
     session.add()
     assert session.keep_both()
-    assert not session.conflict
+    assert not session.book.conflict
     assert str(session.message).startswith("program.yaml stays as the other program left it")
     assert theirs.read_text() == text
-    assert session.file.name == "program-2.yaml"
+    assert session.book.file.name == "program-2.yaml"
     assert [move.target_deg for move in on_disk(session).moves] == [ELBOW, KNEE]
-    session.remove(0)
+    session.book.remove(0)
     assert len(on_disk(session).moves) == 1
     assert theirs.read_text() == text
 
@@ -606,60 +606,60 @@ def test_what_another_editor_left_damaged_is_kept(teach):
     session = teach()
     tried(session, ELBOW)
     session.add()
-    session.file.write_text("moves: [")
-    session.describe("mine")
-    assert session.conflict
+    session.book.file.write_text("moves: [")
+    session.book.describe("mine")
+    assert session.book.conflict
     assert session.message.key == "conflict"
     session.take_theirs()
     assert session.message.key == "damaged"
-    assert (session.file.name, session.program.description) == ("program-2.yaml", "mine")
-    assert session.file.with_name("program.yaml").read_text() == "moves: ["
+    assert (session.book.file.name, session.book.program.description) == ("program-2.yaml", "mine")
+    assert session.book.file.with_name("program.yaml").read_text() == "moves: ["
 
 
 def test_a_change_that_was_taken_back_or_a_file_that_is_gone_is_no_conflict(teach):
     session = teach()
     tried(session, ELBOW)
     session.add()
-    text = session.file.read_text()
-    session.file.write_text("moves: []")
-    session.describe("mine")
+    text = session.book.file.read_text()
+    session.book.file.write_text("moves: []")
+    session.book.describe("mine")
     assert session.message.key == "conflict"
-    session.file.write_text(text.replace("\n", "\r\n"))
-    session.describe("mine, too")
-    assert not session.conflict
+    session.book.file.write_text(text.replace("\n", "\r\n"))
+    session.book.describe("mine, too")
+    assert not session.book.conflict
     assert str(session.message) == ""
-    session.file.unlink()
-    session.describe("again")
-    assert not session.conflict
+    session.book.file.unlink()
+    session.book.describe("again")
+    assert not session.book.conflict
     assert len(on_disk(session).moves) == 1
 
 
 @pytest.mark.parametrize("closed", [False, True])
 def test_a_script_or_station_that_somebody_has_changed_is_put_aside(teach, closed):
     session = teach()
-    session.insert(0, {"wait": 1.0})
-    script = session.export_script().result()
-    session.insert(0, {"wait": 2.0})
-    assert session.export_script().result() == script  # nobody has touched it
+    session.book.insert(0, {"wait": 1.0})
+    script = session.exports.script().result()
+    session.book.insert(0, {"wait": 2.0})
+    assert session.exports.script().result() == script  # nobody has touched it
     assert session.message.key == "exported"
     mine = script.read_text() + "print('mine')\n"
     script.write_text(mine)
-    assert session.set("servo.kp", 120)
+    assert session.setup.set("servo.kp", 120)
     session.hear()
-    station = session._store.station_file
+    station = session.book.store.station_file
     station.write_text("mine: 1\n")
     if closed:
         session = teach()
-    assert session.set("servo.kp", 130)
+    assert session.setup.set("servo.kp", 130)
     assert closed or session.message.fills["kept"] == "program-station-edited-1.yaml"
-    assert session.export_script().result() == script
+    assert session.exports.script().result() == script
     assert session.message.key == "put_aside"
     assert script.with_name("program-edited-1.py").read_text() == mine
     assert "mine" not in script.read_text()
     assert station.with_name("program-station-edited-1.yaml").read_text() == "mine: 1\n"
     assert load_station(station).servo.kp == 130
     session.hear()
-    assert session.set("servo.kp", 140)
+    assert session.setup.set("servo.kp", 140)
     assert len(list(station.parent.glob("*edited*"))) == 2
 
 
@@ -667,22 +667,22 @@ def test_a_damaged_file_is_kept_and_what_was_taught_goes_on(teach):
     session = teach()
     tried(session, ELBOW)
     session.add()
-    damaged = session.file.read_text()[:-20] + ": ["
-    session.file.write_text(damaged)
+    damaged = session.book.file.read_text()[:-20] + ": ["
+    session.book.file.write_text(damaged)
     again = teach()
     assert again.message.key == "damaged"
     assert again.message.wrong
     assert "is not YAML" in str(again.message)
-    assert session.file.read_text() == damaged
-    assert again.file.name == "program-2.yaml"
-    assert again.program.moves == session.program.moves
-    assert again.can_undo
-    again.describe("on and on")
-    assert teach().program.description == "on and on"  # no third file
-    again.file.write_text("moves: [{}]")
+    assert session.book.file.read_text() == damaged
+    assert again.book.file.name == "program-2.yaml"
+    assert again.book.program.moves == session.book.program.moves
+    assert again.book.history.can_undo
+    again.book.describe("on and on")
+    assert teach().book.program.description == "on and on"  # no third file
+    again.book.file.write_text("moves: [{}]")
     third = teach()
-    assert third.file.name == "program-3.yaml"
-    assert again.file.read_text() == "moves: [{}]"
+    assert third.book.file.name == "program-3.yaml"
+    assert again.book.file.read_text() == "moves: [{}]"
 
 
 @pytest.mark.parametrize("text", ["", "0", "\n\n", "x\n9\n{}", 'x\n0\n{"pending": 3}', "\0" * 50])
@@ -690,20 +690,20 @@ def test_damaged_steps_leave_the_program(teach, text):
     session = teach()
     tried(session, ELBOW)
     session.add()
-    session._store.steps_file.write_text(text)
+    session.book.store.steps_file.write_text(text)
     again = teach()
-    assert again.program.moves == session.program.moves
-    assert not again.can_undo
-    assert again.remove(0)
-    assert teach().can_undo
+    assert again.book.program.moves == session.book.program.moves
+    assert not again.book.history.can_undo
+    assert again.book.remove(0)
+    assert teach().book.history.can_undo
 
 
 def test_a_program_can_be_what_is_opened(teach, tmp_path):
     own = tmp_path / "bows.yaml"
     Program(station="humanoid_dynamic", moves=[{"act": "bow"}]).save(own)
     session = teach(own)
-    assert session.file == own
-    assert len(session.program.moves) == 1
+    assert session.book.file == own
+    assert len(session.book.program.moves) == 1
     Program(moves=[{"act": "bow"}]).save(own)
     with pytest.raises(SimrobError, match="station: missing"):
         teach(own)
@@ -718,12 +718,12 @@ def test_a_urdf_is_given_a_station_that_stays(teach, tmp_path, one_joint_urdf):
     first = teach(files[0])
     assert tried(first, {"shoulder": 10}) is not None
     first.add()
-    assert first.file == tmp_path / "arm" / "program.yaml"
+    assert first.book.file == tmp_path / "arm" / "program.yaml"
     assert on_disk(first).station == "arm.yaml"
-    script = heard(first, first.export_script()).read_text()
+    script = heard(first, first.exports.script()).read_text()
     assert 'Path(__file__).with_name("arm.yaml")' in script
-    assert teach(files[1]).file == tmp_path / "arm-2" / "program.yaml"
-    assert len(teach(files[0]).program.moves) == 1
+    assert teach(files[1]).book.file == tmp_path / "arm-2" / "program.yaml"
+    assert len(teach(files[0]).book.program.moves) == 1
 
 
 def test_a_program_of_another_robot_is_kept(teach, tmp_path):
@@ -734,8 +734,8 @@ def test_a_program_of_another_robot_is_kept(teach, tmp_path):
     assert session.message.key == "foreign"
     assert "move_j" in str(session.message)
     assert other.read_text() == kept
-    assert session.file == tmp_path / "humanoid_dynamic" / "reach-2.yaml"
-    assert not session.program.moves
+    assert session.book.file == tmp_path / "humanoid_dynamic" / "reach-2.yaml"
+    assert not session.book.program.moves
     walk = tmp_path / "walk.yaml"
     Program(station="humanoid_dynamic", moves=[{"walk": {"steps": 4}}]).save(walk)
     assert teach("irb120", program=walk).message.key == "foreign"
@@ -745,22 +745,22 @@ def test_a_program_of_another_humanoid_is_taken_over(teach):
     session = teach()
     tried(session, {"HomIF": 30, "CadDF": 30})
     session.add()
-    kept = session.file.read_text()
+    kept = session.book.file.read_text()
     for robot in ("roid1", "zjudancer"):
-        other = teach(robot, program=session.file)
+        other = teach(robot, program=session.book.file)
         assert other.message.key == "taken_over"
         assert not other.message.wrong
-        assert other.program.moves == session.program.moves
+        assert other.book.program.moves == session.book.program.moves
         assert on_disk(other).station == f"{robot}_dynamic"
-        other.remove(0)
-        assert session.file.read_text() == kept
+        other.book.remove(0)
+        assert session.book.file.read_text() == kept
 
 
 def test_a_program_of_ones_own_is_taught_where_it_lies(teach, tmp_path):
     own = tmp_path / "bows.yaml"
     Program(station="humanoid_dynamic", moves=[{"act": "bow"}]).save(own)
     session = teach(program=own)
-    assert session.file == own
+    assert session.book.file == own
     assert session.message.key == ""
     tried(session, ELBOW)
     session.add()
@@ -773,28 +773,28 @@ def test_robots_of_one_station_have_programs_of_their_own_and_arms_share_one(tea
         session = teach("three_humanoids", robot=robot)
         tried(session, {"HomIF": 10})
         session.add()
-        assert session.file.name == f"{robot}.yaml"
+        assert session.book.file.name == f"{robot}.yaml"
         assert on_disk(session).robot == robot
-        assert len(session.program.moves) == 1
+        assert len(session.book.program.moves) == 1
     for number, robot in enumerate(("left", "right")):
         session = teach("two_irb120", robot=robot)
         assert session.message.key == ""
-        assert len(session.program.moves) == number
-        assert session.insert(number, {"move_abs_j": {"targets_deg": [0, 0, 0, 0, 0, 0], "robot": robot}})
-        assert session.file.name == "program.yaml"
+        assert len(session.book.program.moves) == number
+        assert session.book.insert(number, {"move_abs_j": {"targets_deg": [0, 0, 0, 0, 0, 0], "robot": robot}})
+        assert session.book.file.name == "program.yaml"
 
 
 def test_a_full_disk_is_told_and_nothing_is_forgotten(teach):
     session, told = teach(), []
     session.listen(lambda topic: told.append(str(session.message)))
-    session.file.parent.rename(session.file.parent.with_name("gone"))
-    session.file.parent.write_text("in the way")
+    session.book.file.parent.rename(session.book.file.parent.with_name("gone"))
+    session.book.file.parent.write_text("in the way")
     tried(session, ELBOW)
     assert any("cannot be written: File exists" in message for message in told)
-    assert session.pending
-    session.describe("mine")
+    assert session.book.pending
+    session.book.describe("mine")
     assert session.message.wrong
-    session.file.parent.unlink()
+    session.book.file.parent.unlink()
     assert session.add()
     assert str(session.message) == ""  # it is true no more
     assert len(on_disk(session).moves) == 1
@@ -831,13 +831,13 @@ def test_changes_of_a_run_go_into_the_program(teach):
     session.worker.tick(0.5)
     session.worker.note(set={"servo.kp": 90})  # as it runs anew
     session.hear()
-    assert len(session.program.changes) == 3
+    assert len(session.book.program.changes) == 3
     assert session.undo()
-    assert len(session.program.changes) == 2
-    assert session.remove_change(0)
-    assert len(session.program.changes) == 1
-    assert session.edit_change(0, {"time": 0.1, "set": {"servo.kp": 80}})
-    assert session.program.changes[0].set == {"servo.kp": 80}
+    assert len(session.book.program.changes) == 2
+    assert session.book.remove_change(0)
+    assert len(session.book.program.changes) == 1
+    assert session.book.edit_change(0, {"time": 0.1, "set": {"servo.kp": 80}})
+    assert session.book.program.changes[0].set == {"servo.kp": 80}
 
 
 def test_a_slider_that_is_moved_is_one_step(teach):
@@ -849,10 +849,10 @@ def test_a_slider_that_is_moved_is_one_step(teach):
         session.worker.tick(0.05 * number)
         session.worker.note(set={"servo.kp": 90 + number})
     session.hear()
-    assert len(session.program.changes) == 5
+    assert len(session.book.program.changes) == 5
     assert session.undo()
-    assert not session.program.changes
-    assert not session.can_undo
+    assert not session.book.program.changes
+    assert not session.book.history.can_undo
 
 
 def test_changes_of_what_is_tried_wait_with_it(teach):
@@ -864,9 +864,9 @@ def test_changes_of_what_is_tried_wait_with_it(teach):
     session.worker.note(push={"at": "trunk", "force": [1, 0, 0]})
     session.worker.finish()
     session.hear()
-    assert not session.program.changes
+    assert not session.book.program.changes
     session.add()
-    assert [change.time for change in session.program.changes] == [0.4]
+    assert [change.time for change in session.book.program.changes] == [0.4]
     session.test(KNEE)
     session.hear()
     session.worker.tick(1.4)
@@ -878,14 +878,14 @@ def test_changes_of_what_is_tried_wait_with_it(teach):
     session.worker.finish()
     session.hear()
     session.add()
-    assert [change.time for change in session.program.changes] == [0.4]
+    assert [change.time for change in session.book.program.changes] == [0.4]
 
 
 def test_a_change_elsewhere_than_the_program_leads_is_not_stored(teach):
     session = teach()
     tried(session, ELBOW)
     session.add()
-    session.insert(0, {"act": "bow"})  # which the robot has not done
+    session.book.insert(0, {"act": "bow"})  # which the robot has not done
     session.worker.held = True
     session.test(KNEE)
     session.hear()
@@ -893,7 +893,7 @@ def test_a_change_elsewhere_than_the_program_leads_is_not_stored(teach):
     session.hear()
     session.add()
     assert session.message.key == "not_stored"
-    assert not session.program.changes
+    assert not session.book.program.changes
 
 
 def test_gone_back_to(teach):
@@ -989,7 +989,7 @@ def test_a_killed_run_is_started_again(teach):
     assert tested.result() is None
     assert asked.result() is None
     assert state(session) == before  # and what was being tested is still there
-    assert on_disk(session).moves == session.program.moves
+    assert on_disk(session).moves == session.book.program.moves
     assert session.worker.asked("pace", "watch") == [("pace", {"factor": 2.0}), ("watch", {"signals": ["position"]})]
     session.hear()
     assert session.phase == "idle"
@@ -1033,12 +1033,12 @@ def test_a_station_that_cannot_be_opened_leaves_the_program(teach):
     tried(session, ELBOW)
     session.add()
     session.worker.refused = "open"
-    assert session.set("servo.kp", 130)
+    assert session.setup.set("servo.kp", 130)
     session.hear()
     assert str(session.message) == "open cannot be"
     assert session.phase == "idle"
-    assert session.settings == {}
-    assert len(session.program.moves) == 1
+    assert session.book.settings == {}
+    assert len(session.book.program.moves) == 1
 
 
 def test_what_waits_for_an_opening_that_fails_is_answered(teach, monkeypatch):
@@ -1059,13 +1059,13 @@ def test_tabs_hear_of_changes_until_they_forget(teach):
     views = []
     session.listen_to_view(views.append)
     session.worker.tell({"news": "view", "subject": "poses", "commands": [1]})
-    session.describe("heard")
+    session.book.describe("heard")
     session.hear()
     assert heard_by["one"] == heard_by["two"] == ["program"]
     assert views[0]["commands"] == [1]
     forget()
     forget()
-    session.describe("no more")
+    session.book.describe("no more")
     assert len(heard_by["one"]) == 1
     assert len(heard_by["two"]) == 2
 
@@ -1113,7 +1113,7 @@ def test_five_hundred_runs_leave_no_more_than_the_rings(teach):
         if number % 50 == 0:
             session.reset()
             session.hear()
-    kept = session._history._steps
+    kept = session.book.history._steps
     assert len(kept) <= MOST_STEPS
     assert sum(len(text) for _, text in kept) < 2e6
     assert len(session.run.moves._entries) <= 60
@@ -1124,26 +1124,26 @@ def test_five_hundred_runs_leave_no_more_than_the_rings(teach):
 
 def test_settings_open_the_station_anew_and_can_be_undone(teach):
     session = teach()
-    assert session.set("servo.kp", 120)
-    assert session.value("servo.kp") == 120
+    assert session.setup.set("servo.kp", 120)
+    assert session.setup.value("servo.kp") == 120
     session.hear()
     assert session.worker.asked("open")[-1][1]["settings"] == {"servo.kp": 120}
     assert session.phase == "idle"
     program = on_disk(session)
-    assert load_station(session.file.parent / program.station).servo.kp == 120
+    assert load_station(session.book.file.parent / program.station).servo.kp == 120
     assert session.undo()
-    assert session.settings == {}
+    assert session.book.settings == {}
     session.hear()
     assert session.worker.asked("open")[-1][1]["settings"] == {}
     assert on_disk(session).station == "humanoid_dynamic"
     session.redo()
-    assert session.unset("servo.kp")
-    assert session.value("servo.kp") != 120
+    assert session.setup.unset("servo.kp")
+    assert session.setup.value("servo.kp") != 120
     session.hear()
     session.worker.held = True
     session.simulate()
     session.hear()
-    assert not session.set("servo.kp", 130)
+    assert not session.setup.set("servo.kp", 130)
     assert session.message.key == "busy"
 
 
@@ -1152,39 +1152,39 @@ def test_loops_are_switched(teach):
     loops = {loop["name"]: loop["on"] for loop in session.description["loops"]}
     assert loops["height"] is False
     assert loops["balance"] is False
-    assert session.switch_loop("height", True)
-    assert session.config.controllers["height"] == load_station("humanoid_height").controllers["height"]
+    assert session.setup.switch_loop("height", True)
+    assert session.book.config.controllers["height"] == load_station("humanoid_height").controllers["height"]
     session.hear()
     assert {"name": "height", "on": True} in session.description["loops"]
-    assert session.switch_loop("height", False)
-    assert not session.config.controllers
-    assert not session.settings
+    assert session.setup.switch_loop("height", False)
+    assert not session.book.config.controllers
+    assert not session.book.settings
     own = teach("humanoid_height")
-    assert own.switch_loop("height", False)
-    assert not own.config.controllers
-    assert own.switch_loop("height", True)
-    assert own.settings == {}
+    assert own.setup.switch_loop("height", False)
+    assert not own.book.config.controllers
+    assert own.setup.switch_loop("height", True)
+    assert own.book.settings == {}
 
 
 def test_no_setting_brings_code_along(teach):
     session = teach("irb120")
     own = {"kind": "own", "class": "os:System"}
-    assert not session.set("controllers.mine", own)
+    assert not session.setup.set("controllers.mine", own)
     assert "allow_code=True" in str(session.message)
     with pytest.raises(SimrobError, match="allow_code=True"):
-        with_settings(session.config, {"controllers.mine": own})
+        with_settings(session.book.config, {"controllers.mine": own})
 
 
 @pytest.mark.parametrize("robot", ["ur5", "puma560", "yobotics", "double_pendulum"])
 def test_every_robot_has_a_station(teach, robot):
     session = teach(robot)
-    assert session.model.name == robot
-    assert Path(session.file).is_file()
+    assert session.book.model.name == robot
+    assert Path(session.book.file).is_file()
 
 
 def test_a_station_without_robots(teach):
     session = teach("bouncing_ball")
-    assert session.robot == ""
+    assert session.book.robot == ""
     assert session.message.key == ""
     assert tried(session, ELBOW) is None
     assert session.message.wrong

@@ -17,8 +17,8 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.simulation import pace
 from simrob_drake.simulation.stepping import Stepper
+from simrob_drake.teach.run import shortfall
 from simrob_drake.teach.session import Session
-from simrob_drake.teach.shortfall import shortfall
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def table(file):
 
 def check_script(session, page):
     """The exported script gives the signals of the page's own run."""
-    script = heard(session, session.export_script())
+    script = heard(session, session.exports.script())
     quick = script.with_name("quick.py")
     quick.write_text(script.read_text().partition("result.save(")[0])
     result = runpy.run_path(str(quick))["result"]
@@ -64,7 +64,7 @@ def check_script(session, page):
 
 def test_a_station_in_mujoco_is_taught_pushed_and_dragged_likewise(teach):
     session, run = teach("humanoid")
-    session.set("solver", {"kind": "mujoco", "time_step": 0.005})
+    session.setup.set("solver", {"kind": "mujoco", "time_step": 0.005})
     heard(session, session.test({"left_elbow": 30}, 0.3))
     session.add()
     held = {"at": "trunk", "point": [0, 0, 0.1]}
@@ -73,8 +73,8 @@ def test_a_station_in_mujoco_is_taught_pushed_and_dragged_likewise(teach):
         0.2: [("drag", {**held, "target": [0.05, 0, 0.5]})],
     }
     assert heard(session, session.simulate())["ending"] == "completed"
-    assert session.value("solver.kind") == "mujoco"
-    check_script(session, table(heard(session, session.export_csv())))
+    assert session.setup.value("solver.kind") == "mujoco"
+    check_script(session, table(heard(session, session.exports.csv())))
 
 
 def test_the_script_gives_the_signals_of_the_page(teach):
@@ -82,7 +82,7 @@ def test_the_script_gives_the_signals_of_the_page(teach):
     for target, duration in [({"left_elbow": 30, "right_knee": 5}, 0.3), ({"HomIF": 30}, 0.33)]:
         heard(session, session.test(target, duration))
         session.add()
-    session.set("servo.kd", 9)
+    session.setup.set("servo.kd", 9)
     session.hear()
     held = {"at": "trunk", "point": [0, 0, 0.1]}
     run.at = {
@@ -92,15 +92,15 @@ def test_the_script_gives_the_signals_of_the_page(teach):
         0.4: [("drag", {**held, "target": None})],
     }
     assert heard(session, session.simulate())["ending"] == "completed"
-    assert [len(change.drag.targets) if change.drag else 0 for change in session.program.changes] == [0, 0, 4]
-    page = table(heard(session, session.export_csv()))
+    assert [len(change.drag.targets) if change.drag else 0 for change in session.book.program.changes] == [0, 0, 4]
+    page = table(heard(session, session.exports.csv()))
     check_script(session, page)
     assert heard(session, session.simulate())["ending"] == "completed"  # again, and nobody touches it
-    assert np.array_equal(table(heard(session, session.export_csv()))[1], page[1])
-    assert Program.load(session.file).changes == session.program.changes
-    unchanged = session.program.model_copy(update={"changes": ()})
+    assert np.array_equal(table(heard(session, session.exports.csv()))[1], page[1])
+    assert Program.load(session.book.file).changes == session.book.program.changes
+    unchanged = session.book.program.model_copy(update={"changes": ()})
     heard(session, run.call("play", program=unchanged.text()))
-    calm = table(heard(session, session.export_csv()))[1]
+    calm = table(heard(session, session.exports.csv()))[1]
     assert np.abs(calm - page[1][: len(calm)]).max() > 1e-3  # they were felt
 
 
@@ -147,35 +147,35 @@ def test_a_run_that_is_over_is_let_go(teach):
 def test_an_arm_is_jogged_taught_and_plays(teach):
     session, _ = teach("irb120")
     for axes in ({"joint_1": 20, "joint_5": 40}, {"joint_1": -20}):
-        assert heard(session, session.jog_axes(axes)) is not None
-        assert heard(session, session.jog_tool([0, 0, 0.03, 0, 0, 5], "tool")) is not None
-        assert heard(session, session.teach_target())
-    assert list(session.targets) == ["p1", "p2"]
-    assert not session.program.moves  # jogs are no moves of the program
-    assert session.add_line("move_abs_j", "p1")
-    assert session.add_line("move_l", "p2", speed=0.4)
+        assert heard(session, session.arm.jog_axes(axes)) is not None
+        assert heard(session, session.arm.jog_tool([0, 0, 0.03, 0, 0, 5], "tool")) is not None
+        assert heard(session, session.arm.teach_target())
+    assert list(session.book.targets) == ["p1", "p2"]
+    assert not session.book.program.moves  # jogs are no moves of the program
+    assert session.arm.add_line("move_abs_j", "p1")
+    assert session.arm.add_line("move_l", "p2", speed=0.4)
     assert heard(session, session.simulate())["ending"] == "completed"
-    place = heard(session, session.where("world"))
-    np.testing.assert_allclose(place["pose"], session.targets["p2"]["pose"], atol=1e-4)
-    check_script(session, table(heard(session, session.export_csv())))
-    found = heard(session, session.branches("p1"))
+    place = heard(session, session.arm.where("world"))
+    np.testing.assert_allclose(place["pose"], session.book.targets["p2"]["pose"], atol=1e-4)
+    check_script(session, table(heard(session, session.exports.csv())))
+    found = heard(session, session.arm.branches("p1"))
     number = next(n for n, branch in enumerate(found) if branch["usable"])
-    assert heard(session, session.choose_branch(number)) is not None
-    reached = heard(session, session.where("world"))
-    np.testing.assert_allclose(reached["pose"][:3], session.targets["p1"]["pose"][:3], atol=1e-5)
-    heard(session, session.tool("gripper"))
-    heard(session, session.teach_target("grip"))
-    assert session.add_line("move_j", "grip")
-    kinds = [move.key for move in session.program.moves]
+    assert heard(session, session.arm.choose_branch(number)) is not None
+    reached = heard(session, session.arm.where("world"))
+    np.testing.assert_allclose(reached["pose"][:3], session.book.targets["p1"]["pose"][:3], atol=1e-5)
+    heard(session, session.arm.tool("gripper"))
+    heard(session, session.arm.teach_target("grip"))
+    assert session.arm.add_line("move_j", "grip")
+    kinds = [move.key for move in session.book.program.moves]
     assert kinds == ["move_abs_j", "move_l", "tool", "move_j"]
-    assert heard(session, session.jog_tool([0, 0, 5, 0, 0, 0])) is None
+    assert heard(session, session.arm.jog_tool([0, 0, 5, 0, 0, 0])) is None
     assert "out of reach" in str(session.message)
-    assert heard(session, session.branches())
-    assert session.ghosts
-    assert session.set("gravity", 3.7)
+    assert heard(session, session.arm.branches())
+    assert session.arm.ghosts
+    assert session.setup.set("gravity", 3.7)
     while session.phase != "idle":
         session.hear(0.1)
-    assert session.ghosts == [], "they were of the station before"
+    assert session.arm.ghosts == [], "they were of the station before"
 
 
 HOLDING = """
@@ -193,10 +193,10 @@ def test_code_that_a_station_names_runs_where_its_user_allows_it(teach, tmp_path
     with pytest.raises(SimrobError, match=r"controllers\.mine: would run .* or --allow-code"):
         teach(file)
     session, _ = teach(file, allow_code=True)
-    assert session.set("gravity", 3.7)
+    assert session.setup.set("gravity", 3.7)
     session.hear()
     assert heard(session, session.simulate())["ending"] == "completed"
-    page = table(heard(session, session.export_csv()))
+    page = table(heard(session, session.exports.csv()))
     assert "mine.y0" in page[0]
     check_script(session, page)
 
@@ -217,20 +217,20 @@ def test_a_piece_is_taken_and_left(teach):
         == "completed"
     )
     assert heard(session, session.test({"right_elbow": 20}, 0.2))["ending"] == "completed"
-    assert [next(iter(move)) for move in session.pending] == ["attach", "target_deg"]
+    assert [next(iter(move)) for move in session.book.pending] == ["attach", "target_deg"]
     session.add()
     assert heard(session, session.simulate())["ending"] == "completed"
     assert heard(session, session.try_move({"attach": "parcle"})) is None
     assert "did you mean 'parcel'?" in str(session.message)
-    assert not session.pending
+    assert not session.book.pending
 
 
 def forward(session, run, tool):
     """Return how far ahead of the trunk the reference of a humanoid has a tool [m]."""
     cell = run._bench.cell
-    own, model = cell.robot(session.robot), cell.model
-    model.place_robots({session.robot: cell.reference(session.robot)})
-    place = model.pose(own.root).inverse() @ model.pose(model.mount(session.robot, own.model.tools[tool]))
+    own, model = cell.robot(session.book.robot), cell.model
+    model.place_robots({session.book.robot: cell.reference(session.book.robot)})
+    place = model.pose(own.root).inverse() @ model.pose(model.mount(session.book.robot, own.model.tools[tool]))
     facing = np.deg2rad(load_gaits(own.model).facing_deg)
     return float(np.array([np.cos(facing), np.sin(facing), 0]) @ place.translation())
 
@@ -241,7 +241,7 @@ def test_taught_once_the_same_limbs_move_the_same_way_on_all_humanoids(teach):
     heard(session, session.test({"HomIF": 30}, 0.4))
     heard(session, session.test({"CadDF": 30}))
     session.add()
-    file = session.file
+    file = session.book.file
     for robot in ("humanoid", "roid1", "zjudancer"):
         if robot != "humanoid":
             session, run = teach(robot, program=file)
@@ -254,12 +254,12 @@ def test_taught_once_the_same_limbs_move_the_same_way_on_all_humanoids(teach):
         assert moved["right_foot"] > 0.03, robot
         assert abs(moved["right_hand"]) < 1e-9, robot
         assert abs(moved["left_foot"]) < 1e-9, robot
-        asked = np.rad2deg(run._bench.cell.reference(session.robot))
+        asked = np.rad2deg(run._bench.cell.reference(session.book.robot))
         reached = heard(session, run.call("posture"))  # the humanoid of MATLAB follows with a lag of 1 s
         for alias in ("HomIF", "CadDF"):
-            number = session.model.axis_index(alias)
+            number = session.book.model.axis_index(alias)
             assert asked[number] == pytest.approx(30, abs=1e-9), robot
-            assert 4 < reached[list(session.model.axes)[number]] < 34, robot
+            assert 4 < reached[list(session.book.model.axes)[number]] < 34, robot
 
 
 def test_a_worker_that_is_killed_comes_back_with_the_program(tmp_path):
@@ -270,12 +270,12 @@ def test_a_worker_that_is_killed_comes_back_with_the_program(tmp_path):
         session.add()
         asked = session.simulate()
         heard_until(session, lambda: session.phase == "running")
-        os.kill(session._live.pid, signal.SIGKILL)
+        os.kill(session.client._live.pid, signal.SIGKILL)
         heard_until(session, asked.done)
         assert asked.result() is None
         heard_until(session, lambda: session.message.key == "died")
         heard_until(session, lambda: session.phase == "idle")
-        assert len(session.program.moves) == 1
+        assert len(session.book.program.moves) == 1
         session.set_pace(None)
         assert heard(session, session.simulate())["ending"] == "completed"
     finally:
@@ -295,7 +295,7 @@ HIPS = {"left_hip_pitch": 110, "right_hip_pitch": 110}
 def shown(session, run):
     """Return where the view has the trunk."""
     scene = run._bench._view.scene
-    return scene.pose(scene.station.robots[session.robot].root).translation()
+    return scene.pose(scene.station.robots[session.book.robot].root).translation()
 
 
 def test_a_fall_is_scrubbed_with_its_signals_and_gone_back_from(teach):
@@ -324,7 +324,7 @@ def test_a_fall_is_scrubbed_with_its_signals_and_gone_back_from(teach):
 def test_a_run_that_diverges_is_scrubbed(teach):
     session, _ = teach("irb120_dynamic")
     for key, value in {"solver.scheme": "explicit_euler", "solver.max_step": 0.01, "servo.torque_limit": 1e12}.items():
-        assert session.set(key, value)
+        assert session.setup.set(key, value)
         session.hear()
     heard(session, session.test({"joint_1": 20.0}, 0.5))
     assert session.run.ending["ending"] == "diverged"
@@ -340,15 +340,15 @@ def test_what_the_drives_can_do_is_told_as_it_was_changed_while_something_ran(te
     """And only the joints that it left without their torque are said to be at their limit."""
     session, run = teach("irb120_dynamic")
     session.watch(("reference", "position", "torque"))
-    assert heard(session, session.torque_limits()) == [150, 150, 100, 30, 30, 15]
+    assert heard(session, session.client.ask("torque_limits")) == [150, 150, 100, 30, 30, 15]
     run.at = {0.5: [("change", {"settings": {"servo.torque_limit": {"joint_2": 5.0}}})]}
     heard(session, session.try_move({"move_abs_j": {"targets_deg": [0, 30, 0, 0, 0, 0], "duration": 1.0}}))
-    limits = heard(session, session.torque_limits())
+    limits = heard(session, session.client.ask("torque_limits"))
     assert limits[1] == 5.0
     assert abs(session.run.values["torque"][1]) == pytest.approx(5.0, rel=0.001)
     axes = session.description["robots"]["robot"]["axes"]
     signals = [np.degrees(session.run.values[name]) for name in ("reference", "position")]
-    asked, done = (dict(zip(session.model.axes, values, strict=True)) for values in signals)
+    asked, done = (dict(zip(session.book.model.axes, values, strict=True)) for values in signals)
     torque = session.run.values["torque"]
     told = [
         shortfall(axis, asked[axis["name"]], done[axis["name"]], torque=torque[number], limit=limits[number])

@@ -7,7 +7,7 @@ from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
-from stub_session import Notice, StubSession
+from stub_session import Exports, Notice, StubSession
 
 pytest.importorskip("nicegui", reason="needs the extra gui")
 from nicegui import ElementFilter, ui
@@ -35,7 +35,7 @@ def opened(subject, robot=None, **more):
     if subject == "wrong":
         raise SimrobError("there is no station or robot 'wrong'")
     session = StubSession(subject, **more)
-    session.robot = robot or session.robot
+    session.book.robot = robot or session.book.robot
     session.opened()
     return session
 
@@ -138,7 +138,7 @@ def test_verdicts_are_said_in_spanish():
 
 
 def test_every_notice_of_a_session_has_its_words():
-    said = re.compile(r'(?:Notice|_refused)\("(\w+)"|key, \w+(?:, taken)? = \(?\s*"(\w+)"')
+    said = re.compile(r'(?:Notice|refuse)\("(\w+)"|key, \w+(?:, taken)? = \(?\s*"(\w+)"')
     sources = (file.read_text() for file in Path(teach.__file__).parent.glob("*.py"))
     used = {key for source in sources for found in said.findall(source) for key in found if key}
     used |= {"damaged", "died", "lost"}  # one of two, where it is said
@@ -220,7 +220,7 @@ def test_of_several_robots_one_is_taught():
         assert choice.options == ["left", "right"]
         choice.set_value("right")
         assert first.closed  # before: two do not teach in one folder
-        assert (pendant.session.subject, pendant.session.robot) == (first.subject, "right")
+        assert (pendant.session.subject, pendant.session.book.robot) == (first.subject, "right")
 
     visit(scenario, Pendant(two, "two_arms"))
 
@@ -336,8 +336,8 @@ def test_without_webgl_a_run_is_a_strip_of_pictures_and_why(tmp_path):
     file.write_bytes(b"\x89PNG strip")
     drawn = []
 
-    def strip(self):
-        drawn.append(self.run.time)
+    def strip(exports):
+        drawn.append(exports.session.run.time)
         done = Future()
         done.set_result(file)
         return done
@@ -356,7 +356,7 @@ def test_without_webgl_a_run_is_a_strip_of_pictures_and_why(tmp_path):
         assert image.props["src"] == f"data:image/png;base64,{b64encode(file.read_bytes()).decode()}"
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(StubSession, "film_strip", strip)
+        patch.setattr(Exports, "film_strip", strip, raising=False)
         visit(scenario, webgl=False)
 
 
@@ -388,7 +388,7 @@ def test_what_is_written_is_taken_away(tmp_path):
         assert taken.request.url.path == str(file)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(StubSession, "export_program", lambda _: done)
+        patch.setattr(Exports, "program", lambda _: done, raising=False)
         visit(scenario)
 
 

@@ -109,14 +109,14 @@ def test_a_wrong_value_is_refused_in_its_field_and_a_right_one_taken():
         field.trigger("keydown.enter")
         await settled(0.1)
         assert "did you mean 'joint_6'" in element.error
-        assert session.settings == {}
+        assert session.book.settings == {}
         element.value = "500"
         field.trigger("blur")
         await settled()
         assert element.error is None
-        assert session.settings == {"servo.kp": 500}
+        assert session.book.settings == {"servo.kp": 500}
         await user.should_see("servo.kp: 500")  # what is changed, to be taken back
-        session.unset("servo.kp")
+        session.setup.unset("servo.kp")
         await settled()
         await user.should_not_see("servo.kp: 500")
         assert element.value == "1000.0"
@@ -134,7 +134,7 @@ def test_while_a_run_goes_on_a_change_is_that_of_the_run():
         field.trigger("keydown.enter")
         await settled(0.1)
         assert session.calls == [("change", "gravity", 3.7)]
-        assert session.settings == {}
+        assert session.book.settings == {}
 
     on_page(scenario)
 
@@ -155,7 +155,7 @@ def test_a_block_shows_its_signals_and_a_slider_for_its_gains():
         user.find(kind=ui.slider).trigger("change")
         await settled()
         await settled()
-        assert session.settings["servo.kp"] == pytest.approx(1000 * 10**0.5, rel=2e-3)  # three digits
+        assert session.book.settings["servo.kp"] == pytest.approx(1000 * 10**0.5, rel=2e-3)  # three digits
         assert session.drawn == 2  # at first, and after the change
 
     on_page(scenario)
@@ -176,12 +176,12 @@ def test_entries_are_added_and_taken_out():
         keys.value = "{height: 0.1}"
         user.find("Add").click()
         await settled()
-        assert session.settings == {"monitors.fallen": {"kind": "fall", "height": 0.1}}
+        assert session.book.settings == {"monitors.fallen": {"kind": "fall", "height": 0.1}}
         await user.should_see("fallen (height 0.1 m): End the run when")
         (switch,) = user.find(content="fallen", kind=ui.switch).elements
         switch.value = False
         await settled()
-        assert session.settings == {}
+        assert session.book.settings == {}
 
     on_page(scenario)
 

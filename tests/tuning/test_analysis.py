@@ -15,7 +15,7 @@ import pytest
 
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
-from simrob_drake.tuning import dashboard, journal, study_folder, sweep_folder
+from simrob_drake.tuning import dashboard, study_folder, sweep_folder
 from simrob_drake.tuning.analysis import (
     add_trials,
     save_convergence,
@@ -32,7 +32,6 @@ from simrob_drake.tuning.study_folder import StudyFolder
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import SweepFolder
 from simrob_drake.tuning.trial import Record
-from tests.tuning.here import Here
 
 ASKED = {
     "station": "double_pendulum",
@@ -152,18 +151,17 @@ def test_a_port_that_is_taken_and_a_folder_of_nothing_are_told_in_a_line(tmp_pat
 
 
 @pytest.fixture
-def _here(monkeypatch):
-    """Let all runs be made in this process, and cost the less the nearer kp is to 300."""
+def _bowl(monkeypatch):
+    """Let runs cost the less the nearer kp is to 300."""
 
     def measured(case):
         error = abs(np.log(case.overrides["servo.kp"] / 300)) + 1e-3 * case.overrides.get("gravity", 9.8)
         return [{"ended": "completed", "message": "", "tracking_error": error}]
 
     monkeypatch.setattr(Case, "measured", measured)
-    monkeypatch.setattr(study_folder, "engine", lambda **_: Here())
 
 
-@pytest.mark.usefixtures("_here")
+@pytest.mark.usefixtures("_bowl")
 def test_hopeless_trials_are_left_early_and_the_winner_is_the_same(tmp_path):
     """Whenever it was killed, it goes on to the last byte."""
     asked = {**ASKED, "trials": 30, "together": 6}
@@ -193,11 +191,10 @@ def kept_plots(monkeypatch):
     return drawn
 
 
-@pytest.mark.usefixtures("_here")
+@pytest.mark.usefixtures("_bowl")
 def test_folders_end_with_their_plots(tmp_path, monkeypatch):
     drawn = kept_plots(monkeypatch)
     StudyFolder(tmp_path / "study", Study(**{**ASKED, "trials": 2, "search": {}})).run(progress=False)
-    monkeypatch.setattr(journal, "engine", lambda **_: Here())
     SweepFolder(tmp_path / "sweep", Sweep(**{**SWEEP, "vary": {"servo.kp": "20,40"}})).run(progress=False)
     (found, folder), _, (file, swept) = drawn
     assert (folder, len(found.trials)) == (tmp_path / "study/plots", 2)

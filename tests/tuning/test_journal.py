@@ -8,14 +8,13 @@ import yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, SimrobError
-from simrob_drake.tuning import journal, study_folder, sweep_folder
+from simrob_drake.tuning import sweep_folder
 from simrob_drake.tuning.journal import ROWS
 from simrob_drake.tuning.study import Study
 from simrob_drake.tuning.study_folder import WINNER, StudyFolder, winner_of
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import SweepFolder
 from simrob_drake.tuning.trial import plain
-from tests.tuning.here import Here
 from tests.tuning.test_study import PENDULUM
 
 OVERRIDES = {"duration": 0.02, "reference.duration": 0.01}
@@ -25,11 +24,9 @@ FOLDERS = {"sweep": (SweepFolder, SWEEP), "study": (StudyFolder, STUDY)}
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _here():
-    """Let all runs be made in this process, and no plots."""
+def _no_plots():
+    """Draw nothing."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in (journal, study_folder):
-            patch.setattr(module, "engine", lambda **_: Here())
         patch.setattr(sweep_folder, "save_sweep_plots", lambda *_: None)
         yield
 

@@ -10,7 +10,7 @@ import yaml
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig
-from simrob_drake.tuning import journal, proof
+from simrob_drake.tuning import proof
 from simrob_drake.tuning.conclusion import START, WON, conclusion
 from simrob_drake.tuning.doubts import doubts, moves
 from simrob_drake.tuning.proof import PAGE, TABLE, Proof, ProofFolder
@@ -18,7 +18,6 @@ from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.study import Study
 from simrob_drake.tuning.study_folder import StudyFolder, winner_of
 from simrob_drake.tuning.trial import made
-from tests.tuning.here import Here
 from tests.tuning.test_scene import GAIT
 from tests.tuning.test_study import PENDULUM
 
@@ -207,7 +206,6 @@ HELPED = {
 
 def test_prove_says_not_proven_of_a_winner_that_is_worse_on_other_moves(tmp_path, capsys, monkeypatch):
     """Such a one was once proven, by the very move that it was found for."""
-    monkeypatch.setattr(journal, "engine", lambda **_: Here())
     kept = ("as thought", "moves")
     few = lambda scene, seeds: {kind: drawn for kind, drawn in doubts(scene, seeds).items() if kind in kept}  # noqa: E731
     monkeypatch.setattr(proof, "doubts", few)

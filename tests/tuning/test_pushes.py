@@ -15,7 +15,7 @@ from simrob_drake.simulation import Runner
 from simrob_drake.simulation.stepping import Stepper
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.tuning import burdens, journal
+from simrob_drake.tuning import burdens
 from simrob_drake.tuning.burdens import Burdens
 from simrob_drake.tuning.doubts import drawn
 from simrob_drake.tuning.push_map import PushMap, PushTrial
@@ -23,7 +23,6 @@ from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.trial import made
 from simrob_drake.tuning.walking import UNCHANGED, bracket, subject_of
 from simrob_drake.tuning.walking_folder import WalkingFolder
-from tests.tuning.here import Here
 
 MASS, HALF, FORCE_TIME = 10.0, np.array([0.1, 0.06, 0.3]), 0.005  # kg, m, s
 BLOCK = """<robot name="block">
@@ -252,10 +251,9 @@ def test_what_cannot_be_is_told_before_any_push(station, more, told, tmp_path):
     assert not (tmp_path / "map").exists()
 
 
-def test_the_command_writes_table_summary_and_picture(block, tmp_path, capsys, monkeypatch):
+def test_the_command_writes_table_summary_and_picture(block, tmp_path, capsys):
     """With other settings beside, of a draw; what is there already is not made again."""
     folder = tmp_path / "map"
-    monkeypatch.setattr(journal, "engine", lambda **_: Here())
     options = [
         "--phases",
         "2",

@@ -9,11 +9,12 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
 import pytest
-from distributed import Client, LocalCluster
+from distributed import Client, KilledWorker, LocalCluster
 from pyarrow import parquet
 
 from simrob_drake import load_station, simulate
@@ -102,6 +103,7 @@ def test_measures_are_those_of_the_signals():
 
 
 class TestFolder:
+    @pytest.mark.usefixtures("processes")
     def test_a_sweep_ends_as_table_and_plots_and_each_run_is_that_of_simulate(self, tmp_path):
         rows = SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=2, progress=False)
         with (tmp_path / "sweep" / TABLE).open() as file:
@@ -140,9 +142,17 @@ class TestFolder:
         assert ends == ["completed", "refused", "diverged"]
 
 
-def made_by(engine, tasks):
+def made_by(engine, tasks, work=dies):
     with engine as workers:
-        return sorted(workers.outcomes(dies, tasks, lambda task: -task[0]))
+        return sorted(workers.outcomes(work, tasks, lambda task: -task[0]))
+
+
+def killing(task):
+    """Return a task's number, but fail at task 3 as Dask does with what killed several workers."""
+    (number,) = task
+    if number == 3:
+        raise KilledWorker("task", SimpleNamespace(address="tcp://gone"), 3)
+    return number
 
 
 def test_a_process_that_dies_takes_its_own_task_alone(tmp_path):
@@ -190,6 +200,7 @@ def test_a_process_makes_one_trial_at_a_time_however_many_threads_ask():
     assert begun[::2] == begun[1::2]
 
 
+@pytest.mark.usefixtures("no_plots")
 def test_one_run_is_made_again(tmp_path, capsys):
     SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=1, progress=False)
     assert run_command(["sweep", str(tmp_path / "sweep"), "--run", "2", "--no-recording"]) == 0
@@ -211,12 +222,26 @@ def scheduler(dask):
     return dask.scheduler_address
 
 
+@pytest.fixture(scope="module")
+def threads():
+    """The address of a scheduler whose workers are threads of this process, which are there at once."""
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
+    ) as one:
+        yield one.scheduler_address
+
+
 class TestCluster:
     @pytest.mark.long
     def test_its_rows_are_those_of_this_machine(self, scheduler, tmp_path):
         here = SweepFolder(tmp_path / "here", PENDULUM).run(workers=1, progress=False)
         assert SweepFolder(tmp_path / "there", PENDULUM).run(scheduler=scheduler, progress=False) == here
 
+    def test_a_task_that_killed_several_workers_takes_itself_alone(self, threads):
+        """Dask tells so by what it raises for it."""
+        assert made_by(Cluster(threads), [(number,) for number in range(7)], killing) == [-3, 0, 1, 2, 4, 5, 6]
+
+    @pytest.mark.long
     def test_a_worker_that_dies_takes_its_own_task_alone(self, scheduler, tmp_path):
         tasks = [(number, tmp_path / str(number)) for number in range(7)]
         found = made_by(Cluster(scheduler), tasks)
@@ -264,7 +289,7 @@ class TestCluster:
         ("who", "package", "version", "told"),
         [("scheduler", "drake", "0.1", "drake 0.1"), ("worker", "simrob-drake", None, "simrob-drake not at all")],
     )
-    def test_another_version_anywhere_is_refused_in_one_line(self, scheduler, who, package, version, told, monkeypatch):
+    def test_another_version_anywhere_is_refused_in_one_line(self, threads, who, package, version, told, monkeypatch):
         asked = Client.get_versions
 
         def versions(client, **more):
@@ -278,12 +303,12 @@ class TestCluster:
         with pytest.raises(
             SimrobError, match=rf"the {who} .*has {told}; it must have {package} \d+\.\d+\S+, as this"
         ) as no:
-            Cluster(scheduler)
+            Cluster(threads)
         assert "\n" not in str(no.value)
 
-    def test_what_this_computer_has_not_may_differ(self, scheduler, monkeypatch):
+    def test_what_this_computer_has_not_may_differ(self, threads, monkeypatch):
         monkeypatch.setattr(processes, "_PACKAGES", ("python", "no-such-package"))
-        with Cluster(scheduler):
+        with Cluster(threads):
             pass
 
     @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "carrier-pigeon://x"])

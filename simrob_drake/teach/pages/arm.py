@@ -26,11 +26,11 @@ def build(session: Session, t: Words) -> None:
     """Build the page into the present slot; it is there as soon as an arm is."""
 
     def robot() -> Mapping[str, Any]:
-        found: Mapping[str, Any] = session.description.get("robots", {}).get(session.robot, {})
+        found: Mapping[str, Any] = session.description.get("robots", {}).get(session.book.robot, {})
         return found
 
     def state() -> list[Any]:
-        return [session.robot, robot().get("kind"), [axis["name"] for axis in robot().get("axes", ())]]
+        return [session.book.robot, robot().get("kind"), [axis["name"] for axis in robot().get("axes", ())]]
 
     def show() -> None:
         if robot().get("kind") == "arm":
@@ -66,7 +66,9 @@ def _build_hand(session: Session, t: Words, place: ArmState) -> None:
             piece = _choice(t("arm.piece" if takes else "arm.held"))
             pieces.append(("around" if takes else "carried", piece))
             _put(session, t("arm.take_piece" if takes else "arm.leave_piece"), kind, piece)
-    tool.on_value_change(lambda event: event.value not in (None, place.values.get("tool")) and session.tool(tool.value))
+    tool.on_value_change(
+        lambda event: event.value not in (None, place.values.get("tool")) and session.arm.tool(tool.value)
+    )
 
     def show() -> None:
         values = place.values
@@ -98,8 +100,8 @@ def _build_program(session: Session, phrases: Phrases, robot: Mapping[str, Any],
     target_list.build_teaching(session, t, place)
 
     def tried() -> None:
-        if session.pending:
-            what = "; ".join(phrases.move(move, session.targets) for move in session.pending)
+        if session.book.pending:
+            what = "; ".join(phrases.move(move, session.book.targets) for move in session.book.pending)
             with ui.row().classes("w-full items-center gap-2"):
                 ui.label(t("arm.tried", what=what)).classes("grow")
                 ui.button(t("legs.add"), on_click=session.add).props("dense no-caps")
@@ -122,10 +124,10 @@ def _build_program(session: Session, phrases: Phrases, robot: Mapping[str, Any],
 
     def store() -> None:
         how: dict[str, Any] = {"speed": speed.value * MILLI} if speed.value else {}
-        session.add_line(kind.value, target.value, via=via.value if goes_via() else None, **how)
+        session.arm.add_line(kind.value, target.value, via=via.value if goes_via() else None, **how)
 
     def targets() -> None:
-        names = list(session.targets)
+        names = list(session.book.targets)
         new = names != target.options
         for field in (target, via):
             field.set_options(names, value=field.value if field.value in names else None)
@@ -138,4 +140,4 @@ def _build_program(session: Session, phrases: Phrases, robot: Mapping[str, Any],
         field.on_value_change(adapt)
     follow(session, targets, "program", "description")
     MoveList(session, phrases, robot)
-    rebuild(session, lambda: (session.pending, dict(session.targets)), tried, "program")
+    rebuild(session, lambda: (session.book.pending, dict(session.book.targets)), tried, "program")

@@ -10,11 +10,10 @@ from typing import Any
 from nicegui import background_tasks, context, ui
 
 from simrob_drake.teach.pages.elements import KEYS, Dial, follow
-from simrob_drake.teach.pages.joints import axis_dial
-from simrob_drake.teach.pages.marks import Marks
+from simrob_drake.teach.pages.joints import Marks, axis_dial
 from simrob_drake.teach.pages.phrases import MILLI, Phrases, figure, frame_words, joint_words, pose_of, pose_text
+from simrob_drake.teach.run import level_of
 from simrob_drake.teach.session import Session
-from simrob_drake.teach.shortfall import level_of
 
 WAY, TURN = 100.0, 30.0
 """How far the sliders of the tool go to either side unless it is changed [mm, deg]; LimPos and LimRot of SimRob."""
@@ -87,20 +86,20 @@ class Jogging:
     def _jog_joint(self, name: str) -> None:
         self._by_tool, value = False, self._joints[name].value
         if value is not None:
-            self._await(self._session.jog_axes({name: value}))
+            self._await(self._session.arm.jog_axes({name: value}))
 
     def _jog_tool(self) -> None:
         self._by_tool = True
         held = [value for dial in self._dials if (value := dial.value) is not None]
         if len(held) == len(self._dials):
             delta = [value * MILLI if number < len(_WAYS) else value for number, value in enumerate(held)]
-            self._await(self._session.jog_tool(delta, self._place.frame, start=self._middle))
+            self._await(self._session.arm.jog_tool(delta, self._place.frame, start=self._middle))
 
     def _go(self) -> None:
         """Go to the pose that was typed."""
         if self._pose.validate():
             self._by_tool = False
-            self._await(self._session.jog_pose(pose_of(self._pose.value), self._place.frame))
+            self._await(self._session.arm.jog_pose(pose_of(self._pose.value), self._place.frame))
 
     def _await(self, jog: Future[Any]) -> None:
         background_tasks.create(self._went(jog))
@@ -174,7 +173,7 @@ class ArmState:
 
     async def asked(self) -> None:
         """Ask, and wait until all who are to hear the answer have."""
-        values = await wrap_future(self._session.where(self.frame))
+        values = await wrap_future(self._session.arm.where(self.frame))
         if values and not self._client.is_deleted:
             self.values = values
             for callback in self._callbacks:

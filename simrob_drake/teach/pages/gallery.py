@@ -54,7 +54,7 @@ def build(session: Session, t: Words, load: Callable[[str], object], take: Calla
 
     def mark() -> None:
         models = {robot["model"] for robot in session.description.get("robots", {}).values()}
-        for own, marked in ((pictures, models), (names, {session.station})):
+        for own, marked in ((pictures, models), (names, {session.book.station})):
             for name, entry in own.items():
                 entry.props["aria-pressed"] = "true" if name in marked else "false"
 

@@ -9,8 +9,7 @@ from nicegui import ui
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.teach.pages import plots
 from simrob_drake.teach.pages.elements import KEYS, allow, card, folded, follow, numbered, rebuild
-from simrob_drake.teach.pages.joints import Joints
-from simrob_drake.teach.pages.marks import Marks, shown_at
+from simrob_drake.teach.pages.joints import Joints, Marks, shown_at
 from simrob_drake.teach.pages.move_forms import choices_of, duration_field, offers
 from simrob_drake.teach.pages.move_list import MoveList
 from simrob_drake.teach.pages.phrases import Content, Phrases
@@ -22,7 +21,7 @@ def build(session: Session, t: Words) -> None:
     """Build the page of a session's robot in the present place; it is built anew for another robot."""
 
     def robot() -> Content:
-        found: Content = session.description.get("robots", {}).get(session.robot, {})
+        found: Content = session.description.get("robots", {}).get(session.book.robot, {})
         return found
 
     def state() -> list[Any]:
@@ -61,7 +60,7 @@ def _plots(session: Session, phrases: Phrases) -> None:
 
     def show() -> None:
         if names():
-            moves = [*session.pending, *(move.entry() for move in session.program.moves)]
+            moves = [*session.book.pending, *(move.entry() for move in session.book.program.moves)]
             moved = {phrases.plain(axis) for move in moves for axis in move.get("target_deg", ())}
             plots.build(session, phrases.t, moved)
 
@@ -96,7 +95,7 @@ class _Teaching:
         seconds = self._duration.needed()
         if seconds is None or self._joints.refuse_wrong():
             return
-        last = self._session.pending[-1] if self._session.pending else {}
+        last = self._session.book.pending[-1] if self._session.book.pending else {}
         targets = self._joints.targets or last.get("target_deg", {})
         if not targets:
             ui.notify(self._phrases.t("legs.choose"))
@@ -109,7 +108,7 @@ class _Teaching:
 
     def _restore(self, targets: dict[str, float], ended: dict[str, Any] | None) -> None:
         """Set the targets again of a test that was refused or fell, to be set otherwise and tested again."""
-        moves = self._session.pending
+        moves = self._session.book.pending
         refused = ended is None and not (moves and targets.items() <= moves[-1].get("target_deg", {}).items())
         if refused or (ended and not ended["goes_on"] and ended["ending"] != "stopped"):
             self._joints.restore(targets)
@@ -136,7 +135,7 @@ class _Teaching:
         t, phrases = self._phrases.t, self._phrases
         axes = ", ".join(phrases.target(axis, value) for axis, value in self._joints.targets.items())
         self._chosen.text = t("legs.chosen", axes=axes) if axes else t("legs.choose")
-        moves = "; ".join(phrases.move(move) for move in self._session.pending)
+        moves = "; ".join(phrases.move(move) for move in self._session.book.pending)
         self._tested.text = t("legs.tested", moves=moves) if moves else ""
         allow(self._add, "" if moves else t("notice.nothing_tested"))
 
@@ -148,7 +147,7 @@ def _loops(session: Session, phrases: Phrases) -> None:
         return {loop["name"]: loop["on"] for loop in session.description.get("loops", ())}
 
     def switch(name: str, value: bool) -> None:
-        if value != on().get(name, value) and not session.switch_loop(name, value):
+        if value != on().get(name, value) and not session.setup.switch_loop(name, value):
             show()
 
     def show() -> None:

@@ -6,10 +6,12 @@ from typing import Any
 
 from nicegui import context, ui
 
+from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.timeline import GRID
 from simrob_drake.teach.pages.elements import KEYS, follow, icon_button, set_label
 from simrob_drake.teach.pages.move_forms import Read, choices_of, stored_form, yaml_form
-from simrob_drake.teach.pages.phrases import Content, Phrases
+from simrob_drake.teach.pages.phrases import Content, Phrases, figure
+from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
 _Act = Callable[[int], object]
@@ -29,12 +31,12 @@ class MoveList:
         }
         change_acts: dict[str, tuple[str, _Act]] = {
             "edit": (t("legs.edit"), self._edit_change),
-            "delete": (t("legs.delete"), session.remove_change),
+            "delete": (t("legs.delete"), session.book.remove_change),
         }
         if self._stepped:
             self._build_steps()
             acts = {"arrow_right": (t("arm.next"), self._go), "play_arrow": (t("arm.run_line"), self._run), **acts}
-        acts |= {"edit": (t("legs.edit"), self._edit_move), "delete": (t("legs.delete"), session.remove)}
+        acts |= {"edit": (t("legs.edit"), self._edit_move), "delete": (t("legs.delete"), session.book.remove)}
         self._moves = _Lines(acts)
         self._nothing = ui.label(t("arm.no_lines" if self._stepped else "legs.no_moves")).classes("opacity-70")
         self._heading = ui.label(t("legs.changes")).classes("font-bold mt-2")
@@ -51,8 +53,8 @@ class MoveList:
         self._runs = [button.props("no-caps outline") for button in (play, step)]
 
     def _show(self) -> None:
-        program, session = self._session.program, self._session
-        self._moves.show([self._phrases.move(move.entry(), session.targets) for move in program.moves])
+        program, session = self._session.book.program, self._session
+        self._moves.show([self._phrases.move(move.entry(), session.book.targets) for move in program.moves])
         self._nothing.set_visibility(not program.moves)
         self._heading.set_visibility(bool(program.changes))
         self._changes.show([self._phrases.change(change, program.grid or GRID) for change in program.changes])
@@ -64,27 +66,27 @@ class MoveList:
 
     def _go(self, index: int) -> None:
         """Mark the move that comes next."""
-        self._next = index if index < len(self._session.program.moves) else 0
+        self._next = index if index < len(self._session.book.program.moves) else 0
         for number, button in enumerate(self._moves.buttons("arrow_right")):
             button.props(f"color={'primary' if number == self._next else 'grey'}")
 
     def _run(self, index: int) -> None:
-        self._session.run_line(index)
+        self._session.arm.run_line(index)
         self._go(index + 1)
 
     def _move(self, index: int, by: int, icon: str) -> None:
-        if 0 <= index + by < len(self._session.program.moves):
-            self._session.move_entry(index, index + by)
+        if 0 <= index + by < len(self._session.book.program.moves):
+            self._session.book.move_entry(index, index + by)
             self._moves.focus(index + by, icon)
 
     def _edit_move(self, index: int) -> None:
-        move, choices = self._session.program.moves[index].entry(), choices_of(self._session, self._robot)
-        self._edit(partial(stored_form, self._phrases, choices, move), partial(self._session.edit, index))
+        move, choices = self._session.book.program.moves[index].entry(), choices_of(self._session, self._robot)
+        self._edit(partial(stored_form, self._phrases, choices, move), partial(self._session.book.edit, index))
 
     def _edit_change(self, index: int) -> None:
-        change = self._session.program.changes[index].model_dump(mode="json", exclude_none=True)
+        change = self._session.book.program.changes[index].model_dump(mode="json", exclude_none=True)
         form = partial(yaml_form, self._phrases.t("legs.as_yaml"), change)
-        self._edit(form, partial(self._session.edit_change, index))
+        self._edit(form, partial(self._session.book.edit_change, index))
 
     def _edit(self, form: Callable[[], Read], store: Callable[[Any], bool]) -> None:
         """Open a form in a window of its own, which closes when what it holds was stored."""
@@ -141,3 +143,110 @@ class _Lines:
             label = ui.label().classes("grow min-w-0 break-words")
             buttons = {icon: icon_button(icon, text, partial(act, index)) for icon, (text, act) in self._acts.items()}
         self._rows.append((row, label, buttons))
+
+
+_UNKNOWN = 1.0  # s that a block stands for whose move takes nobody knows how long
+_DRAGGED = """(event) => {
+    const block = event.target.closest('[data-move]');
+    if (!block) return;
+    if (event.type === 'dragstart') event.dataTransfer.setData('simrob/move', block.dataset.move);
+    else if (event.dataTransfer.types.includes('simrob/move')) event.preventDefault();
+    const moved = event.type === 'drop' && event.dataTransfer.getData('simrob/move');
+    if (moved) emit([moved, block.dataset.move].map(Number));
+}"""
+
+
+def lengths(moves: Sequence[Move], ending: dict[str, Any] | None, ran: Sequence[Move]) -> list[float | None]:
+    """Return how long moves take [s]; None where that is not known before they are run.
+
+    Args:
+        moves: of the program.
+        ending: how its last run ended, as the news tell it.
+        ran: the moves of that run.
+    """
+    parts = iter(ending["parts"] if ending is not None and list(ran) == list(moves) else ())
+    return [next(parts, getattr(move, "duration", None)) if move.takes_time else 0.0 for move in moves]
+
+
+def place_of(time: float, long: Sequence[float | None]) -> tuple[int, float] | None:
+    """Return in which move a program is at a time [s], and which part of it is done; None behind the last.
+
+    In a move of unknown length it is at the beginning, for as long as nothing else is known.
+    """
+    begin = 0.0
+    for number, length in enumerate(long):
+        if length is None:
+            return number, 0.0
+        if time < begin + length:
+            return number, (time - begin) / length
+        begin += length
+    return None
+
+
+class ProgramTimeline:
+    """The moves as blocks in a row: how long each takes, and where a run of them is.
+
+    A block is dragged to put its move elsewhere, and clicked to see where it began. Who uses the keys or hears the page
+    has the same in the list.
+    """
+
+    def __init__(self, session: Session, t: Words) -> None:
+        """Build it; it follows the session."""
+        self._session, self._t = session, t
+        self._blocks: list[ui.element] = []
+        self._long: list[float | None] = []
+        self._heard, self._ran = session.run.ending, list[Move]()
+        self._now: ui.element | None = None
+        self._place = ui.element("div").classes("pendant-timeline pendant-more").props("aria-hidden=true")
+        for event in ("dragstart", "dragover"):
+            self._place.on(event, js_handler=_DRAGGED)
+        self._place.on("drop", lambda event: session.book.move_entry(*event.args), js_handler=_DRAGGED)
+        follow(session, self._build, "program", "description")
+        follow(session, self._follow, "tick", "phase")
+
+    def _build(self) -> None:
+        robots = self._session.description.get("robots", {})
+        phrases = Phrases(self._t, robots.get(self._session.book.robot, {}).get("axes", ()))
+        moves = self._session.book.program.moves
+        self._long, self._now, self._blocks = lengths(moves, self._heard, self._ran), None, []
+        self._place.clear()
+        self._place.set_visibility(bool(moves))
+        with self._place:
+            for number, move in enumerate(moves):
+                self._block(number, phrases.move(move.entry(), self._session.book.targets))
+        self._show_head()
+
+    def _block(self, number: int, text: str) -> None:
+        length = self._long[number]
+        caption = f"{number + 1}. {text}" + (f" · {figure(length)} s" if length else "")
+        with ui.element("div").classes("pendant-block").props(f"draggable=true data-move={number}") as block:
+            ui.label(caption)
+        block.props["title"] = caption
+        block.style(f"flex-grow: {_UNKNOWN if length is None else length:.3f}")
+        block.on("click", lambda: self._show_begin(number))
+        self._blocks.append(block)
+
+    def _show_begin(self, number: int) -> None:
+        """Show the moment in which a move began, if it is known and was run."""
+        before = self._long[:number]
+        begin = sum(length for length in before if length is not None)
+        if None not in before and self._session.run.kind == "program" and begin <= self._session.run.reach:
+            self._session.rewind(begin)
+
+    def _follow(self) -> None:
+        session = self._session
+        if session.run.ending is not self._heard and session.run.kind == "program" and session.phase == "idle":
+            self._heard, self._ran = session.run.ending, list(session.book.program.moves)
+            self._build()
+        self._show_head()
+
+    def _show_head(self) -> None:
+        """Show where the run is in the block that it is in."""
+        run = self._session.run
+        at = place_of(run.time, self._long) if run.kind == "program" else None
+        now = self._blocks[at[0]] if at is not None else None
+        if self._now is not None and self._now is not now:
+            self._now.classes(remove="now")
+        if now is not None and at is not None:
+            now.classes(add="now").style(f"--at: {100 * at[1]:.1f}%")
+        self._now = now

@@ -10,7 +10,7 @@ from nicegui.language import Language
 from simrob_drake.errors import SimrobError
 from simrob_drake.teach.pages import arm, gallery, legs, station, view
 from simrob_drake.teach.pages.elements import KEYS, allow, follow, icon_button, set_label, shortcuts
-from simrob_drake.teach.pages.program_timeline import ProgramTimeline
+from simrob_drake.teach.pages.move_list import ProgramTimeline
 from simrob_drake.teach.pages.words import Words, languages
 from simrob_drake.teach.pendant import Pendant
 from simrob_drake.teach.session import Session
@@ -85,9 +85,9 @@ def _loaded(session: Session, t: Words, load: Callable[[str, str], None]) -> Non
     robots.on_value_change(lambda event: load(session.subject, event.value) if event.value else None)
 
     def show() -> None:
-        text.text = t("shell.loaded", station=session.station, file=session.file)
+        text.text = t("shell.loaded", station=session.book.station, file=session.book.file)
         several = list(session.description.get("robots", ()))
-        robots.set_options(several, value=session.robot if session.robot in several else None)
+        robots.set_options(several, value=session.book.robot if session.book.robot in several else None)
         robots.set_visibility(len(several) > 1)
 
     follow(session, show, "description", "program")
@@ -101,8 +101,8 @@ def _conflict(session: Session, t: Words) -> None:
             ui.button(t(f"shell.{name}"), on_click=choose).props("no-caps dense outline")
 
     def show() -> None:
-        text.text = t("notice.conflict", file=session.file.name)
-        place.set_visibility(session.conflict)
+        text.text = t("notice.conflict", file=session.book.file.name)
+        place.set_visibility(session.book.conflict)
 
     follow(session, show, "program")
 
@@ -112,15 +112,15 @@ def _undo(session: Session, t: Words) -> None:
     redo = icon_button("redo", t("shell.redo"), session.redo, keys="Control+Shift+Z")
 
     def show() -> None:
-        allow(undo, "" if session.can_undo else t("why.no_undo"))
-        allow(redo, "" if session.can_redo else t("why.no_redo"))
+        allow(undo, "" if session.book.history.can_undo else t("why.no_undo"))
+        allow(redo, "" if session.book.history.can_redo else t("why.no_redo"))
 
     follow(session, show, "program", "description")
 
 
 def _take_away(session: Session, t: Words) -> None:
     async def take(kind: str) -> None:
-        file = await wrap_future(getattr(session, f"export_{kind}")())
+        file = await wrap_future(getattr(session.exports, kind)())
         if file is not None:
             ui.download.file(file)
 
@@ -182,7 +182,7 @@ def _tabs(session: Session, t: Words) -> None:
 
     def show() -> None:
         nonlocal chosen
-        kind = session.description.get("robots", {}).get(session.robot, {}).get("kind", "")
+        kind = session.description.get("robots", {}).get(session.book.robot, {}).get("kind", "")
         for name, head in heads.items():
             head.set_visibility(name in (kind, always))
         fitting = kind if kind in TABS else always

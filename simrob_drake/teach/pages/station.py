@@ -71,10 +71,10 @@ class _Page:
         session = self._session
         if session.phase in ("running", "paused"):
             done = await asyncio.wrap_future(session.change(key, value)) is not None
-        elif value is None and key in session.settings:
-            done = session.unset(key)  # which may have brought it
+        elif value is None and key in session.book.settings:
+            done = session.setup.unset(key)  # which may have brought it
         else:
-            done = session.set(key, value)
+            done = session.setup.set(key, value)
         return "" if done else self._t.of_engine(str(session.message))
 
     def _refresh(self) -> None:
@@ -82,7 +82,7 @@ class _Page:
         session = self._session
         if not session.description:
             return
-        self._content = station_content(session.config)
+        self._content = station_content(session.book.config)
         self._fields = form_fields(station_schema(), self._content)
         self._show_form()
         self._search()
@@ -102,11 +102,11 @@ class _Page:
         if self._asked or (self._panels is not None and self._panels.value != _TAB):
             return
         self._asked = True
-        picture = await asyncio.wrap_future(self._session.picture())
+        picture = await asyncio.wrap_future(self._session.setup.picture())
         self._wrong_picture.text = "" if picture else self._t.of_engine(str(self._session.message))
         if picture:
             self._picture.show(picture)
-        findings = await asyncio.wrap_future(self._session.check())
+        findings = await asyncio.wrap_future(self._session.setup.check())
         if self._findings.is_deleted:
             return
         self._findings.clear()
@@ -168,9 +168,9 @@ class _Page:
         """Show what is changed of the station, each to be taken back."""
         self._changed.clear()
         with self._changed:
-            for key, value in self._session.settings.items():
+            for key, value in self._session.book.settings.items():
                 chip = ui.chip(f"{key}: {as_text(value) or '–'}", removable=True, icon="edit")
-                chip.on_value_change(lambda key=key: self._session.unset(key))
+                chip.on_value_change(lambda key=key: self._session.setup.unset(key))
 
     def _show_stops(self) -> None:
         """Say what may end a run, and what did."""

@@ -26,7 +26,7 @@ def build_teaching(session: Session, t: Words, place: ArmState) -> None:
     """Build what teaches a target where the arm is."""
 
     def teach() -> None:
-        session.teach_target((name.value or "").strip() or None, frame.value or WORLD)
+        session.arm.teach_target((name.value or "").strip() or None, frame.value or WORLD)
         name.value = ""
 
     def frames() -> None:
@@ -47,12 +47,12 @@ def build_targets(session: Session, t: Words) -> None:
 
     def show() -> None:
         with ui.element("ul").classes("w-full p-0 m-0").style("list-style: none"):
-            for target, taught in session.targets.items():
+            for target, taught in session.book.targets.items():
                 _target(session, t, target, taught)
-        if not session.targets:
+        if not session.book.targets:
             ui.label(t("arm.no_targets")).classes("opacity-70 py-1")
 
-    rebuild(session, lambda: dict(session.targets), show, "program")
+    rebuild(session, lambda: dict(session.book.targets), show, "program")
 
 
 def _target(session: Session, t: Words, name: str, taught: Mapping[str, Any]) -> None:
@@ -61,25 +61,25 @@ def _target(session: Session, t: Words, name: str, taught: Mapping[str, Any]) ->
     with ui.element("li").classes("w-full"), ui.row().classes("w-full items-center gap-2 no-wrap"):
         ui.label(name).classes("font-medium").style("min-width: 3rem; overflow-wrap: anywhere")
         ui.label(" · ".join(filter(None, parts))).classes("grow text-sm")
-        icon_button("near_me", t("arm.go_to", name=name), partial(session.jog_axes, taught["axes"]))
-        icon_button("call_split", t("arm.branches_of", name=name), partial(session.branches, name))
-        icon_button("delete", t("arm.forget", name=name), partial(session.remove_target, name))
+        icon_button("near_me", t("arm.go_to", name=name), partial(session.arm.jog_axes, taught["axes"]))
+        icon_button("call_split", t("arm.branches_of", name=name), partial(session.arm.branches, name))
+        icon_button("delete", t("arm.forget", name=name), partial(session.arm.remove_target, name))
 
 
 def build_branches(session: Session, phrases: Phrases) -> None:
     """Build the list of the branches that the session found last."""
     t = phrases.t
     with ui.row().classes("w-full items-center gap-2"):
-        ui.button(t("arm.branches"), icon="call_split", on_click=partial(session.branches, None)).props("no-caps")
-        hide = ui.button(t("arm.hide"), on_click=session.hide_ghosts).props("flat no-caps")
+        ui.button(t("arm.branches"), icon="call_split", on_click=partial(session.arm.branches, None)).props("no-caps")
+        hide = ui.button(t("arm.hide"), on_click=session.arm.hide_ghosts).props("flat no-caps")
 
     def show() -> None:
-        hide.set_visibility(bool(session.ghosts))
+        hide.set_visibility(bool(session.arm.ghosts))
         with ui.element("ol").classes("w-full p-0 m-0").style("list-style: none; max-height: 22rem; overflow-y: auto"):
-            for number, branch in enumerate(session.ghosts):
+            for number, branch in enumerate(session.arm.ghosts):
                 _branch(session, phrases, number, branch)
 
-    rebuild(session, lambda: list(session.ghosts), show, "program")
+    rebuild(session, lambda: list(session.arm.ghosts), show, "program")
 
 
 def _branch(session: Session, phrases: Phrases, number: int, branch: Mapping[str, Any]) -> None:
@@ -88,14 +88,14 @@ def _branch(session: Session, phrases: Phrases, number: int, branch: Mapping[str
     icon, colour, text = ("check", "positive", "usable") if usable else ("block", "negative", "not_usable")
     with ui.element("li").classes("w-full py-1").style("border-top: 1px solid var(--line)") as entry:
         for event in ("mouseenter", "focusin"):
-            entry.on(event, partial(session.mark_branch, number))
-        entry.on("mouseleave", partial(session.mark_branch, None))
+            entry.on(event, partial(session.arm.mark_branch, number))
+        entry.on("mouseleave", partial(session.arm.mark_branch, None))
         with ui.row().classes("w-full items-center gap-2 no-wrap"):
             ui.icon(icon, color=colour, size="1.4rem").props("aria-hidden=true")
             ui.label(t(f"arm.{text}", number=number + 1)).classes("font-medium")
             axes = "  ".join(_position(phrases, axis, value) for axis, value in branch["axes"].items())
             ui.label(axes).classes("grow tabular-nums")
-            button = ui.button(t("arm.choose"), on_click=partial(session.choose_branch, number))
+            button = ui.button(t("arm.choose"), on_click=partial(session.arm.choose_branch, number))
             button.props(f'outline dense no-caps aria-label="{t("arm.choose_branch", number=number + 1)}"')
             button.set_enabled(usable)
         parts = (_load(phrases, branch), _room(phrases, branch), _gap(phrases, branch))

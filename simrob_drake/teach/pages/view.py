@@ -49,7 +49,7 @@ def _stills(session: Session, t: Words) -> None:
         strip.props["alt"] = t("shell.view")
 
     async def draw() -> None:
-        file = await wrap_future(session.film_strip())
+        file = await wrap_future(session.exports.film_strip())
         if file is not None:
             strip.props["src"] = f"data:image/png;base64,{b64encode(Path(file).read_bytes()).decode()}"
 
@@ -95,7 +95,7 @@ def build_pad(session: Session, t: Words) -> None:
     def show_bodies() -> None:
         bodies = list(session.description.get("bodies", ()))
         if bodies != body.options:
-            first = session.robot if session.robot in bodies else next(iter(bodies), None)
+            first = session.book.robot if session.book.robot in bodies else next(iter(bodies), None)
             body.set_options(bodies, value=body.value if body.value in bodies else first)
 
     def show_phase() -> None:
@@ -136,7 +136,7 @@ def build_bar(session: Session, t: Words) -> None:
         running = session.phase == "running"
         play.props["icon"] = "pause" if running else "play_arrow"
         set_label(play, t("run.pause" if running else "run.play"))
-        undecided = t("why.undecided") if _at_end(session) and session.pending else ""
+        undecided = t("why.undecided") if _at_end(session) and session.book.pending else ""
         cannot = _unless(session, t, "idle", *_RUNS) or undecided
         allow(play, cannot)
         allow(stop, _unless(session, t, *_RUNS))
@@ -173,7 +173,7 @@ def _unless(session: Session, t: Words, *phases: str) -> str:
 
 
 def _grid(session: Session) -> float:
-    return session.program.grid or GRID
+    return session.book.program.grid or GRID
 
 
 def _at_end(session: Session) -> bool:
@@ -206,12 +206,12 @@ def _pace(session: Session, t: Words) -> None:
     select = ui.select(options, label=t("run.pace")).props("dense options-dense outlined").style("min-width: 6.5rem")
 
     def chosen(value: str) -> None:
-        if paces[value] != session.pace:  # else it was shown, not chosen
+        if paces[value] != session.client.pace:  # else it was shown, not chosen
             session.set_pace(paces[value])
 
     select.on_value_change(lambda event: chosen(event.value))
 
     def show() -> None:
-        select.set_value(str(session.pace) if session.pace is not None else _FASTEST)
+        select.set_value(str(session.client.pace) if session.client.pace is not None else _FASTEST)
 
     follow(session, show, "phase")

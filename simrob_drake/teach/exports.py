@@ -1,0 +1,89 @@
+"""What is taken away of what was taught and run: files in the folder of the program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+from simrob_drake.errors import SimrobError
+from simrob_drake.parts.controllers.own import OwnController
+from simrob_drake.programs.script import script
+from simrob_drake.stations.load import station_yaml
+from simrob_drake.teach.commands import Commands
+from simrob_drake.teach.pages.words import Notice
+from simrob_drake.teach.program_book import ProgramBook
+from simrob_drake.teach.run_client import RunClient, done
+from simrob_drake.teach.subjects import goes_on_legs
+
+
+class Exports:
+    """Writes files; each method gives a future with the file, or None of what was wrong."""
+
+    def __init__(self, client: RunClient, book: ProgramBook, commands: Commands) -> None:
+        """Prepare for a program, and for what the client runs."""
+        self._client, self._book, self._commands = client, book, commands
+
+    def program(self) -> Future[Any]:
+        """Write the program as YAML that ``simrob run`` takes, beside it the station if it has settings."""
+        book = self._book
+        program = book.store.placed(book.whole_program(), book.settings)
+
+        def write() -> None:
+            book.conflict = not book.store.write(program)
+
+        return self._written(book.file, write)
+
+    def script(self) -> Future[Any]:
+        """Write the program as a Python script that runs by itself and gives the same signals."""
+        book = self._book
+        program, file = book.whole_program(), book.file.with_suffix(".py")
+        legs = bool(book.robot) and goes_on_legs(book.model, program)
+        code = any(isinstance(one, OwnController) for one in book.config.controllers.values())
+        robot = book.one_of_several
+        text = script(program, book.station, book.settings, robot=robot, legs=legs, code=code, file=file)
+        return self._written(file, lambda: book.store.make(file, text))
+
+    def station(self) -> Future[Any]:
+        """Write the station with its settings as YAML."""
+        file, text = self._book.store.station_file, station_yaml(self._book.config)
+        return self._written(file, lambda: self._book.store.make(file, text))
+
+    def csv(self) -> Future[Any]:
+        """Write the signals of the last run."""
+        return self._of_run("signals", ".csv")
+
+    def recording(self) -> Future[Any]:
+        """Write the last run as one HTML page."""
+        return self._of_run("page", ".html")
+
+    def film_strip(self) -> Future[Any]:
+        """Draw the last run as a strip of pictures, for who cannot see the view."""
+        return self._of_run("strip", ".png", quietly=True)
+
+    def _written(self, file: Path, write: Callable[[], object]) -> Future[Any]:
+        book, client = self._book, self._client
+        try:
+            write()
+        except SimrobError as problem:
+            client.wrong(problem)
+            return done(None)
+        if book.conflict and file == book.file:
+            client.refuse("conflict", file=file.name)
+            return done(None)
+        client.say(Notice("exported", {"file": str(file)}))
+        book.save()  # and tell what was put aside
+        return done(file)
+
+    def _of_run(self, what: str, suffix: str, *, quietly: bool = False) -> Future[Any]:
+        file, commands = self._book.file.with_suffix(suffix), self._commands
+
+        def written(_: Any) -> Path:
+            if not quietly:
+                self._client.say(Notice("exported", {"file": str(file)}))
+            return file
+
+        return commands.queued(
+            what, lambda: commands.travel("save", written, phase="saving", what=what, file=str(file))
+        )

@@ -1,0 +1,69 @@
+"""The station that is taught on: its settings, by which it is opened anew, and what is asked about it."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from typing import Any
+
+from simrob_drake.stations.load import station_content, switched
+from simrob_drake.teach.move_runner import MoveRunner
+from simrob_drake.teach.program_book import ProgramBook
+from simrob_drake.teach.run_client import RunClient
+
+
+class Setup:
+    """Changes the station while nothing runs; tells by True or False whether it was done."""
+
+    def __init__(self, client: RunClient, book: ProgramBook, runner: MoveRunner) -> None:
+        """Begin with the book's station."""
+        self._client, self._book, self._runner = client, book, runner
+
+    def value(self, key: str) -> Any:
+        """Return what the station has under a dotted key, settings counted in; None if nothing."""
+        node: Any = station_content(self._book.config)
+        for part in key.split("."):
+            node = node.get(part) if isinstance(node, dict) else None
+        return node
+
+    def set(self, key: str, value: Any) -> bool:
+        """Change the station by a dotted key and open it anew; None takes an entry out."""
+        return self._open_with({**self._book.settings, key: value})
+
+    def unset(self, key: str) -> bool:
+        """Take a setting back."""
+        return self._open_with({other: value for other, value in self._book.settings.items() if other != key})
+
+    def switch_loop(self, name: str, on: bool) -> bool:
+        """Switch an outer loop of the station on or off."""
+        book = self._book
+        settings = self._client.or_wrong(lambda: switched(book.known_loops, book.settings, name, on))
+        return settings is not None and self._open_with(settings)
+
+    def check(self) -> Future[Any]:
+        """Give what ``simrob check`` says of the station with its settings."""
+        return self._client.ask("check")
+
+    def picture(self) -> Future[Any]:
+        """Give the block picture as SVG."""
+        return self._client.ask("picture")
+
+    def _open_with(self, settings: dict[str, Any]) -> bool:
+        book = self._book
+        if self._client.phase not in ("opening", "idle", "gone"):
+            return self._client.refuse("busy")
+        config = self._client.or_wrong(lambda: book.loaded(settings))
+        if config is None:
+            return False
+        before, book.config = book.config, config
+        book.record(book.history.present.replaced(settings=settings))
+        taken = book.history.present
+
+        def refused() -> None:
+            if book.history.present is taken:
+                book.history.withdraw()
+                book.config = before
+                book.save()
+            self._runner.commands.set_phase("idle")
+
+        self._runner.reopen(refused)
+        return True
