@@ -62,7 +62,8 @@ class Pendant:
             SimrobError: nothing can be opened among them; what is open stays so.
         """
         self.load(keep(files, self.session.folder.parent))
-        if self.session.book.robot and (report := report_of(self.session.book.model.urdf_path)):
+        book = self.session.book
+        if book.robot and (report := report_of(book.model.urdf_path)):
             self.session.client.say(Notice(fills={"text": report}))
 
     def close(self) -> None:

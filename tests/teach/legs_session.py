@@ -1,7 +1,6 @@
 """A session without a run, for the legged page: a robot as it is, a program that keeps what it is given, and notes."""
 
 from concurrent.futures import Future
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -46,6 +45,7 @@ def described(name="humanoid"):
     ]
     pose = {"name": "base_pose", "unit": "m", "title": "base pose", "columns": [f"base.{axis}" for axis in POSE]}
     return {
+        "mode": "dynamic",
         "robots": {name: robot},
         "pieces": ["box", "ball"],
         "bodies": [],
@@ -78,7 +78,7 @@ class LegsSession:
         self.program = Program.model_validate({"moves": list(moves), "changes": list(changes)})
         self.pending, self.targets, self.message = (), {}, Notice()
         self.run.watch(("reference", "position", "base_pose"))
-        self.calls, self._hearers, self.config = [], [], SimpleNamespace(mode="dynamic")
+        self.calls, self._hearers = [], []
 
     def listen(self, callback):
         self._hearers.append(callback)

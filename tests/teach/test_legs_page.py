@@ -511,7 +511,7 @@ def test_a_joint_that_does_not_come_to_where_it_should_says_why():
     asked[knee], done[knee], torque[knee] = radians(60), radians(57), 1.25
 
     async def script(user, session):
-        session.torque_limits = lambda: given([3.0] * 18)
+        session.ask = lambda _: given([3.0] * 18)
         session.run.take(1.0, None, {"reference": asked, "position": done, "torque": torque})
         session.told("phase", "tick")
         await heard(0.1)

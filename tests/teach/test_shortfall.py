@@ -7,7 +7,7 @@ import pytest
 
 from simrob_drake import Arm
 from simrob_drake.teach import arm_questions
-from simrob_drake.teach.shortfall import Shortfall, level_of, shortfall
+from simrob_drake.teach.run import Shortfall, level_of, shortfall
 
 JOINT = {"unit": "deg", "low": -90.0, "high": 110.0}
 RAIL = {"unit": "m", "low": 0.0, "high": 0.5}

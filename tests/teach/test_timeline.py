@@ -10,7 +10,7 @@ from nicegui import ui
 from nicegui.testing import user_simulation
 
 from simrob_drake.programs.moves.kinds import check_move
-from simrob_drake.teach.pages.program_timeline import ProgramTimeline, lengths, place_of
+from simrob_drake.teach.pages.move_list import ProgramTimeline, lengths, place_of
 from simrob_drake.teach.pages.words import words
 
 ELBOW, WALK = {"target_deg": {"left_elbow": 30.0}, "duration": 2.0}, {"walk": {"steps": 2}}

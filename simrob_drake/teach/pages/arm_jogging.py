@@ -10,11 +10,10 @@ from typing import Any
 from nicegui import background_tasks, context, ui
 
 from simrob_drake.teach.pages.elements import KEYS, Dial, follow
-from simrob_drake.teach.pages.joints import axis_dial
-from simrob_drake.teach.pages.marks import Marks
+from simrob_drake.teach.pages.joints import Marks, axis_dial
 from simrob_drake.teach.pages.phrases import MILLI, Phrases, figure, frame_words, joint_words, pose_of, pose_text
+from simrob_drake.teach.run import level_of
 from simrob_drake.teach.session import Session
-from simrob_drake.teach.shortfall import level_of
 
 WAY, TURN = 100.0, 30.0
 """How far the sliders of the tool go to either side unless it is changed [mm, deg]; LimPos and LimRot of SimRob."""

@@ -9,8 +9,7 @@ from nicegui import ui
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.teach.pages import plots
 from simrob_drake.teach.pages.elements import KEYS, allow, card, folded, follow, numbered, rebuild
-from simrob_drake.teach.pages.joints import Joints
-from simrob_drake.teach.pages.marks import Marks, shown_at
+from simrob_drake.teach.pages.joints import Joints, Marks, shown_at
 from simrob_drake.teach.pages.move_forms import choices_of, duration_field, offers
 from simrob_drake.teach.pages.move_list import MoveList
 from simrob_drake.teach.pages.phrases import Content, Phrases

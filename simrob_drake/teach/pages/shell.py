@@ -10,7 +10,7 @@ from nicegui.language import Language
 from simrob_drake.errors import SimrobError
 from simrob_drake.teach.pages import arm, gallery, legs, station, view
 from simrob_drake.teach.pages.elements import KEYS, allow, follow, icon_button, set_label, shortcuts
-from simrob_drake.teach.pages.program_timeline import ProgramTimeline
+from simrob_drake.teach.pages.move_list import ProgramTimeline
 from simrob_drake.teach.pages.words import Words, languages, words
 from simrob_drake.teach.pendant import Pendant
 from simrob_drake.teach.session import Session
