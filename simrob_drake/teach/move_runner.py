@@ -254,6 +254,8 @@ class MoveRunner:
     # News
 
     def _died(self, news: News) -> None:
+        if self.commands.of_run in ("running", "paused"):
+            self._client.run.die()
         self.commands.under_way.clear()
         again = self._client.died(str(news["why"]))
         self.commands.set_phase("gone")

@@ -279,6 +279,17 @@ class Session:
         drag = {"at": at, "point": point, "targets": [[0, 0, 0] if target is None else target]}
         return self._changed("drag", {"drag": drag}, at=at, point=point, target=target)
 
+    def compare(self, number: int | None) -> bool:
+        """Show the signals of one of ``run.ended``, by its number, beside those of the present run; None ends that."""
+        known = {ended.number: ended for ended in self.run.ended}
+        if number is not None and number not in known:
+            expected = f"one of {', '.join(map(str, known))}" if known else "one that has ended; none has"
+            self.client.wrong(InvalidParameter("run", quoted(number), expected))
+            return False
+        self.run.compared = known.get(number) if number is not None else None
+        self.client.tell("history")
+        return True
+
     def _changed(self, method: str, change: dict[str, Any], **arguments: Any) -> Future[Any]:
         """Ask for a change, if a program's file could have it."""
         could_be = self.client.or_wrong(lambda: validated(Change, {"time": 0.0, **plain(change)}, "the change"))
