@@ -25,8 +25,8 @@ from simrob_drake.teach.program_book import ProgramBook
 from simrob_drake.teach.run import TaughtRun
 from simrob_drake.teach.run_client import HandOver, MakeLive, RunClient, Topic, done
 from simrob_drake.teach.setup import Setup
+from simrob_drake.teach.store import Taught
 from simrob_drake.teach.subjects import program_of, station_for
-from simrob_drake.teach.taught import Taught
 
 __all__ = ["Session", "Topic"]
 

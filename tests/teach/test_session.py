@@ -16,7 +16,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.stations.load import with_settings
 from simrob_drake.teach import run_client, store
 from simrob_drake.teach.session import Session
-from simrob_drake.teach.taught import MOST_STEPS
+from simrob_drake.teach.store import MOST_STEPS
 
 ELBOW, KNEE = {"left_elbow": 30.0}, {"left_knee": 20.0}
 
