@@ -163,9 +163,13 @@ class TaughtRun:
         self.rewound = False
 
     def watch(self, signals: Iterable[str]) -> None:
-        """Keep the values of these signals, and no others."""
-        self.history = {name: self.history.get(name, deque(maxlen=_VALUES)) for name in signals}
+        """Keep the values of these signals, and no others; of what ended last they are known already."""
+        self.history = {name: self.history.get(name) or deque(self._of_last(name), _VALUES) for name in signals}
         self.values = {name: value for name, value in self.values.items() if name in self.history}
+
+    def _of_last(self, signal: str) -> list[tuple[float, Any]]:
+        last = self.ended[-1].history(signal) if self.ended else ()
+        return [row for row in last if row[0] <= self.reach + _SAME]
 
     def take(self, time: float, positions: Vector | None, values: dict[str, Any], ratio: float = 0.0) -> None:
         """Take a moment [s]: positions of the whole plant, values of signals; what was run later is forgotten."""
