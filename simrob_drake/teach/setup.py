@@ -43,10 +43,6 @@ class Setup:
         """Give what ``simrob check`` says of the station with its settings."""
         return self._client.ask("check")
 
-    def torque_limits(self) -> Future[Any]:
-        """Give what the robot's drives can do now [N·m or N], axis by axis."""
-        return self._client.ask("torque_limits")
-
     def picture(self) -> Future[Any]:
         """Give the block picture as SVG."""
         return self._client.ask("picture")
