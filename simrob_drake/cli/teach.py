@@ -24,6 +24,7 @@ def teach(
     folder: Annotated[Path, typer.Option(help="For what is taught, and what is taken away.")] = Path("taught"),
     language: Annotated[Literal["en", "es"], typer.Option(help="Of the page.")] = "en",
     allow_code: AllowCode = False,
+    lessons: Annotated[Path | None, typer.Option(help="A folder with lessons, beside those that there are.")] = None,
     root_path: Annotated[
         str | None, typer.Option(help="Where a proxy shows the page: a path, or the whole address. Opens no browser.")
     ] = None,
@@ -47,7 +48,7 @@ def teach(
 
     browse = not (no_browser or root_path)
     how: dict[str, Any] = {"port": port, "language": language, "browse": browse, "allow_code": allow_code}
-    serve(subject, folder, ready=ready, root_path=root_path, **how)
+    serve(subject, folder, ready=ready, root_path=root_path, lessons=lessons, **how)
     say(f"ended; what was taught is in {folder}")
 
 

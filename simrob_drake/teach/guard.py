@@ -131,8 +131,8 @@ class Guard:
         return ""
 
 
-def _same(given: str, key: str) -> bool:
-    return secrets.compare_digest(given.encode(), key.encode())
+def _same(first: str, second: str) -> bool:
+    return secrets.compare_digest(first.encode(), second.encode())
 
 
 def _with_headers(send: Send) -> Send:

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from simrob_drake.errors import one_of
 from simrob_drake.results.animation.window import Board
 from simrob_drake.teach.own_files import keep, report_of
 from simrob_drake.teach.pages.words import Notice, languages
 from simrob_drake.teach.session import Session
+from simrob_drake.teach.tours import TourProgress, tours
 
 Opener = Callable[[str | Path, str | None], Session]
 """Opens a subject, and of a station with several robots the one that is to be taught."""
@@ -21,16 +22,20 @@ class Pendant:
         session: of what is taught now.
         board: the view in three dimensions.
         language: of pages that name none.
+        tours: the lessons, and ``tour``: the one that is under way.
         dark: whether the pages are dark; None: as the browser likes it.
     """
 
-    def __init__(self, open_session: Opener, subject: str | Path, *, language: str = "en") -> None:
-        """Open the first subject.
+    def __init__(
+        self, open_session: Opener, subject: str | Path, *, language: str = "en", lessons: Path | None = None
+    ) -> None:
+        """Open the first subject; ``lessons`` is a folder with more of them.
 
         Raises:
-            SimrobError: no such subject or language.
+            SimrobError: no such subject or language, or a damaged lesson.
         """
         self.dark: bool | None = None
+        self.tours, self.tour = tours(lessons), cast(TourProgress | None, None)
         self.language = one_of("language", language, languages())
         self._open_session = open_session
         self.session = open_session(subject, None)

@@ -42,6 +42,7 @@ def serve(
     browse: bool = False,
     allow_code: bool = False,
     root_path: str | None = None,
+    lessons: Path | None = None,
 ) -> None:
     """Show a robot, a station or a file until the user interrupts.
 
@@ -55,6 +56,7 @@ def serve(
         browse: whether the user's browser is opened.
         allow_code: whether stations may name Python code that is run.
         root_path: where a proxy shows the page; see :class:`~simrob_drake.teach.guard.Guard`.
+        lessons: a folder with more lessons.
 
     Raises:
         SimrobError: no such subject or language, or root path.
@@ -68,7 +70,7 @@ def serve(
         def opened(what: str | Path, robot: str | None) -> Session:
             return Session.open(what, folder, robot=robot, hand_over=hand_over, allow_code=allow_code)
 
-        pendant = Pendant(opened, subject, language=language)
+        pendant = Pendant(opened, subject, language=language, lessons=lessons)
         try:
             server = Server(pendant, listening.getsockname()[1], root_path)
             await server.run_until_stopped(listening, ready, folder if browse else None)

@@ -183,8 +183,8 @@ def test_values_stand_on_the_wires_and_a_wire_shows_its_signal(monkeypatch):
         session.run.take(0.5, None, {"position": [0.1, -0.5, 0, 0, 0, 0], "torque": [1.0, 2.0, -37.23, 0, 0, 0]})
         await settled(0.6)
         assert told[wire("torque", "plant")] == "max -37.2 N·m"
-        assert told[wire("joint_2.pd", "joint_2.saturation")] == "2 N·m"
-        assert told[wire("joint_signals", "joint_2.pd")] == "-28.6 °"
+        assert told[wire("joint_2.pd", "joint_2.saturation")] == "2"
+        assert told[wire("joint_signals", "joint_2.pd")] == "-28.6"
         user.find(kind=ui.html).trigger("click", ["", wire("torque", "plant")])
         await settled(0.1)
         await user.should_see("torque → Plant, torque")
@@ -196,6 +196,7 @@ def test_values_stand_on_the_wires_and_a_wire_shows_its_signal(monkeypatch):
 def test_a_value_in_brief():
     pose = {"unit": "m", "columns": [f"base.{one}" for one in ("x", "y", "z", "qw", "qx", "qy", "qz")]}
     assert in_brief([0.123, 0, 1, 1, 0, 0, 0], pose) == "0.12 0.00 1.00 m"
+    assert in_brief([-3e-5], {"unit": "m", "columns": ["gap"]}) == "0 m"
     assert in_brief([2.0], {"unit": "", "columns": ["foot"]}) == "2"
     assert in_brief([0.1, -0.2], {"unit": "rad", "columns": ["q.a", "q.b"]}) == "max -11.5 °"
 

@@ -25,6 +25,7 @@ from simrob_drake.stations.resolve import resolve
 
 _FONT = "Helvetica, Arial, 'DejaVu Sans', sans-serif"
 _EDGE, _HEADER, _LEGEND, _FONT_SIZE = 12.0, 44.0, 26.0, 11.0
+_ABOVE = 14.0  # px over a wire without a name, whose value would stand in the next block
 
 
 @dataclass(frozen=True)
@@ -96,12 +97,14 @@ class Drawing:
             '<rect width="100%" height="100%" fill="#ffffff"/>',
             f'<g transform="translate({_EDGE:g} {_EDGE - self._top:.1f})">',
         ]
+        values = list[str]()  # over all else
         for number, (key, marks) in enumerate(self._parts):
             drawn = "".join(map(_svg_mark, marks))
             if live and number < len(self._nets):
-                drawn = _live_wire(number, *self._nets[number], drawn)
+                drawn, value = _live_wire(number, *self._nets[number], drawn)
+                values.append(value)
             lines.append(f'<g class="node"><title>{escape(key)}</title>{drawn}</g>' if key else drawn)
-        return "\n".join([*lines, "</g>", "</svg>", ""])
+        return "\n".join([*lines, *values, "</g>", "</svg>", ""])
 
     def file(self, kind: str) -> bytes:
         """Return it as a file of a kind that Matplotlib writes: png or pdf."""
@@ -137,12 +140,13 @@ class Drawing:
         return buffer.getvalue()
 
 
-def _live_wire(number: int, net: Net, lines: Lines, drawn: str) -> str:
-    """Return a signal that a page can point at, and write the value of beside its name."""
+def _live_wire(number: int, net: Net, lines: Lines, drawn: str) -> tuple[str, str]:
+    """Return a signal that a page can point at; and where its value goes: beside its name, or above a short way."""
     (x, y), ends = lines.label, f'data-from="{escape(net.source)}" data-to="{escape("|".join(net.targets))}"'
     ways = "".join(f'<path class="reach" d="M{_path(way)}" fill="none"/>' for way in lines.ways)
-    value = f'<text class="value" x="{x + text_width(net.text + " ", 10):.1f}" y="{y:.1f}" font-size="10"></text>'
-    return f'<g class="wire" data-wire="{number}" {ends}>{ways}{drawn}{value}</g>'
+    x, y = (x + text_width(f"{net.text} ", 10), y) if net.text else (x - _ABOVE / 2, y - _ABOVE)
+    value = f'<text class="value" data-value="{number}" x="{x:.1f}" y="{y:.1f}" font-size="10"></text>'
+    return f'<g class="wire" data-wire="{number}" {ends}>{ways}{drawn}</g>', value
 
 
 def _net_marks(text: str, lines: Lines) -> Iterator[_Mark]:

@@ -4,7 +4,6 @@ import json
 import re
 from collections.abc import Callable, Collection, Mapping
 from html import unescape
-from pathlib import Path
 from typing import Any
 
 from nicegui import ui
@@ -45,7 +44,6 @@ class BlockPicture:
         self._svg, self._wire = "", ""
         self._on_block, self._on_wire = on_block, on_wire
         self._changed: Collection[str] = ()
-        ui.add_head_html(f"<script>{Path(__file__).with_name('blocks.js').read_text(encoding='utf-8')}</script>")
         with ui.element("div").classes("block-picture w-full") as place:
             with ui.element("div").classes("block-tools"):
                 icon_button("fullscreen", t("station.enlarge")).on(

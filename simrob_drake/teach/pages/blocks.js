@@ -38,7 +38,7 @@ window.blocks = (() => {
   };
   const values = (texts) => {
     for (const [wire, text] of Object.entries(texts)) {
-      const place = document.querySelector(`.block-picture [data-wire="${wire}"] .value`);
+      const place = document.querySelector(`.block-picture [data-value="${wire}"]`);
       if (place) place.textContent = text;
     }
   };

@@ -11,6 +11,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.teach.pages import arm, gallery, legs, station, view
 from simrob_drake.teach.pages.elements import KEYS, allow, follow, icon_button, set_label, shortcuts
 from simrob_drake.teach.pages.move_list import ProgramTimeline
+from simrob_drake.teach.pages.tour import Lessons
 from simrob_drake.teach.pages.words import Words, languages, words
 from simrob_drake.teach.pendant import Pendant
 from simrob_drake.teach.session import Session
@@ -35,8 +36,8 @@ def build(pendant: Pendant) -> None:
     session, t = pendant.session, words(language)
     context.client.page.language = _QUASAR.get(language)
     context.client.title = t("shell.title")
-    style, script = ((_FOLDER / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
-    ui.add_head_html(f"<style>{style}</style><script>{script}</script>")
+    style, *scripts = ((_FOLDER / name).read_text(encoding="utf-8") for name in ("page.css", "page.js", "blocks.js"))
+    ui.add_head_html(f"<style>{style}</style>{''.join(f'<script>{one}</script>' for one in scripts)}")
 
     def load(subject: str, robot: str | None = None) -> None:
         try:
@@ -59,11 +60,14 @@ def build(pendant: Pendant) -> None:
         gallery.build(session, t, load, take)
         _loaded(session, t, load)
         with ui.element("div").classes("pendant-tools"):
+            lessons = Lessons(pendant, t, language, load)
             _undo(session, t)
             _take_away(session, t)
+            lessons.build_menu()
             _looks(pendant, t, language)
             _help(t)
     _conflict(session, t)
+    lessons.build_strip()
     with ui.element("div").classes("pendant-main"):
         with ui.element("section").classes("pendant-plate pendant-see"):
             view.build(session, t)

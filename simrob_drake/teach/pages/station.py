@@ -295,11 +295,15 @@ def in_brief(value: Sequence[float], about: Mapping[str, Any], axis: str = "") -
     unit, factor = AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
     own = (number for number, column in enumerate(about["columns"]) if axis and column.endswith(f".{axis}"))
     if (number := next(own, None)) is not None:
-        value = [value[number]]
-    elif len(value) == POSE:
+        return _short(value[number] * factor)
+    if len(value) == POSE:
         return f"{' '.join(f'{one:.2f}' for one in value[:3])} {unit}"
-    largest = max(value, key=abs, default=0.0) * factor
-    return f"{'max ' if len(value) > 1 else ''}{largest:.3g} {unit}".strip()
+    largest = _short(max(value, key=abs, default=0.0) * factor)
+    return f"{'max ' if len(value) > 1 else ''}{largest} {unit}".strip()
+
+
+def _short(value: float) -> str:
+    return f"{round(value, 3) + 0.0:.3g}"
 
 
 def _show_finding(finding: Mapping[str, str], icon: str, called: str) -> None:
