@@ -150,6 +150,7 @@ def test_after_the_last_step_the_run_is_kept(monkeypatch, ending):
     assert result["q.joint_2"][0] == expected["q.joint_2"][0]
 
 
+@pytest.mark.long
 def test_many_runs_end_at_once_with_one_line(tmp_path):
     """Ctrl-C of a terminal goes to the processes of the runs, too."""
     sweep = ["sweep", "double_pendulum", "--vary", "duration=900,901,902", "--workers", "2", "--out", "x"]

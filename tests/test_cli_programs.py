@@ -39,6 +39,7 @@ def signals(folder):
     return header.split(","), np.array([row.split(",") for row in rows], dtype=float)
 
 
+@pytest.mark.long
 @pytest.mark.plots
 def test_a_program_of_arms_is_one_result_that_runs_again(tmp_path, capsys):
     assert run_command(["run", write(), "--out", "r"]) == ExitCode.DONE

@@ -66,6 +66,7 @@ class TestBouncingBall:
         np.testing.assert_allclose(tops[: len(apexes)], apexes, rtol=0.01)
         np.testing.assert_allclose(falls(ball.times, ball["distance.gap"])[: len(landings)], landings, rtol=0.01)
 
+    @pytest.mark.long
     def test_it_stays_where_a_converged_run_has_it(self, ball):
         """Within 0.2 mm over all bounces: with the accuracy of other stations, 1e-3, it is off by 10 mm."""
         converged = simulate(load_station("bouncing_ball", {"sample_rate": 2000, "solver.accuracy": 1e-8}))
@@ -245,6 +246,7 @@ FINE = {"solver.accuracy": 1e-4, "solver.max_step": 0.02}
 
 
 class TestCobot:
+    @pytest.mark.long
     def test_it_swings_and_a_tighter_run_swings_alike(self):
         runs = [simulate(load_station("irb120_cobot", overrides)) for overrides in ({}, FINE)]
         swings = [np.ptp(run.pose("tcp")[100:, 2]) for run in runs]

@@ -126,7 +126,7 @@ def test_the_pencil_keeps_to_the_axes_of_the_holes():
         assert holes.off_axis(hole, way) < 1e-4
 
 
-@pytest.mark.parametrize("mode", ["kinematic", "dynamic"])
+@pytest.mark.parametrize("mode", ["kinematic", pytest.param("dynamic", marks=pytest.mark.long)])
 def test_the_rook_stands_on_its_square(mode):
     arm, _ = example("irb120_chess").run(mode=mode)
     off = arm.cell.frame("rook").translation() - arm.cell.frame("chess_board.square_5_5").translation()
@@ -173,6 +173,7 @@ def test_the_belt_s_rook_stands_on_the_pallet():
     np.testing.assert_allclose(cell.frame("rook").translation(), [0.1, 0.4, 0.0626], atol=1e-6)
 
 
+@pytest.mark.long
 def test_the_belt_s_program_is_the_same_as_a_file():
     cell, _ = example("belt_pick").run()
     whole = Workcell("belt_pick").perform(EXAMPLES[0].parent / "belt_pick.yaml")
@@ -229,6 +230,7 @@ def test_all_joints_of_the_humanoid_reach_thirty_degrees():
     assert np.abs(result.axes("tau")).max() < 3
 
 
+@pytest.mark.long
 def test_the_base_is_calmer_by_pd_than_by_p():
     pd_example = example("humanoid_p_against_pd")
     moves = {name: pd_example.base_moves(result) for name, result in pd_example.run(duration=6.0).items()}

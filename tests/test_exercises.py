@@ -17,7 +17,7 @@ from simrob_drake.errors import SimrobError
 ROOT = Path(__file__).parent.parent
 SOLUTIONS = ROOT / "examples" / "course"
 ENTRIES = {entry.folder.name: entry for entry in exercises()}
-QUICK = {"kinematics", "pd_and_saturation"}
+QUICK = {"kinematics"}
 
 pytestmark = pytest.mark.usefixtures("no_plots")
 each_exercise = pytest.mark.parametrize("name", ENTRIES)

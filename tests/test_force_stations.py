@@ -33,7 +33,20 @@ def protected(duration=None, **overrides):
 
 @pytest.mark.parametrize(
     "changed",
-    [{}, FINE, {"controllers.press.rate": 50}, {"controllers.press.rate": 200}, SOFT, {**SOFT, **FINE}, RUBBER],
+    [
+        {},
+        SOFT,
+        *(
+            pytest.param(other, marks=pytest.mark.long)
+            for other in (
+                FINE,
+                {"controllers.press.rate": 50},
+                {"controllers.press.rate": 200},
+                {**SOFT, **FINE},
+                RUBBER,
+            )
+        ),
+    ],
 )
 def test_the_tool_presses_with_10_N_at_rest_and_while_it_wipes_at_50_mm_s(changed):
     result, force, speed = press(4.5, **changed)
@@ -42,6 +55,7 @@ def test_the_tool_presses_with_10_N_at_rest_and_while_it_wipes_at_50_mm_s(change
     assert force.max() < 10.5  # the approach is slow enough for the blow, and nothing winds up
 
 
+@pytest.mark.long
 def test_it_does_so_under_another_scheme_and_the_board_gives_way_as_its_stiffness_says():
     result, force, _ = press(3.2, **RADAU)
     breaks_loose = (result.times > 2.55) & (result.times < 2.75)  # friction at rest lets go

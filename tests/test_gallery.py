@@ -88,6 +88,7 @@ def test_a_picture_shows_what_its_command_does(monkeypatch, tmp_path):
     assert picture.stat().st_size < 60_000
 
 
+@pytest.mark.long
 def test_a_walk_is_one_picture_with_the_robot_at_several_places_from_left_to_right():
     motion = walk("zjudancer", 6)
     run = simulate(motion.station(), reference=motion.trajectory(), progress=False)

@@ -120,6 +120,7 @@ def tight() -> SimulationResult:
     return simulate(config.model_copy(update={"solver": config.solver.tighter()}))
 
 
+@pytest.mark.long
 def test_the_step_is_the_same_ten_times_tighter(stepped: SimulationResult, tight: SimulationResult) -> None:
     apart = stepped.pose("base")[:, :3] - tight.pose("base")[:, :3]
     assert np.linalg.norm(apart, axis=1).max() < 0.003

@@ -10,6 +10,7 @@ from simrob_drake.stations.clearance import PosedStation
 from tests.benchmarks.terrain import BLIND, crossed
 
 FINE = {"solver.max_step": 0.005}
+long = pytest.mark.long  # the same at other settings
 
 
 def run(name, duration=None, **overrides):
@@ -20,8 +21,8 @@ def run(name, duration=None, **overrides):
     ("changed", "slowest"),
     [
         ({}, 13.5),
-        ({"servo.kp": 50, "servo.kd": 50}, 14),
-        pytest.param({"servo.kd": 10, **FINE}, 5, marks=pytest.mark.long),
+        pytest.param({"servo.kp": 50, "servo.kd": 50}, 14, marks=long),
+        pytest.param({"servo.kd": 10, **FINE}, 5, marks=long),
     ],
 )
 def test_the_sequencer_visits_every_cell_in_the_robot_s_own_time(changed, slowest):
@@ -34,7 +35,10 @@ def test_the_sequencer_visits_every_cell_in_the_robot_s_own_time(changed, slowes
     assert result.ending == "completed"
 
 
-@pytest.mark.parametrize(("target", "changed"), [(0.36, {}), (0.40, FINE), (0.44, {"controllers.height.rate": 50})])
+@pytest.mark.parametrize(
+    ("target", "changed"),
+    [(0.36, {}), pytest.param(0.40, FINE, marks=long), pytest.param(0.44, {"controllers.height.rate": 50}, marks=long)],
+)
 def test_the_humanoid_finds_its_height_and_then_raises_its_arms(target, changed):
     result = run("humanoid_height", **{"controllers.height.target": target, **changed})
     height, acts = result["base.z"], result["height.active"]
@@ -51,7 +55,7 @@ def test_a_shoulder_with_a_weight_moves_without_sense():
     assert np.rad2deg(result["q.right_shoulder_pitch"][-1]) > 45
 
 
-@pytest.mark.parametrize("changed", [{}, {**FINE, "controllers.lean.rate": 200}])
+@pytest.mark.parametrize("changed", [{}, pytest.param({**FINE, "controllers.lean.rate": 200}, marks=long)])
 def test_roid1_leans_to_where_it_is_asked_to_be_and_comes_back(changed):
     result = run("roid1_lateral", **changed)
     side = result["base.y"]
@@ -83,9 +87,9 @@ def reaction(result, falls, rate):
     ("height", "changed"),
     [
         (0.40, {}),
-        (0.38, FINE),
-        (0.40, {"controllers.guard.rate": 50}),
-        (0.38, {"controllers.guard.rate": 200, "controllers.crouch.rate": 50}),
+        pytest.param(0.38, FINE, marks=long),
+        pytest.param(0.40, {"controllers.guard.rate": 50}, marks=long),
+        pytest.param(0.38, {"controllers.guard.rate": 200, "controllers.crouch.rate": 50}, marks=long),
     ],
 )
 def test_the_guard_extends_the_arms_as_soon_as_the_hip_is_below_its_height(height, changed):
@@ -118,9 +122,9 @@ HANDS = {"left_hand", "right_hand"}
     "changed",
     [
         {},
-        {**FINE, "solver.accuracy": 1e-4},
-        pytest.param({"controllers.guard.rate": 50}, marks=pytest.mark.long),
-        pytest.param({"controllers.guard.rate": 200}, marks=pytest.mark.long),
+        pytest.param({**FINE, "solver.accuracy": 1e-4}, marks=long),
+        pytest.param({"controllers.guard.rate": 50}, marks=long),
+        pytest.param({"controllers.guard.rate": 200}, marks=long),
     ],
 )
 def test_the_arms_catch_a_robot_that_falls_forward(changed):
@@ -136,10 +140,10 @@ def test_the_arms_catch_a_robot_that_falls_forward(changed):
     ("force", "changed"),
     [
         (5.5, {}),
-        pytest.param(6.5, FINE, marks=pytest.mark.long),
+        pytest.param(6.5, FINE, marks=long),
         (7.7, {}),
-        (9, {"controllers.guard.rate": 50}),
-        pytest.param(15, FINE, marks=pytest.mark.long),
+        pytest.param(9, {"controllers.guard.rate": 50}, marks=long),
+        pytest.param(15, FINE, marks=long),
     ],
 )
 def test_hands_catch_it_after_any_push_that_tips_it_over_ahead_or_onto_its_back(force, changed):
@@ -150,7 +154,7 @@ def test_hands_catch_it_after_any_push_that_tips_it_over_ahead_or_onto_its_back(
     assert result["distance.head"].min() > 0.13
 
 
-@pytest.mark.parametrize("changed", [{}, FINE])
+@pytest.mark.parametrize("changed", [{}, pytest.param(FINE, marks=long)])
 def test_without_the_guard_the_head_hits_the_floor(changed):
     result = run("humanoid_fall_forward", controllers={}, **changed)
     assert FEET | {"neck"} <= touched(result) <= FEET | {"neck", "trunk"}  # the head is fixed to its neck
@@ -165,7 +169,7 @@ def test_a_push_that_does_not_tip_the_robot_over_leaves_the_guard_alone():
     assert tilt(result)[-1] < 1
 
 
-@pytest.mark.parametrize("rate", [pytest.param(50, marks=pytest.mark.long), 100])
+@pytest.mark.parametrize("rate", [pytest.param(50, marks=long), 100])
 def test_a_guard_of_the_capture_point_sees_the_fall_before_the_tilt_does(rate):
     arms = {"right_shoulder_pitch": 110, "left_shoulder_pitch": 110}
     by_step = {"kind": "fall_guard", "capture_point": 0.0, "posture_deg": arms, "rate": rate, "priority": 2}
@@ -184,9 +188,9 @@ def test_a_guard_of_the_capture_point_sees_the_fall_before_the_tilt_does(rate):
         pytest.param(
             {"controllers.touchdown.rate": 50, "solver.max_step": 0.0025},
             id="half the rate, short steps",
-            marks=pytest.mark.long,
+            marks=long,
         ),
-        pytest.param({"controllers.touchdown.rate": 200}, id="double the rate", marks=pytest.mark.long),
+        pytest.param({"controllers.touchdown.rate": 200}, id="double the rate", marks=long),
     ],
 )
 def test_touchdown_crosses_steps_straight_on(changed):
@@ -224,18 +228,16 @@ def test_a_leg_s_screws_are_those_of_the_plant():
     [
         ("humanoid", [31.7, 0, 0], "right_hip_roll"),  # to the left; upright it withstands 16.7 N, 6.5 N and 16.7 N
         # a leg that came back sooner would set it rocking
-        pytest.param("humanoid", [26.7, 0, 0], "right_hip_roll", marks=pytest.mark.long),
+        pytest.param("humanoid", [26.7, 0, 0], "right_hip_roll", marks=long),
         ("roid1", [11.7, 0, 0], "left_hip_pitch"),  # forward
-        ("zjudancer", [0, 31.7, 0], "left_hip_pitch"),
+        pytest.param("zjudancer", [0, 31.7, 0], "left_hip_pitch", marks=long),
     ],
 )
 @pytest.mark.parametrize(
     "changed",
     [
         pytest.param(FINE, id="fine"),
-        pytest.param(
-            {"solver.max_step": 0.0025, "controllers.balance.rate": 200}, id="twice the rate", marks=pytest.mark.long
-        ),
+        pytest.param({"solver.max_step": 0.0025, "controllers.balance.rate": 200}, id="twice the rate", marks=long),
     ],
 )
 def test_a_push_that_fells_a_robot_does_not_fell_one_that_balances(robot, force, axis, changed):
