@@ -26,21 +26,16 @@ class Poser:
         pitch = math.radians(bearing.pitch_deg) + trunk.pitch + learnt.counter.imag
         turn = turned(trunk.lean + learnt.counter.real, pitch, trunk.heading)
         x, y = (sum(map(mul, row, centre)) for row in turn[:2])
-        x, y, z = trunk.com.real - x, trunk.com.imag - y, bearing.height + trunk.rise  # of the root
+        root = trunk.com.real - x, trunk.com.imag - y, bearing.height + trunk.rise
         roll, pitch = math.atan(ground.slope.imag), -math.atan(ground.slope.real)
         (here, there), yaw = step.sides, turned_by(1j * swing.yaw)
         stands, swings = self._stance.about[here], [swing.place + yaw * each for each in self._stance.about[there]]
 
-        def poses(group: int, places: Sequence[complex], turn: Rows, height: float, tilt: complex) -> list[Rows]:
-            up, (ahead, left, upward) = body.over + height, turn
-            return [
-                (
-                    (*ahead, place.real - x),
-                    (*left, place.imag - y),
-                    (*upward, up + uphill(ground.slope, place) + uphill(tilt, about) - z),
-                )
-                for place, about in zip(places, self._stance.about[group], strict=True)
-            ]
+        def poses(group: int, places: Sequence[complex], turn: Rows, up: float, tilt: complex) -> list[Rows]:
+            about = zip(places, self._stance.about[group], strict=True)
+            up += body.over
+            points = [(at.real, at.imag, up + uphill(ground.slope, at) + uphill(tilt, own)) for at, own in about]
+            return [[(*row, to - of) for row, to, of in zip(turn, at, root, strict=True)] for at in points]
 
         flat = turned(roll, pitch, 0.0)
         swung = (np.array(flat) @ turned(0.0, 0.0, swing.yaw)).tolist() if swing.yaw else flat

@@ -84,23 +84,19 @@ class Steps:
         out = 0.5 * self.apart[swinging]
         return command.speed * self._pace + out + turn * out
 
-    def start_of(self, standing: int, command: Command, omega: float, before: complex, ahead: int = _AHEAD) -> complex:
+    def start_of(
+        self, standing: int, command: Command, parts: Weights, before: complex, ahead: int = _AHEAD
+    ) -> complex:
         """Return the divergent component at the start of a planned step, and of those after it.
 
         Args:
             standing: the foot, from which it is seen.
             command: that all steps follow.
-            omega: of the pendulum [1/s].
+            parts: the weights of each.
             before: where the zero-moment point comes from.
             ahead: how many steps more are looked at; then the robot rests.
         """
-        turn = turned_by(1j * command.turn * self._pace)
-        return self._start_of(standing, command, turn, weights(omega, self._time, self.transfer), before, ahead)
-
-    def _start_of(
-        self, standing: int, command: Command, turn: complex, weights: Weights, before: complex, ahead: int = _AHEAD
-    ) -> complex:
-        (start, rest, end), swinging = weights, 1 - standing
+        (start, rest, end), swinging, turn = parts, 1 - standing, turned_by(1j * command.turn * self._pace)
         here = self.rest_points[standing], self.rest_points[swinging]  # in this step, in the next, and so on in turn
         lands = self._place(swinging, command, turn), self._place(standing, command, turn)
         came = (here[0] - lands[0]) / turn, (here[1] - lands[1]) / turn  # seen from the next foot
@@ -116,7 +112,7 @@ class Steps:
         a counts the zero-moment point from which the next step begins, that of the foot which stands now.
         """
         parts, turn = weights(omega, self._time, self.transfer), turned_by(1j * command.turn * self._pace)
-        begins = self._start_of(1 - standing, command, turn, parts, 0j)
+        begins = self.start_of(1 - standing, command, parts, 0j)
         return parts.start, turn * begins + parts.start * self.rest_points[standing]
 
     def adjusted(

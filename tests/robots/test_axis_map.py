@@ -6,7 +6,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, PrismaticJoint, RevoluteJoint, SpatialInertia
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.robots.axis_map import AxisMap
+from simrob_drake.robots.axis_map import AxisMap, in_a_row
 
 SIGNS = np.array([-1.0, 1.0, -1.0])
 
@@ -121,3 +121,11 @@ def test_signs_are_one_a_joint(plant, joints, signs):
 
 def test_without_signs_axes_are_joints(plant, joints):
     assert AxisMap.of_joints(plant, joints).signs.tolist() == [1, 1, 1]
+
+
+@pytest.mark.parametrize("places", [[4, 5, 6], [3], [], [4, 6, 7], [2, 1, 0], [1, 1, 2]])
+def test_places_in_a_row_stand_for_the_same_values(places: list[int]) -> None:
+    values, known = np.arange(9.0), np.array(places, np.intp)
+    short = in_a_row(known)
+    assert values[short].tolist() == values[known].tolist()
+    assert isinstance(short, slice) == (places in ([4, 5, 6], [3]))

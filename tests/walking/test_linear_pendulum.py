@@ -53,9 +53,10 @@ def test_a_step_as_planned_ends_where_the_next_one_begins(steps: Steps, command:
     turn = exp(1j * landing.yaw)
     a, b = steps.after(0, command, OMEGA)
     end = (1 - a) * landing.place + b
-    then = steps.start_of(1, command, OMEGA, (here - landing.place) / turn)
+    parts = weights(OMEGA, landing.time, steps.transfer)
+    then = steps.start_of(1, command, parts, (here - landing.place) / turn)
     assert (end - landing.place) / turn == pytest.approx(then, abs=1e-12)
-    further = steps.start_of(1, command, OMEGA, (here - landing.place) / turn, 12)
+    further = steps.start_of(1, command, parts, (here - landing.place) / turn, 12)
     assert abs(then - further) < 2e-4
 
 

@@ -80,8 +80,7 @@ class MujocoPlant(Block):
         bodies = [own.get_body(BodyIndex(index)) for index in range(own.num_bodies())]
         self._bodies = [0, *(made.model.body(names.body(body)).id for body in bodies[1:])]
         self._servos = Servos(plant, made.model, self._data, names)
-        self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
-        self._guess = self._data.qacc_warmstart
+        self._qpos, self._qvel, self._guess = self._data.qpos, self._data.qvel, self._data.qacc_warmstart
         self._nq, self._nv = own.num_positions(), own.num_velocities()
         self._motion = self.DeclareDiscreteState(own.GetPositionsAndVelocities(self._scratch))
         self._warm = self.DeclareDiscreteState(np.full(self._nv, _NOT_YET))
@@ -220,7 +219,7 @@ class MujocoPlant(Block):
             forces = self._coordinates.to_mujoco(turned)[nq:]
         torque = self._servos.step(desired, extra, forces, begun=applied is not None)
         there[:nq], there[nq:] = self._qpos, self._qvel
-        self._latest = Step(self._coordinates.state(there), self._qacc.copy(), torque)
+        self._latest = Step(self._coordinates.state(there), self._data.qacc.copy(), torque)
         return self._latest
 
     def _asked(self, context: Context) -> tuple[Vector, Vector | None]:
