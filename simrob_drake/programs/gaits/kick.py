@@ -65,8 +65,8 @@ class Kick(SolvedGait):
         ]
         way = gait_plan(start, np.array([self.zmp_ahead, 0.0]), phases)
         swung = BPoly.from_derivatives(times, knots)(np.clip(way.times - self.settle, 0.0, times[-1]))
-        course = replace(way, feet={**way.feet, kicking.name: swung})
-        return WholeBody(walker, self, course).solve()[0]
+        motion = replace(way, feet={**way.feet, kicking.name: swung})
+        return WholeBody(walker, self, motion).solve()[0]
 
     def aimed(
         self, walker: Walker, root: Vector, angles: Vector, *, ball: Vector, radius: float, toward: Vector | None
