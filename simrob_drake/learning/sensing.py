@@ -9,12 +9,12 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
+from simrob_drake.blocks.command_bus import rounded
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.policy import Policy
 from simrob_drake.parts.sensors.frames import Imu
 from simrob_drake.parts.sensors.joints import Encoders
-from simrob_drake.parts.sensors.sensor import rounded
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.mujoco.coordinates import turned

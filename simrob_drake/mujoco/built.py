@@ -65,6 +65,8 @@ def _check_servo(config: StationConfig, robot: str, gains: ServoGains) -> None:
     if gains.line is not None:
         expected = "none: MJCF's servos have one limit at any speed; solver.kind mujoco has motors"
         raise InvalidParameter(f"{key}.motor", "given", expected)
+    if servo.bus is not None:
+        raise InvalidParameter(f"{key}.bus", "given", "left out: MJCF's servos get their commands at once")
     if servo.feedforward != "none":
         raise InvalidParameter(f"{key}.feedforward", servo.feedforward, f"none: {_NO_MODEL}")
     if servo.admittance_gain > 0:

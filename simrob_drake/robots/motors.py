@@ -1,12 +1,17 @@
 r"""The motors of a robot's joints as their makers publish them: what torque they have at what speed, and for how long.
 
-All figures are of the output, behind the gear. A direct-current motor on a voltage has the torque
+All figures are of the output, behind the gear, unless its efficiency is told: torques are then before it. A
+direct-current motor on a voltage has the torque
 
 .. math::
     -\tau_s - D v \le \tau \le \tau_s - D v, \qquad D = \tau_s / v_0,
 
 with the stall torque :math:`\tau_s` and the no-load speed :math:`v_0`, which both grow with the voltage. Faster than
 that it brakes. Where its current is limited below that of the stall, :math:`|\tau| \le \tau_p`, too.
+
+A supply of resistance R falls by :math:`R I` with the motor's own current, which is in proportion to its torque. With
+the current :math:`I_s` at the stall on the voltage U, that leaves the no-load speed, and of the stall torque
+:math:`\tau_s / (1 + R I_s / U)`.
 """
 
 from __future__ import annotations
@@ -48,6 +53,13 @@ class Motor(Strict):
     """At which these two hold [V]."""
     supply: Positive | None = None
     """What it is supplied with under load [V]: both grow with it. As `voltage` unless given."""
+    stall_current: Positive | None = None
+    """I_s, at rest on `voltage` [A]."""
+    supply_resistance: NotNegative = 0.0
+    """R of battery and cables, by which the supply falls with the motor's own current [ohm]; n times as much where n
+    motors pull at once."""
+    gear_efficiency: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """Part of the torque that the gear hands on, where the torques here are before it; losses are not in reverse."""
     peak_torque: Positive | None = None
     """τ_p, by its current [N·m or N]; the stall torque unless given."""
     rated_torque: Positive | None = None
@@ -72,8 +84,29 @@ class Motor(Strict):
         """The stall torque [N·m] and the no-load speed [rad/s] on its supply."""
         assert self.stall_torque is not None
         assert self.no_load_speed is not None
-        share = 1.0 if self.supply is None or self.voltage is None else self.supply / self.voltage
-        return share * self.stall_torque, share * self.no_load_speed
+        voltage = self.voltage or 1.0
+        share = (self.supply or voltage) / voltage
+        left = 1.0 / (1.0 + self.supply_resistance * (self.stall_current or 0.0) / voltage)
+        return share * left * self.stall_torque, share * self.no_load_speed
+
+    @property
+    def at_output(self) -> Motor:
+        """The same motor, its torques behind its gear."""
+        torques = {key: getattr(self, key) for key in ("stall_torque", "peak_torque", "rated_torque")}
+        own = {key: self.gear_efficiency * value for key, value in torques.items() if value is not None}
+        return self.model_copy(update={**own, "gear_efficiency": 1.0})
+
+
+class CommandBusConfig(Strict):
+    """The bus over which servos get their commands, from without."""
+
+    rate: Annotated[Number, Field(gt=0, le=10_000)] = 100.0
+    """How often they get one [Hz]; they hold it in between."""
+    latency: Annotated[NotNegative, Field(le=1)] = 0.0
+    """How late it is [s], to the nearest of these samples."""
+    resolution_deg: NotNegative | None = None
+    """Step from one position that can be commanded to the next [deg, or m where an axis slides]; 0 for none. That of
+    the motors' encoders unless given."""
 
 
 def _kind(choice: Any) -> str:

@@ -24,7 +24,7 @@ from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.parts.terrain import Terrain
 from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
-from simrob_drake.robots.motors import Drives, Motors
+from simrob_drake.robots.motors import CommandBusConfig, Drives, Motors
 from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.sections import (
     FASTEST_RATE,
@@ -96,6 +96,8 @@ class ServoConfig(Renamed):
     """Motors that give the torque, by name (of `models/motors.yaml`, `urdf` or `none`) or by their figures, for all
     axes or by axis; the robot's own unless given. What no other key says is theirs: the limit of torque and how it
     falls with speed, rotors, gears and friction of `drives`, the resolution of `encoders`."""
+    bus: CommandBusConfig | None = None
+    """The bus that brings commands; they come at once, and as they are, without."""
     torque_limit: _Limit | None = None
     """Saturation, per axis [N·m or N]; of the motor or the URDF's effort unless given."""
     integral_limit: _Limit | None = None

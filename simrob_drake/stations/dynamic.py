@@ -9,6 +9,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, InputPort, Output
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, PassThrough
 
 from simrob_drake.blocks.block import fed, joined, mapped, summed
+from simrob_drake.blocks.command_bus import CommandBus
 from simrob_drake.blocks.model_torque import add_admittance, add_computed_torque, add_feedforward, add_model_torque
 from simrob_drake.blocks.monitor import SteadySteps
 from simrob_drake.blocks.passive_joints import add_external_force, add_joint_stops
@@ -16,6 +17,7 @@ from simrob_drake.blocks.servo import ServoSignals, add_actuator_servos, add_mot
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import FromState, Site, StationPlant, StationRobot
+from simrob_drake.robots.motors import CommandBusConfig
 from simrob_drake.signals import Role, Signal, applied_signal
 from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.contact import wire_friction, with_friction
@@ -135,7 +137,41 @@ def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRob
     add_motion(ports, robot, reference, split.get_output_port(0), split.get_output_port(1))
     read = {*listed, *(_DERIVATIVES if ports.config.servo_of(robot.name).follows_motion else ())}
     optional = {name: ports.add_input(builder, robot, name) for name in (*_DERIVATIVES, "feedforward") if name in read}
+    if (bus := ports.config.servo_of(robot.name).bus) is not None:
+        reference = _add_bus(builder, ports, robot, bus, reference, optional)
     return ServoSignals(reference, state, **optional)
+
+
+def _add_bus(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+    bus: CommandBusConfig,
+    reference: OutputPort,
+    optional: dict[str, OutputPort],
+) -> OutputPort:
+    """Add the bus that brings a robot's servos their commands; return the references behind it, velocities in place."""
+    fast = next((name for name in optional if name != "reference_velocity"), None)
+    if fast is not None:
+        raise InvalidParameter("servo.bus", f"given with {fast}", "left out: a bus brings positions and speeds alone")
+    own_steps = [0.0 if motor is None else motor.resolution_deg or 0.0 for motor in robot.motors]
+    steps = np.array(own_steps) if bus.resolution_deg is None else np.full(len(robot.axes), bus.resolution_deg)
+    own = {"reference": reference, **optional}
+    block = CommandBus(
+        period=1 / bus.rate,
+        delay=round(bus.latency * bus.rate),
+        resolution=robot.model.user_units * steps,
+        with_velocity=bool(optional),
+    )
+    name = f"{robot.prefix}command_bus"
+    builder.AddNamedSystem(name, block)
+    for key, port in own.items():
+        builder.Connect(port, block.GetInputPort(key))
+        own[key] = block.GetOutputPort(key)
+    optional.update({key: own[key] for key in optional})
+    late = f", {1000 * bus.latency:g} ms late" if bus.latency else ""
+    ports.draw(name, "servo", f"Bus\n{bus.rate:g} Hz{late}", robot)
+    return own["reference"]
 
 
 def _with_feedforward(

@@ -53,11 +53,12 @@ def _whole(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
     for needed in ("stall_torque", "no_load_speed"):
         if getattr(motor, needed) is None:
             raise InvalidParameter(f"{_KEY}.{needed}", "left out", "given, or model names a motor that has it")
-    if motor.supply is not None and motor.voltage is None:
-        raise InvalidParameter(
-            f"{_KEY}.supply", f"{motor.supply:g} V", "given with the voltage at which its figures hold"
-        )
-    return motor
+    known = {"voltage": motor.voltage is not None, "stall_current": motor.stall_current is not None}
+    for key, needs in (("supply", ("voltage",)), ("supply_resistance", ("voltage", "stall_current"))):
+        if getattr(motor, key) and not all(known[need] for need in needs):
+            expected = f"given with the motor's {' and '.join(needs)}, at which its figures hold"
+            raise InvalidParameter(f"{_KEY}.{key}", f"{getattr(motor, key):g}", expected)
+    return motor.at_output
 
 
 def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:

@@ -206,3 +206,64 @@ def test_plain_mjcf_has_no_motors(joint: Path) -> None:
     config = load_station(joint, MOTOR)
     with pytest.raises(SimrobError, match=r"servo\.motor is given; it must be none"):
         check_sayable(config, resolve(config).robots)
+
+
+WAYS = [
+    (RADAU, "per_joint"),
+    (RADAU, "vector"),
+    (discrete(1e-3), "implicit"),
+    (cenic(1e-3), "implicit"),
+    (discrete(1e-3, "mujoco"), "implicit"),
+]
+
+
+@pytest.mark.parametrize(("solver", "realization"), WAYS)
+def test_a_supply_falls_with_the_current(joint: Path, solver: dict[str, Any], realization: str) -> None:
+    """U - R I on a winding of U / I_s gives the stall torque of a winding of R + U / I_s; the no-load speed stays."""
+    pytest.importorskip("mujoco") if solver["kind"] == "mujoco" else None
+    way = {"solver": solver, "servo.realization": realization, "duration": 0.6}
+    weak = {**FIGURES, "voltage": 12.0, "stall_current": 4.0, "supply_resistance": 0.75, "gear_efficiency": 0.8}
+    winding = 12.0 / 4.0
+    as_weak = {**FIGURES, "stall_torque": 0.8 * STALL * winding / (winding + 0.75)}
+    ours, same = (simulate(load_station(joint, {**way, "servo.motor": motor})) for motor in (weak, as_weak))
+    np.testing.assert_allclose(ours.axes("q"), same.axes("q"), atol=1e-9)
+    assert np.abs(ours.axes("tau")).max() < 0.65 * STALL * (1 + FASTEST / FASTEST)
+
+
+def test_a_supply_that_falls_needs_the_current(joint: Path) -> None:
+    with pytest.raises(SimrobError, match=r"servo\.motor\.supply_resistance is 0\.5.*voltage and stall_current"):
+        resolve(load_station(joint, {"servo.motor": {**FIGURES, "supply_resistance": 0.5}}))
+
+
+@pytest.mark.parametrize(("solver", "realization"), WAYS)
+def test_a_bus_is_late_and_rounds(joint: Path, solver: dict[str, Any], realization: str) -> None:
+    """A jump at a sample comes as many seconds later as the bus takes, and goes to the nearest step of commands."""
+    pytest.importorskip("mujoco") if solver["kind"] == "mujoco" else None
+    jump = {"kind": "ramp", "start": 0.1, "duration": 1e-3, "target_deg": 7.3}
+    way = {"solver": solver, "servo.realization": realization, "reference": jump, "duration": 1.4, **MOTOR}
+    buses = {"late": {"latency": 0.05}, "quick": {}, "coarse": {"resolution_deg": 3}}
+    runs = {name: simulate(load_station(joint, {**way, "servo.bus": {"rate": 100, **buses[name]}})) for name in buses}
+    angles = {name: run.axes("q")[:, 0] for name, run in runs.items()}
+    shift = 25  # samples of 2 ms
+    tolerance = 1e-6 if "time_step" in solver else 1e-3
+    np.testing.assert_allclose(angles["late"][shift:], angles["quick"][:-shift], atol=tolerance)
+    assert np.abs(angles["quick"][:56]).max() < 1e-9  # until the sample after the jump
+    assert angles["quick"][-1] == pytest.approx(np.deg2rad(7.3), abs=1e-3)
+    assert angles["coarse"][-1] == pytest.approx(np.deg2rad(6.0), abs=1e-3)
+    asked = runs["late"].axes("q_ref")[:, 0]
+    assert asked[60] == pytest.approx(np.deg2rad(7.3))  # what is asked is told as it is
+
+
+def test_a_bus_takes_the_resolution_of_the_motors_and_no_accelerations(joint: Path) -> None:
+    rounds = {"servo.bus": {}, "servo.motor": {**FIGURES, "resolution_deg": 2.0}, "gravity": 0}
+    result = simulate(load_station(joint, {**rounds, "reference.target_deg": 7.3, "solver": RADAU}))
+    assert result.axes("q")[-1, 0] == pytest.approx(np.deg2rad(8.0), abs=1e-3)
+    with pytest.raises(SimrobError, match=r"servo\.bus is given with reference_acceleration"):
+        simulate(load_station(joint, {"servo.bus": {}, "servo.feedforward": "inverse_dynamics", "solver": RADAU}))
+
+
+def test_a_bus_is_drawn_and_not_exported(joint: Path) -> None:
+    station = load_station(joint, {"servo.bus": {"latency": 0.02}, "servo.realization": "implicit"})
+    assert "20 ms late" in station_dot(station)
+    with pytest.raises(SimrobError, match=r"servo\.bus is given; it must be left out"):
+        check_sayable(station, resolve(station).robots)

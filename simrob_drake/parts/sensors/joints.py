@@ -11,12 +11,13 @@ from pydrake.multibody.tree import Joint, PrismaticJoint
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, OutputPort
 
 from simrob_drake.blocks.block import Block, fed, joined, mapped
+from simrob_drake.blocks.command_bus import rounded
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import weakly
-from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal, rounded, sensor_label
+from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal, sensor_label
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.sections import Integer, NotNegative, Positive
 from simrob_drake.signals import Panel, Signal, sensor_panel

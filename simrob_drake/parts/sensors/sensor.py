@@ -146,12 +146,6 @@ def normal(seed: int, number: int, size: int) -> Vector:
     return np.random.default_rng([seed, number]).standard_normal(size)
 
 
-def rounded(values: Vector, resolution: Vector) -> Vector:
-    """Return values (k,) rounded to steps of a resolution each, shape (k,); 0 leaves one as it is."""
-    step = np.where(resolution > 0, resolution, 1.0)
-    return np.where(resolution > 0, np.round(values / step) * step, values)
-
-
 def _after_the_run(
     recorded: Recorded, times: Vector, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute], output: str
 ) -> Vector:

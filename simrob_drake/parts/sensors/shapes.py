@@ -14,6 +14,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer
 
 from simrob_drake.blocks.block import fed
+from simrob_drake.blocks.command_bus import rounded
 from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter
@@ -23,7 +24,6 @@ from simrob_drake.parts.sensors.sensor import (
     axis_names,
     check_contact,
     normal,
-    rounded,
     sampled,
     sensor_label,
 )

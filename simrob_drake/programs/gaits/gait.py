@@ -144,7 +144,7 @@ class SolvedGait(Gait):
     """Servo gains for it, in place of the station's: kp, kd."""
 
 
-class Steps(Strict):
+class EvenSteps(Strict):
     """What gaits in equal steps have, on a straight line or a circle."""
 
     steps: ClassVar[bool] = True
@@ -161,6 +161,6 @@ class Steps(Strict):
     turn_deg: Number = 0.0
     """How far each step turns it to the left [deg]."""
     ramp_steps: Integer = Field(default=3, ge=0)
-    """Steps in which the step length grows at the start and shrinks at the end, which go in addition."""
+    """EvenSteps in which the step length grows at the start and shrinks at the end, which go in addition."""
     settle: Pace = 0.6
     """Time to shift the weight at the start and at the end [s]."""

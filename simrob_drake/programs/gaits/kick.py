@@ -65,8 +65,8 @@ class Kick(SolvedGait):
         ]
         way = gait_plan(start, np.array([self.zmp_ahead, 0.0]), phases)
         swung = BPoly.from_derivatives(times, knots)(np.clip(way.times - self.settle, 0.0, times[-1]))
-        course = replace(way, feet={**way.feet, kicking.name: swung})
-        return WholeBody(walker, self, course).solve()[0]
+        motion = replace(way, feet={**way.feet, kicking.name: swung})
+        return WholeBody(walker, self, motion).solve()[0]
 
     def aimed(
         self, walker: Walker, root: Vector, angles: Vector, *, ball: Vector, radius: float, toward: Vector | None
@@ -99,6 +99,9 @@ class Kick(SolvedGait):
             raise InvalidParameter(f"robot {walker.model.name}", f"one with {len(feet)} feet", "one with two, to kick")
         if self.foot is not None and self.foot not in feet:
             raise UnknownName(f"foot of {walker.model.name}", self.foot, feet)
+        if self.toward_deg and any(len(foot.axes) < 6 for foot in feet.values()):
+            expected = f"0, since the legs of {walker.model.name} cannot turn their feet"
+            raise InvalidParameter("toward_deg", self.toward_deg, expected)
         return feet
 
     def _kicking_and_standing(self, feet: dict[str, Foot], near: str = SIDES[0]) -> tuple[Foot, Foot]:

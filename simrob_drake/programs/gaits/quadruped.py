@@ -7,7 +7,7 @@ from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.gait import Pace, SolvedGait, Steps
+from simrob_drake.programs.gaits.gait import EvenSteps, Pace, SolvedGait
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, on_path, ramp_shares
 from simrob_drake.programs.gaits.walker import Walker
@@ -21,14 +21,14 @@ CRAWL_ORDER = ("rear_left_foot", "front_left_foot", "rear_right_foot", "front_ri
 """Each hind foot comes before the fore foot of its side: then the trunk always has three feet about it."""
 
 
-class Trot(Steps, SolvedGait):
+class Trot(EvenSteps, SolvedGait):
     """A gait on four legs, diagonal pairs in turn."""
 
     section: ClassVar[str] = "trots"
     usual: ClassVar[str] = "trot"
 
     ramp_steps: Integer = Field(default=4, ge=0)
-    """Steps in which the step length grows at the start and shrinks at the end, which go in addition."""
+    """EvenSteps in which the step length grows at the start and shrinks at the end, which go in addition."""
     lift: Positive = 0.05
     """Height of the swinging feet [m]."""
     lead: Number = 0.0
