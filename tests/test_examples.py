@@ -158,7 +158,19 @@ def test_the_bar_goes_from_hand_to_hand(mode):
     )
 
 
-def test_parts_on_a_belt_that_runs_on_are_found_by_a_camera_and_taken():
+def test_a_camera_finds_the_parts_of_a_belt_where_they_are():
+    belt = example("belt_camera")
+    cell, known = belt.workcell(seed=3, parts=3), []
+    belt.look(cell, known)
+    places = np.array([cell.frame(f"part_{number}").translation()[:2] for number in range(3)])
+    found = np.array(known)[:, :2] + [0.0, cell.position("belt")[0]]
+    away = np.linalg.norm(places[:, np.newaxis] - found, axis=2)
+    assert found.shape == (3, 2)
+    assert away.min(axis=1).max() < 1e-3  # m; a pixel sees 2 mm
+
+
+@pytest.mark.long
+def test_parts_on_a_belt_that_runs_on_are_taken_where_a_camera_found_them():
     belt = example("belt_camera")
     cell, away = belt.run(seed=3, parts=2)
     assert len(away) == 2
