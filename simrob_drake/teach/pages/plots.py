@@ -57,11 +57,11 @@ def scope(session: Session, t: Words, signal: str, *, only: str | Collection[str
         only: the columns to begin with, or their axes; some of them where none is of these.
     """
     element = _Scope(session, t, signal, only).element
-    watch(session, signal, element)
+    watch(session, [signal], element)
     return element
 
 
-def watch(session: Session, signals: str | Sequence[str], element: ui.element) -> None:
+def watch(session: Session, signals: Sequence[str], element: ui.element) -> None:
     """Have signals in ``session.run.history`` as long as an element of the present page is there."""
     viewer = f"{context.client.id} {element.id}"
 
@@ -71,7 +71,7 @@ def watch(session: Session, signals: str | Sequence[str], element: ui.element) -
             session.watch((), viewer)
 
     forget = session.listen(hear)
-    session.watch([signals] if isinstance(signals, str) else signals, viewer)
+    session.watch(signals, viewer)
 
 
 class _Scope:
