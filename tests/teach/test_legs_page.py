@@ -18,6 +18,7 @@ from nicegui.testing.user_interaction import UserInteraction
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.robots.catalog import load_robot
+from simrob_drake.stations.load import load_station, loops_known
 from simrob_drake.teach.pages import legs, plots
 from simrob_drake.teach.pages.phrases import Phrases, matches
 from simrob_drake.teach.pages.words import languages, texts_of, words
@@ -629,3 +630,12 @@ def test_a_new_kind_of_move_is_offered_by_its_title_its_form_and_its_caption(mon
     session = shown(script)
     assert [call for call in session.calls if call[0] == "try_move"] == [("try_move", hop)]
     assert session.book.program.moves[0].entry() == {"hop": {**hop["hop"], "height": 0.2}}
+
+
+@pytest.mark.parametrize("language", ["en", "es"])
+def test_each_loop_says_what_it_does(language):
+    stations = ("humanoid_dynamic", "roid1_dynamic", "irb120_dynamic", "yobotics_dynamic")
+    loops = {name for station in stations for name in loops_known(load_station(station))}
+    assert len(loops) > 8
+    for name in loops:
+        assert Phrases(words(language), ()).loop(name).endswith("."), name

@@ -154,8 +154,11 @@ def _loops(session: Session, phrases: Phrases) -> None:
         for name, value in on().items():
             switches[name].value = value
 
-    with ui.row().classes("w-full gap-x-4 gap-y-0"):
-        switches = {name: ui.switch(phrases.name(name), value=value) for name, value in on().items()}
+    switches = dict[str, ui.switch]()
+    for name, value in on().items():
+        with ui.row().classes("w-full items-center gap-x-3 gap-y-0"):
+            switches[name] = ui.switch(phrases.name(name), value=value)
+            ui.label(phrases.loop(name)).classes("text-sm opacity-70 min-w-0 grow").style("flex-basis: 14rem")
     for name, element in switches.items():
         element.on_value_change(lambda event, name=name: switch(name, event.value))
     follow(session, show, "description")

@@ -42,6 +42,10 @@ class Phrases:
         """Return what a gait, an act, a loop, a tool or a signal is called; else ``otherwise``, or its plain name."""
         return self._named("names", name, otherwise)
 
+    def loop(self, name: str) -> str:
+        """Return what a loop does, in a line; nothing of one that the pages have no words for."""
+        return self._named("loops", name, "")
+
     def names(self, names: Iterable[str]) -> dict[str, str]:
         """Return what several are called, to choose from."""
         return {name: self.name(name) for name in names}
