@@ -105,7 +105,8 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], un
         return BlockOutcome(node.path, node.kind, "structure", "ignored", "commented through: its ports are joined")
     row = block_types().get(node.kind) or _unknown(model, node)
     fate, text = max([*found, (row.fate, row.text)], key=lambda one: FATES.index(one[0]))
-    if row.domain == "mechanics" and fate != "lost" and (unread := model.network.unread(node)):
+    heeded = row.domain == "mechanics" and row.fate != "ignored" and fate != "lost"
+    if heeded and (unread := model.network.unread(node)):
         ports = ", ".join(f"{side} {number}" for _, side, number in unread)
         if node.kind in _SENSING and all(side == "rconn" and number > 1 for _, side, number in unread):
             text = f"{text}; no station measures what its port {ports} tells".removeprefix("; ")

@@ -363,7 +363,8 @@ def test_a_physical_bus_joins_its_elements_by_name(tmp_path):
     far = level.block("SimscapeBus", "Far", HierarchyStrings="Rod;Stand")
     level.connect(f"{near}#rconn:1", f"{far}#rconn:1")
     level.connect(f"{world}#rconn:1", f"{near}#lconn:1")
-    level.connect(f"{rod}#rconn:1", f"{near}#lconn:2")
+    weighing = level.block("sm_lib/Body Elements/Inertia Sensor", "Weighing")  # which moves nothing
+    level.connect(f"{rod}#rconn:1", f"{near}#lconn:2", f"{weighing}#lconn:1")
     level.connect(f"{far}#lconn:2", f"{hinge}#lconn:1")
     level.connect(f"{far}#lconn:1", f"{hinge}#rconn:1")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")

@@ -260,3 +260,23 @@ def test_a_link_without_mass_between_joints_moves_by_forces(tmp_path):
     result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
     np.testing.assert_allclose(result["q.A"], 2 * result.times, atol=1e-5)
     np.testing.assert_allclose(result["q.B"], 0.0, atol=1e-6)
+
+
+def test_a_filter_begins_at_its_output(tmp_path):
+    """From 0.3 rad to 1 rad by 1 / (0.5 s + 1): 1 - 0.7 exp(-2 t); beside it a joint is locked at 0.2 rad."""
+    level = Level()
+    locked = {"JointMode": "Locked", **target("Position", "0.2", "rad")}
+    _, (joint, _) = hinges(level, {"MotionActuationMode": "InputMotion"}, locked)
+    wanted = level.block("Constant", "Wanted", Value="1")
+    smooth = level.block("simulink_extras/Additional Linear/Transfer Fcn (with initial outputs)", "Smooth", N="1",
+                         D="[0.5 1]", Y0="0.3", U0="0.3")  # fmt: skip
+    into = level.block(TO_PHYSICS, "In", Unit="rad")
+    level.wire(f"{wanted}#out:1", f"{smooth}#in:1")
+    level.wire(f"{smooth}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    result = simulate(imported.station, duration=1.0, progress=False)
+    np.testing.assert_allclose(result["q.A"], 1 - 0.7 * np.exp(-2 * result.times), atol=1e-3)
+    world = imported.model.world
+    (solid,) = (one for one in world.solids if one.node.path.startswith("Rod"))
+    assert solid.pose.rotation().ToAngleAxis().angle() == pytest.approx(0.2)

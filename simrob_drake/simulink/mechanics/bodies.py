@@ -5,10 +5,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element
 
-from pydrake.math import RigidTransform
+import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.simulink.mechanics.joints import JOINTS, Joint, read_joint, rigid_transform
+from simrob_drake.simulink.mechanics.joints import JOINTS, Freedom, Joint, read_joint, rigid_transform
 from simrob_drake.simulink.mechanics.shapes import MeshFiles
 from simrob_drake.simulink.mechanics.solids import (
     GEOMETRY,
@@ -119,6 +121,22 @@ def read_bodies(network: Connections, meshes: MeshFiles) -> Bodies:
     return bodies
 
 
+def moved(freedom: Freedom, position: float) -> RigidTransform:
+    """Return what a degree of freedom does to the pose behind it at a position [rad or m]."""
+    if freedom.turns:
+        return RigidTransform(RotationMatrix(AngleAxis(position, freedom.axis)), np.zeros(3))
+    return RigidTransform(position * freedom.axis)
+
+
+def _locked(joint: Joint) -> RigidTransform:
+    """Return the pose of the follower in the base of a joint that is locked where its targets are."""
+    pose = joint.start
+    for freedom in joint.freedoms:
+        pose = pose @ moved(freedom, freedom.start or 0.0)
+    joint.node.note("approximated", "is locked: welded where its targets are, or else at 0")
+    return pose
+
+
 Edges = dict[Place, list[tuple[Place, RigidTransform, Node]]]
 """By physical node: which others are rigidly joined with it, with their poses in it, and by which block."""
 
@@ -140,7 +158,11 @@ class _Frames:
         elif node.kind == "Weld Joint":
             self._join(*self._ends(node), RigidTransform(), node)
         elif node.kind in JOINTS:
-            self.joints.append((read_joint(node), *self._ends(node)))
+            joint = read_joint(node)
+            if node.text("JointMode") == "Locked":
+                self._join(*self._ends(node), _locked(joint), node)
+            else:
+                self.joints.append((joint, *self._ends(node)))
         elif node.kind in (*GEARS, ROD, SPRING, BETWEEN):
             places = [self._network.net(node, side) for side in ("lconn", "rconn")]
             self.joints.append((node, places[0], places[1]))

@@ -258,8 +258,8 @@ def read_joint(node: Node) -> Joint:
     Raises:
         InvalidModel: figures that cannot be, or a joint without a likeness here.
     """
-    if node.text("JointMode", "Normal") not in ("Normal", ""):
-        raise node.refusal(f"is in the mode {node.text('JointMode')}; only Normal is read")
+    if node.text("JointMode", "Normal") not in ("Normal", "Locked", ""):
+        raise node.refusal(f"is in the mode {node.text('JointMode')}; Normal and Locked are read")
     joint = Joint(node)
     kinds = PRIMITIVES[node.kind]
     moved = any(node.text(f"{kind}MotionActuationMode") == "InputMotion" for kind in kinds)

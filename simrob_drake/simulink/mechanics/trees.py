@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from pydrake.common.eigen_geometry import AngleAxis
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.mechanics.bodies import GEARS, ROD, Bodies, Coupling, Link, RigidPart
+from simrob_drake.simulink.mechanics.bodies import GEARS, ROD, Bodies, Coupling, Link, RigidPart, moved
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.nodes import Node
 
@@ -246,12 +245,6 @@ def body_poses(tree: Tree, positions: Vector) -> dict[RigidPart, RigidTransform]
     for branch in tree.branches:
         pose = poses[branch.parent] @ branch.in_parent
         for freedom in branch.freedoms:
-            pose = pose @ _moved(freedom, branch.sign * next(values))
+            pose = pose @ moved(freedom, branch.sign * next(values))
         poses[branch.body] = pose @ branch.in_body.inverse()
     return poses
-
-
-def _moved(freedom: Freedom, position: float) -> RigidTransform:
-    if freedom.turns:
-        return RigidTransform(RotationMatrix(AngleAxis(position, freedom.axis)), np.zeros(3))
-    return RigidTransform(position * freedom.axis)

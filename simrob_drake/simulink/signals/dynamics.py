@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Any
 
@@ -57,7 +57,7 @@ def with_states(reader: SignalReader, node: Node, kind: str, *parameters: Parame
     return found.reshape(shape, order="F") if size == math.prod(shape) else found
 
 
-def filtered(node: Node | None, value: Value, numerator: Sequence[float], denominator: Sequence[float]) -> Value:
+def filtered(node: Node | None, value: Value, numerator: Iterable[float], denominator: Iterable[float]) -> Value:
     """Return a transfer function of a value that is known."""
     parameters = {"numerator": [float(one) for one in numerator], "denominator": [float(one) for one in denominator]}
     return Primitive("transfer_function", parameters, lambda: [value], node).outputs[0]
@@ -174,6 +174,20 @@ def _transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | Non
         return with_states(reader, node, "transfer_function", parameters)
     values = reader.input(node)
     return _each(node, "transfer_function", [parameters] * values.size, values)
+
+
+def _begun_transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    """Return y = Y0 + G (u - U0): it begins at an output, at rest where that is what the input comes to."""
+    numerator, denominator = node.numbers("N", "[1]"), node.numbers("D", "[1 1]")
+    if np.trim_zeros(numerator, "f").size >= denominator.size:
+        return None
+    output, begun = (node.numbers(name, "0") for name in ("Y0", "U0"))
+    if not np.allclose(denominator[-1] * output, numerator[-1] * begun):
+        node.note("approximated", "begins at its output without what its states are beside it")
+    parameters = {"numerator": _listed(numerator), "denominator": _listed(denominator)}
+    values = with_states(reader, node, "transfer_function", parameters)
+    rest = mapped(lambda u: filtered(node, u, numerator, denominator), begun.astype(object))
+    return mapped(lambda one, y, other: one + y - other, *fitted(node, values, output.astype(object), rest))
 
 
 def _state_space(reader: SignalReader, node: Node, _: int) -> Signal | None:
@@ -328,6 +342,7 @@ DYNAMICS: dict[str, Rule] = {
         ("TransferFcn", "ZeroPole", "DiscreteTransferFcn", "DiscreteZeroPole", "DiscreteFilter", "DiscreteFir",
          "Discrete Derivative"), _transfer_function,
     ),
+    "Transfer Fcn (with initial outputs)": _begun_transfer_function,
     **dict.fromkeys(("StateSpace", "DiscreteStateSpace"), _state_space),
     **dict.fromkeys(("UnitDelay", "Delay", "Memory"), _delay),
     "ZeroOrderHold": _hold,
