@@ -135,8 +135,8 @@ class Arm(ArmGeometry):
         """Change the tool centre point (SimRob's Tool).
 
         Args:
-            tool: one of :attr:`tools`: a frame of the robot or a piece that it carries; or a pose in the frame of
-                the tool that it has now.
+            tool: one of :attr:`tools`, a frame of the robot or a piece that it carries, or any link; or a pose in the
+                frame of the tool that it has now.
 
         Raises:
             UnknownName: no such tool.

@@ -295,7 +295,7 @@ class StatefulStation:
         """Change the tool centre point of a robot; see :meth:`Arm.tool`."""
         entry, own = self.config.robots[robot], self.model.robots[robot]
         if isinstance(tool, str):
-            one_of(f"tool of {robot}", tool, own.tools)
+            one_of(f"tool of {robot}", tool, [*own.tools, *own.model.links])
             changes: dict[str, object] = {} if tool == own.tcp else {"tcp": tool, "tcp_offset": None}
         else:
             before = RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)

@@ -163,7 +163,7 @@ class RobotConfig(Renamed):
     initial_deg: AxisValues = 0.0
     """Joint positions at the start, per axis."""
     tcp: str | None = None
-    """Tool that `tcp_pose` follows; the last piece of the robot's chain unless given."""
+    """Tool, or link, that `tcp_pose` follows; the last piece of the robot's chain unless given."""
     tcp_offset: Pose | None = None
     """Pose of the tool centre point in that tool's frame, [x y z Rz Ry Rx]; it is then the tool `tcp`."""
     feet: str | None = None

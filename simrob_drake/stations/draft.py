@@ -38,7 +38,7 @@ _DISCRETE: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 1
 _HOLDING = "Fingers ({fingers}) move together, as by one motor, and hold by friction: surfaces, and the solver lagged."
 _GRIPS: dict[str, Any] = {
     "contact": {"model": "hydroelastic", "friction": {"static": 0.5, "dynamic": 0.5}},
-    "solver": {"kind": "discrete", "scheme": "lagged", "time_step": 2e-3},
+    "solver": {"kind": "discrete", "scheme": "lagged", "time_step": 5e-3},
 }
 _HOLDS: dict[str, Any] = {
     "reference": {"kind": "hold"},

@@ -189,6 +189,8 @@ def _robot(
             worn.append(piece)
     held = tuple(piece for piece in carried if piece not in worn)
     frames = {**model.tools, **{piece: f"{piece}_{TCP}" for piece in carried}}
+    if entry.tcp in model.links:
+        frames.setdefault(entry.tcp, entry.tcp)
     tcp = tool_in_use(model.tools, held, entry.tcp)
     if tcp:
         one_of(f"tool of {name}", tcp, frames)

@@ -172,6 +172,9 @@ def test_the_tool_can_change(kinematic):
     np.testing.assert_allclose(result.pose("tcp")[-1, :3], goal, atol=1e-8)  # the result follows the same point
     kinematic.tool("tool0")
     assert Arm("irb120_kinematic", tool="tool0").pose()[2] == pytest.approx(0.63)  # facts of the arm
+    kinematic.tool("link_3")  # any link, too
+    kinematic.move_abs_j(np.zeros(6), check=None)
+    np.testing.assert_allclose(kinematic.pose()[:3], [0, 0, 0.56], atol=1e-9)
 
 
 def test_what_is_printed_fits_a_line():

@@ -101,3 +101,15 @@ def test_fingers_press_with_all_they_have_from_a_tenth_of_their_way(tmp_path):
     file.write_text(gantry(finger("left", effort=60), finger("right", effort=60, follows="left_slide")))
     kp = robot_from_file(file).servo.kp
     assert kp["left_slide"] * 0.1 * 0.04 == pytest.approx(60, rel=0.01)
+
+
+def test_axes_that_carry_fingers_give_all_they_have_30_deg_off(tmp_path):
+    """A wrist that weighs next to nothing about its own axis: the hand will hold more than itself."""
+    wrist = link("wrist", mass=0.01) + joint("turn", "palm", "wrist", kind="revolute", axis="0 0 1", effort=9)
+    text = gantry(finger("left"), finger("right", follows="left_slide")).replace(
+        'parent link="palm"', 'parent link="wrist"'
+    )
+    (tmp_path / "robot.urdf").write_text(text.replace("</robot>", f"{wrist}</robot>"))
+    robot = robot_from_file(tmp_path / "robot.urdf")
+    assert list(robot.gripper.axes) == ["left_slide", "right_slide"]
+    assert robot.servo.kp["turn"] * np.deg2rad(30) == pytest.approx(9, rel=0.05)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import yaml
 
-from simrob_drake import Workcell, load_station
+from simrob_drake import Arm, Workcell, load_station
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.draft import draft_station
-from tests.robots.hands import gantry
+from tests.robots.hands import box, gantry, joint, link
 
 CUBE = {"pieces.cube": {"model": "cube", "free": True, "pose": [0, 0, 0.02, 0, 0, 0]}}
 DOWN = 0.4 - 0.07 - 0.02  # m: from the carriage to where the middle of a cube of 40 mm on the floor is between the pads
@@ -65,3 +65,26 @@ def test_what_it_holds_goes_around_obstacles_with_its_fingers_where_they_are(hol
     model = cell.collision_model
     deep = max(pair.depth for pair in model.query().ComputePointPairPenetration())
     assert deep < 1e-3
+
+
+def test_links_that_are_in_each_other_all_the_way_are_not_in_the_way(tmp_path):
+    """Hulls of fingers that are closed overlap by 4 mm: half of what links of one robot may would be 2.5 mm."""
+    sides = []
+    for name, sign in (("left", 1), ("right", -1)):
+        sides.append(link(name, box("0.02 0.01 0.02", f"0 {sign * 0.003} 0.07"), com=f"0 {sign * 0.01} 0.03"))
+        sides.append(joint(name, "palm", name, axis=f"0 {sign} 0", low=0, high=0.04))
+    (tmp_path / "gantry.urdf").write_text(gantry(*sides))
+    (tmp_path / "s.yaml").write_text("{robot: {urdf: gantry.urdf}, mode: kinematic}")
+    arm = Arm(load_station(tmp_path / "s.yaml"))
+    arm.move_free(joints=[0.2, 0.1, 0, 0])
+    np.testing.assert_allclose(arm.position, [0.2, 0.1, 0, 0], atol=1e-9)
+
+
+def test_fingers_stay_open_where_it_does_not_begin_at_home(tmp_path):
+    """At home the arm is in the floor, out of which its axes lead, and no finger."""
+    (tmp_path / "gantry.urdf").write_text(gantry().replace("0 0 0.4", "0 0 0.1"))
+    content = yaml.safe_load(draft_station(tmp_path / "gantry.urdf"))
+    begin = content["robot"]["initial_deg"]
+    assert begin["lift"] < 0
+    for posture in (begin, content["reference"]["target_deg"]):
+        assert (posture["left_slide"], posture["right_slide"]) == (0.04, 0.04)
