@@ -36,11 +36,11 @@ from simrob_drake.sections import (
     Inertia,
     NotNegative,
     Number,
+    Place,
     Pose,
     Positive,
     Renamed,
     Strict,
-    Triple,
     check_plain,
     default_of,
 )
@@ -208,7 +208,7 @@ class PieceConfig(Strict):
     """Density of the material [kg/m³], instead of a mass: mass, centre of mass and inertia follow from the shapes."""
     mass: NotNegative | None = None
     """Mass [kg]; without an inertia of its own, a piece with shapes is taken to be evenly filled."""
-    com: Triple | None = None
+    com: Place | None = None
     """Centre of mass in the piece's frame [m]."""
     inertia: Inertia | None = None
     """Moments of inertia Ixx Iyy Izz about the centre of mass [kg m²], and the products Ixy Ixz Iyz if not zero."""
