@@ -94,8 +94,8 @@ def run(
     shown = _frames(frames)
     if is_rapid_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
-        program, config = module_program(Path(station), rapid, set_)
-        return run_program(program, config, saving, shown)
+        program, config, lines = module_program(Path(station), rapid, set_)
+        return run_program(program, config, saving, shown, lines=lines)
     refuse_rapid(rapid)
     if is_program_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)

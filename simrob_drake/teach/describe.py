@@ -13,13 +13,12 @@ from simrob_drake.programs.stages import SEQUENCE
 from simrob_drake.signals import Signal
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.station import build_station
 
 
 def description(cell: Workcell) -> dict[str, Any]:
     """Return what a station is, as plain data."""
     config, station = cell.config, resolve(cell.config)
-    shown = build_station(config).ports.signals
+    shown = cell.runner_of(config).ports(watched=True).signals  # which the first run has built then
     return {
         "station": config.name,
         "mode": config.mode,

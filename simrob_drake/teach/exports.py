@@ -16,7 +16,7 @@ from simrob_drake.programs.script import script
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_names, station_yaml
 from simrob_drake.stations.located import carried
-from simrob_drake.teach.commands import Commands
+from simrob_drake.teach.move_runner import Commands
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.program_book import ProgramBook
 from simrob_drake.teach.run_client import RunClient, done

@@ -77,7 +77,7 @@ class Pendant:
 
     def _begin(self) -> None:
         self.board.wipe()
-        self.session.listen_to_view(lambda news: self.board.tell(news["subject"], news["commands"]))
+        self.session.listen_to_view(self.board.tell)
 
     def _drag(self, path: str, point: list[float], target: list[float] | None) -> None:
         """Pass on what is dragged in the view, by the name that the station knows it by."""

@@ -22,8 +22,7 @@ from simrob_drake.stations.load import load_station, loops_known, loops_on
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.run_client import RunClient
-from simrob_drake.teach.store import Store, opened
-from simrob_drake.teach.taught import History, Taught, entries_of, with_change
+from simrob_drake.teach.store import History, Store, Taught, entries_of, opened, with_change
 
 
 class ProgramBook:

@@ -23,8 +23,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.parts.targets import FLOOR
 from simrob_drake.results.animation.camera import Way, framed_time
-from simrob_drake.results.record.events import begins_of
-from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.run import RecordedRun, begins_of
 from simrob_drake.stations.clearance import PosedStation
 from simrob_drake.stations.config import StationConfig
 
