@@ -5,6 +5,7 @@ from concurrent.futures import Future
 from math import radians
 from typing import Annotated, ClassVar
 
+import numpy as np
 import pytest
 from legs_session import LegsSession, described
 from pydantic import Field
@@ -20,7 +21,7 @@ from simrob_drake.robots.catalog import load_robot
 from simrob_drake.teach.pages import legs, plots
 from simrob_drake.teach.pages.phrases import Phrases, matches
 from simrob_drake.teach.pages.words import languages, texts_of, words
-from simrob_drake.teach.run import TaughtRun
+from simrob_drake.teach.run import EndedRun, TaughtRun
 
 MOVE = {"target_deg": {"HomIF": 30.0, "CadDF": 20.0}, "duration": 1.5}
 
@@ -485,10 +486,24 @@ def test_plots_are_drawn_of_what_is_watched_and_no_longer_than_they_are_open():
         await heard(0.5)
         charts = user.find(ui.echart).elements
         (position,) = (chart for chart in charts if chart.props["aria-label"] == "position")
-        rows = position.options["dataset"]["source"]
+        rows = position.options["dataset"][0]["source"]
         assert [row[0] for row in rows] == [0.0, 0.05, 0.1]
         assert rows[2][1:] == pytest.approx([2.0] * 6)  # degrees
         assert position.options["series"][0]["name"] == "right shoulder: arm forward"
+        before = np.array([0.0, 0.1]), np.full((2, 18), radians(30.0))
+        session.run.ended.append(EndedRun(4, "program", 0.0, 0.1, "completed", {"position": before}))
+        session.told("phase")
+        await heard(0.5)
+        (compared,) = (one for one in user.find(ui.select).elements if one.props.get("label", "").startswith("Compare"))
+        assert compared.options == {4: "4: the program, 0.00 to 0.10 s"}
+        session.run.compared = session.run.ended[0]  # as the session does when it is chosen
+        give(user, compared, 4)
+        assert ("compare", 4) in session.calls
+        await heard(0.5)
+        assert len(position.options["series"]) == 12
+        assert position.options["series"][6]["datasetIndex"] == 1
+        assert position.options["dataset"][1]["source"][1][:2] == pytest.approx([0.1, 30.0])
+        session.run.compared = None
         give(user, next(iter(user.find(ui.expansion).elements)), False)
         session.told("tick")
         watched = {}

@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from fake_runs import BenchRun
+from fake_runs import TICK, BenchRun
 
 from simrob_drake import Program
 from simrob_drake.cli.app import run_command
@@ -356,3 +356,49 @@ def test_what_the_drives_can_do_is_told_as_it_was_changed_while_something_ran(te
     ]
     assert [axis["name"] for axis, one in zip(axes, told, strict=True) if one.reason == "limit"] == ["joint_2"]
     assert told[1].off > 2.0, "it has sunk"
+
+
+def test_the_last_ten_runs_are_kept_and_two_are_compared(teach):
+    """Of the same program with other gains all signals are there, as the file has them that is taken away."""
+    session, _ = teach("humanoid")
+    session.book.insert(0, {"target_deg": {"left_elbow": 30}, "duration": 0.4})
+    tables = {}
+    for gain in (80.0, 160.0):
+        assert session.setup.set("servo.kp", gain)
+        session.hear()
+        heard(session, session.simulate())
+        names, values = table(heard(session, session.exports.csv()))
+        tables[session.run.ended[-1].number] = dict(zip(names, values.T, strict=True))
+    assert [ended.number for ended in session.run.ended] == [1, 2]
+    assert session.compare(1)
+    first, second = session.run.compared, session.run.ended[-1]
+    columns_of = {signal["name"]: signal["columns"] for signal in session.description["signals"]}
+    for ended in (first, second):
+        assert (ended.kind, ended.begun, ended.reached, ended.ending) == ("program", 0.0, 0.4, "completed")
+        csv = tables[ended.number]
+        for name, columns in columns_of.items():
+            times, values = ended.signals[name]
+            np.testing.assert_allclose(times, csv["time"], atol=1e-9)
+            np.testing.assert_allclose(values, np.array([csv[column] for column in columns]).T, rtol=1e-5, atol=1e-6)
+    assert abs(first.signals["position"][1] - second.signals["position"][1]).max() > 1e-3
+    assert first.history("position")[-1][0] == pytest.approx(0.4)
+    assert first.history("no such") == []
+    assert not session.compare(7)
+    assert "run" in str(session.message)
+    assert session.run.compared is first
+    assert session.compare(None)
+    assert session.run.compared is None
+
+
+def test_what_fell_stands_in_the_list_from_where_it_began(teach):
+    session, _ = teach("humanoid")
+    heard(session, session.test({"left_elbow": 10}, 0.2))
+    session.add()
+    heard(session, session.test(HIPS, 3.0))
+    _, fell = session.run.ended
+    assert (fell.kind, fell.begun, fell.ending) == ("tried", 0.2, "monitor")
+    assert fell.reached == session.run.reach
+    times, base = fell.signals["base_pose"]
+    assert times[0] == 0.2
+    assert fell.reached - TICK < times[-1] <= fell.reached  # a monitor may be seen a step late
+    assert base[-1, 2] < base[0, 2] - 0.05
