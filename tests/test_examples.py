@@ -16,6 +16,7 @@ pytestmark = pytest.mark.usefixtures("no_plots")
 
 LONG = {
     "zjudancer_eight",
+    "zjudancer_goal",
     "yobotics_walk",
     "humanoid_march",
     "stack",  # of five; tests/programs/test_grip.py puts one cube on another

@@ -215,7 +215,9 @@ def _simulated(config: StationConfig, live: bool) -> SimulationResult:
     view = LiveView(config, steering=steering)
     wait_for_watcher(view.url)
     try:
-        return simulate(config, progress=False, on_step=view.on_step, commands=steering.hands)
+        result = simulate(config, progress=False, on_step=view.on_step, commands=steering.hands)
+        view.say(result.message)
+        return result
     finally:
         view.close()
 

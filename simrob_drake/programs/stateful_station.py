@@ -353,8 +353,7 @@ class StatefulStation:
         return FreeSpace(self._placed(self._model.whole), {robot: self.reference(robot) for robot in robots})
 
     def _placed(self, model: StationModel) -> StationModel:
-        model.place_pieces(self.state)
-        model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
+        model.place_state(self.state, self.position, self.reference)
         return model
 
     def show(self) -> str:

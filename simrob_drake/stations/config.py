@@ -46,10 +46,10 @@ from simrob_drake.sections import (
 )
 from simrob_drake.stations.solver_config import (
     ContactConfig,
-    ContactMaterial,
     ContinuousSolver,
     FixedSteps,
     MujocoSolver,
+    PieceContact,
     SolverConfig,
     VerdictConfig,
 )
@@ -218,8 +218,8 @@ class PieceConfig(Strict):
     """Red, green, blue, opacity."""
     free: Boolean = False
     """Moved by gravity and contact alone; its pose is that at the start, in the world."""
-    contact: ContactMaterial | None = None
-    """What its surface is made of, in place of the station's `contact`."""
+    contact: PieceContact | None = None
+    """What its surface is made of and how it meets others, in place of the station's `contact`."""
 
     @model_validator(mode="after")
     def _free_of_parents(self) -> PieceConfig:

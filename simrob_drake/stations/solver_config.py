@@ -130,6 +130,13 @@ class ContactMaterial(Strict):
     """Pressure of a surface pressed in to its middle [Pa], for the hydroelastic models; 1e7 unless given."""
 
 
+class PieceContact(ContactMaterial):
+    """How a piece meets others, in place of what its station says."""
+
+    model: Literal["point"] | None = None
+    """`point`: at points where the station's model is `hydroelastic_with_fallback`. Balls roll without facets then."""
+
+
 class ContactConfig(ContactMaterial):
     """Contact between robots, pieces and floor. A station without this section has none.
 

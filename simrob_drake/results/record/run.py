@@ -231,3 +231,16 @@ class RecordedRun:
 
     def _robot(self, name: str | None) -> StationRobot:
         return self.plant.robots[named(name, list(self.plant.robots))]
+
+
+def begins_of(*runs: RecordedRun) -> Vector:
+    """Return when runs that follow each other begin, and when the last one ends [s], shape (k + 1,)."""
+    return np.cumsum([0.0, *(run.stop_time for run in runs)])
+
+
+def fallen(result: RecordedRun) -> str | None:
+    """Return the robot whose fall ended a run, as its monitor saw; None if none did."""
+    from simrob_drake.parts.monitors.places import Fall  # as all kinds, where one is named
+
+    monitor = result.config.monitors.get(result.stopped_by or "")
+    return monitor.faller(result.config.only_robot) if isinstance(monitor, Fall) else None
