@@ -17,13 +17,12 @@ from simrob_drake.programs.moves.joints import move_of, targets_on
 from simrob_drake.programs.moves.kinds import ActMove, AttachMove, GoMove, JointMove, ReleaseMove, WalkMove, move_from
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, Stage, checked
 from simrob_drake.programs.program import Program, counted
-from simrob_drake.programs.snapshot import Snapshot
-from simrob_drake.programs.stages import check_program, joint_reference, leg_moves, stages_of, step_moves
+from simrob_drake.programs.stages import Snapshot, check_program, joint_reference, leg_moves, stages_of, step_moves
 from simrob_drake.programs.stages import stages_of_program as program_stages
 from simrob_drake.programs.stateful_station import GOES_ON
 from simrob_drake.programs.timeline import following
+from simrob_drake.results.record.run import fallen
 from simrob_drake.results.record.state import State
-from simrob_drake.results.record.walks import fallen
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.whole import joined
 from simrob_drake.simulation import ReferenceLike

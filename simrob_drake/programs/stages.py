@@ -7,6 +7,7 @@ of a program is checked before the first stage runs.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -23,6 +24,7 @@ from simrob_drake.programs.moves.kinds import LEG_KINDS
 from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming
 from simrob_drake.programs.moves.walk import WalkMove
 from simrob_drake.programs.program import Program
+from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import ReferenceLike
@@ -30,6 +32,16 @@ from simrob_drake.stations.config import StationConfig
 
 SEQUENCE = "step"
 """The sequence of a robot's ``gaits.yaml`` that is a step by joint angles, if it has one."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What a robot goes back to when something is undone: a program, where a station is, how it is, its time [s]."""
+
+    program: Program
+    state: State | None
+    config: StationConfig
+    now: float
 
 
 def stages_of(robot: LeggedGeometry, moves: Sequence[Move], station: StationConfig, file: str = "") -> list[Stage]:

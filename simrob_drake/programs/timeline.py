@@ -136,7 +136,8 @@ class Timeline:
         Raises:
             InvalidConfig: a setting that cannot be.
         """
-        changed = with_settings(config, _for_robots(self.settings(), config), "changes of the program")
+        settings = _for_robots(self.settings(), config)
+        changed = with_settings(config, settings, "changes of the program") if settings else config
         forces = {**changed.forces, **self.forces(duration)}
         return changed.model_copy(update={"forces": forces})
 

@@ -16,8 +16,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
 from simrob_drake.parts.site import StationPlant
-from simrob_drake.results.record.events import Event, begins_of
-from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.events import Event
+from simrob_drake.results.record.run import RecordedRun, begins_of
 from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.stations.clearance import PosedStation
 from simrob_drake.stations.config import PieceConfig, StationConfig
@@ -90,6 +90,7 @@ def joined(
         solver_warnings=list(dict.fromkeys(warning for run in runs for warning in run.solver_warnings)),
         contacts_at=last.contacts_at if len(runs) == 1 and not wandering else None,
         did="",
+        moves=(),
         runs=tuple(runs),
         begun=station,
         marks=_marks(runs, stations, begins),

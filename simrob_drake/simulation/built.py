@@ -53,6 +53,7 @@ class StationDiagrams:
             watched: step the one with everything, since somebody looks at it meanwhile.
         """
         self._station, self._blocks, self._watched = station, blocks, watched
+        self._driven = driven_inputs(blocks)
         self.references, self.forces = dict(references), dict(station.config.forces)
 
     def fits(self, references: Mapping[str, Reference]) -> bool:
@@ -76,9 +77,8 @@ class StationDiagrams:
     @property
     def edges(self) -> list[float]:
         """Times at which a step must end: corners of references, edges of pushes [s]."""
-        driven = driven_inputs(self._blocks)
         robots = self._station.robots.values()
-        played = [self.references[robot.name] for robot in robots if f"{robot.prefix}reference" not in driven]
+        played = [self.references[robot.name] for robot in robots if f"{robot.prefix}reference" not in self._driven]
         played += [reference for robot in robots for reference in robot.prescribed.values()]
         corners = {time for reference in played for time in corner_times(reference)}
         return sorted(corners | {edge for force in self.forces.values() for edge in force.edges})

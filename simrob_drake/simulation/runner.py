@@ -102,6 +102,7 @@ class Runner:
         self.config = config_of(station)
         made = own_blocks(self.config.controllers)
         self._blocks = {**made, **named_blocks(blocks)}
+        self._driven = driven_inputs(self._blocks)
         inputs = with_driven(self.config.inputs, self._blocks)
         self._station = resolve(self.config.model_copy(update={"inputs": inputs}))
         self._diagrams: dict[Any, StationDiagrams] = {}
@@ -171,6 +172,18 @@ class Runner:
         result = run.result(progress=progress, on_step=on_step, references=requested, start=start, hand=watch)
         config = hand.commanded(result.config.model_copy(update={"controllers": own}))
         return replace(result, config=config, commanded=hand.names).check(strict)
+
+    @drake_asserts()
+    def ports(self, *, watched: bool = False) -> StationPorts:
+        """Return the ports of the diagram in which signals are evaluated; it is built, so that a first run has it.
+
+        Args:
+            watched: whether the runs have ticks.
+
+        Raises:
+            SimrobError: as of :func:`simulate`.
+        """
+        return self._playing(self.config, {}, self._started(self.config, None), watched=watched).whole.ports
 
     @drake_asserts()
     def fork(self, at: float, *, reference: ReferencesLike = None, duration: float | None = None) -> Fork:
@@ -243,9 +256,8 @@ class Runner:
         return diagrams
 
     def _check_references(self, references: Mapping[str, Reference], duration: float) -> None:
-        driven = driven_inputs(self._blocks)
         for robot in self._station.robots.values():
-            if f"{robot.prefix}reference" not in driven:
+            if f"{robot.prefix}reference" not in self._driven:
                 check_reference(robot, references[robot.name], duration)
             for place, reference in robot.prescribed.items():
                 check_reference(alone_on(robot, place), reference, duration)

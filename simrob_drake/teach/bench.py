@@ -27,6 +27,7 @@ from simrob_drake.sections import validated
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.teach import arm_questions
 from simrob_drake.teach.describe import description
 from simrob_drake.teach.run_pacer import Inbox, Rewound, RunPacer
@@ -41,6 +42,7 @@ class Checkpoint(NamedTuple):
     run: Callable[[], SimulationResult]
 
 
+_ROWS = 2400  # of a run that are told when it has ended
 ALONE = ("open", "restart", "play", "do", "jog", "resume")
 """What ends a run where it is asked for; all else is answered between two ticks."""
 
@@ -77,10 +79,11 @@ class Bench:
         self._start = config
         cell.watcher = self.pacer.on_step
         self._view.scene = None
-        self._outputs, self._bodies = list[str](), list[str]()
+        self._columns, self._bodies = dict[str, list[str]](), list[str]()
         self.restart()
         content = description(cell)
-        self._outputs, self._bodies = [signal["name"] for signal in content["signals"]], content["bodies"]
+        self._columns = {signal["name"]: signal["columns"] for signal in content["signals"]}
+        self._bodies = content["bodies"]
         return content
 
     def restart(self) -> None:
@@ -188,7 +191,7 @@ class Bench:
 
     def watch(self, signals: Sequence[str]) -> None:
         """Tell the values of these outputs of the station at each tick."""
-        self.pacer.watched = [one_of("signal", name, self._outputs) for name in signals]
+        self.pacer.watched = [one_of("signal", name, self._columns) for name in signals]
 
     # Questions
 
@@ -197,6 +200,12 @@ class Bench:
         name = robot or self._robot
         own = self.cell.robot(name)
         return dict(zip(own.axes, (self.cell.position(name) / own.model.user_units).tolist(), strict=True))
+
+    def torque_limits(self) -> list[float]:
+        """Tell what the drives of the taught robot can do [N·m or N], axis by axis, with what was changed since."""
+        config = self.cell.timeline.station(self.cell.config, GRID)
+        limits: list[float] = resolve(config).robots[self._robot].gains.torque_limit.tolist()
+        return limits
 
     def ghosts(self, postures: Sequence[dict[str, float]], good: Sequence[bool], marked: int | None = None) -> None:
         """Show the arm translucent at postures [deg or m]; none takes all away."""
@@ -212,7 +221,7 @@ class Bench:
 
     def picture(self) -> str:
         """Return the block picture as SVG."""
-        return station_svg(self._start)
+        return station_svg(self._start, live=True)
 
     def save(self, what: str, file: str) -> str:
         """Write the last run: its ``signals``, a ``page`` that plays, or a ``strip`` of pictures."""
@@ -279,12 +288,25 @@ class Bench:
             "verdict": str(result.verdict),
             "warnings": result.warnings,
             "goes_on": not self._fell,
+            "begun": begun,
             "time": line.now,
             "reached": max(line.now, round(self.pacer.now, 9)),
+            "parts": [part.stop_time for part in result.parts],
         }
-        self._inbox.tell("ended", **ended, positions=self.pacer.last)
+        signals = self._signals(result, begun)
+        self._inbox.tell("ended", **ended, positions=self.pacer.last, signals=signals)
         self.pacer.phase("idle")
         return ended
+
+    def _signals(self, result: SimulationResult, begun: float) -> dict[str, tuple[Vector, Vector]]:
+        """Return of each signal of a run its times [s], shape (m,), and its values, shape (m, n), m bounded."""
+        rows = np.linspace(0, len(result.times) - 1, min(len(result.times), _ROWS)).round().astype(int)
+        times, places = begun + result.times[rows], {name: place for place, name in enumerate(result.names)}
+        return {
+            signal: (times, result.values[np.ix_(rows, [places[name] for name in columns])].astype(np.float32))
+            for signal, columns in self._columns.items()
+            if places.keys() >= set(columns)
+        }
 
     def _back_to(self, number: int) -> tuple[Checkpoint, float]:
         """Put the station back to where something began that was run at a moment, or ended with it.
@@ -298,7 +320,8 @@ class Bench:
         self._checkpoints = [place for place in self._checkpoints if steps(place.time) < number]
         place = exact[0] if exact else self._checkpoints.pop()
         cell = self.cell
-        cell.change(place.config)
+        if place.config is not cell.config:
+            cell.change(place.config)
         cell.state, cell.timeline.now, pacer.at = place.state, place.time, None
         return place, 0.0 if exact else pacer.line.time_of(number)
 

@@ -13,13 +13,12 @@ from simrob_drake.programs.stages import SEQUENCE
 from simrob_drake.signals import Signal
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.station import build_station
 
 
 def description(cell: Workcell) -> dict[str, Any]:
     """Return what a station is, as plain data."""
     config, station = cell.config, resolve(cell.config)
-    shown = build_station(config).ports.signals
+    shown = cell.runner_of(config).ports(watched=True).signals  # which the first run has built then
     return {
         "station": config.name,
         "mode": config.mode,
@@ -135,6 +134,21 @@ def block_meaning(block: str, content: Mapping[str, Any], signals: Sequence[str]
         _, kinds = _RULES.get(local, ((), ("reference",) if local.startswith(_INPUTS) else ("torque",)))
         shown = tuple(f"{whose}.{kind}".lstrip(".") for kind in kinds)
     return BlockMeaning(keys, tuple(signal for signal in signals if signal in shown), axis)
+
+
+def wire_meaning(
+    source: str, targets: Sequence[str], content: Mapping[str, Any], signals: Sequence[str]
+) -> BlockMeaning:
+    """Return what goes along a wire from a block to others; parameters as of :func:`block_meaning`."""
+    shown = tuple(name for target in targets if (name := target.removeprefix(_OUTPUT)) != target and name in signals)
+    if shown:
+        return BlockMeaning((), shown)
+    begin, end = (block_meaning(block, content, signals) for block in (source, targets[0]))
+    if begin.axis or end.axis:  # what a joint is asked for goes in, and its torque comes out
+        whose, kind = (begin, "torque") if begin.axis else (end, "position")
+        own = tuple(signal for signal in whose.signals if signal.rpartition(".")[2] == kind)
+        return BlockMeaning((), own, whose.axis)
+    return BlockMeaning((), begin.signals or end.signals)
 
 
 def _keys(local: str, section: str, content: Mapping[str, Any]) -> tuple[str, ...]:

@@ -80,12 +80,6 @@ def move_fields(kind: type[Move], content: Mapping[str, Any]) -> list[Field]:
     return [_leaf(key, schema_branches(keys[key], schema), keys[key], content.get(key)) for key in kind.form]
 
 
-def content_of(kind: type[Move], move: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a move, however briefly a file has it."""
-    content = move if kind.key in kind.model_fields else move[kind.key]
-    return dict(content) if isinstance(content, Mapping) else {next(iter(kind.model_fields)): content}
-
-
 def as_text(value: Any) -> str:
     """Return a value as it is typed into a field: empty for None, YAML in one line for lists and mappings."""
     if value is None or isinstance(value, str):

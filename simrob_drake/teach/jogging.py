@@ -15,7 +15,7 @@ from simrob_drake.programs.program import Program
 from simrob_drake.teach.move_runner import MoveRunner
 from simrob_drake.teach.program_book import ProgramBook
 from simrob_drake.teach.run_client import RunClient, done
-from simrob_drake.teach.taught import Target
+from simrob_drake.teach.store import Target
 
 _DIGITS = 6  # of degrees, and of metres: a thousandth of a millimetre
 

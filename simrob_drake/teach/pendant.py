@@ -1,12 +1,15 @@
 """What all tabs of the pendant share: what is taught, the view of it, and how the pages look."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+from simrob_drake.errors import one_of
 from simrob_drake.results.animation.window import Board
-from simrob_drake.teach.pages.words import words
+from simrob_drake.teach.own_files import keep, report_of
+from simrob_drake.teach.pages.words import Notice, languages
 from simrob_drake.teach.session import Session
+from simrob_drake.teach.tours import TourProgress, tours
 
 Opener = Callable[[str | Path, str | None], Session]
 """Opens a subject, and of a station with several robots the one that is to be taught."""
@@ -18,30 +21,26 @@ class Pendant:
     Attributes:
         session: of what is taught now.
         board: the view in three dimensions.
-        language, t: of the pages, and its words.
+        language: of pages that name none.
+        tours: the lessons, and ``tour``: the one that is under way.
         dark: whether the pages are dark; None: as the browser likes it.
     """
 
-    def __init__(self, open_session: Opener, subject: str | Path, *, language: str = "en") -> None:
-        """Open the first subject.
+    def __init__(
+        self, open_session: Opener, subject: str | Path, *, language: str = "en", lessons: Path | None = None
+    ) -> None:
+        """Open the first subject; ``lessons`` is a folder with more of them.
 
         Raises:
-            SimrobError: no such subject or language.
+            SimrobError: no such subject or language, or a damaged lesson.
         """
         self.dark: bool | None = None
-        self.speak(language)
+        self.tours, self.tour = tours(lessons), cast(TourProgress | None, None)
+        self.language = one_of("language", language, languages())
         self._open_session = open_session
         self.session = open_session(subject, None)
         self.board = Board(on_drag=self._drag)
         self._begin()
-
-    def speak(self, language: str) -> None:
-        """Set the language of pages that are built from now on.
-
-        Raises:
-            UnknownName: there is no such language.
-        """
-        self.t, self.language = words(language), language
 
     def load(self, subject: str | Path, robot: str | None = None) -> bool:
         """Open another subject, or another robot of the present one, in place of this; tell whether it is another.
@@ -61,13 +60,24 @@ class Pendant:
         self._begin()
         return True
 
+    def take(self, files: Mapping[str, bytes]) -> None:
+        """Open a user's own files in place of what is open; the session's message tells what their import did.
+
+        Raises:
+            SimrobError: nothing can be opened among them; what is open stays so.
+        """
+        self.load(keep(files, self.session.folder.parent))
+        book = self.session.book
+        if book.robot and (report := report_of(book.model.urdf_path)):
+            self.session.client.say(Notice(fills={"text": report}))
+
     def close(self) -> None:
         """End the session and its run."""
         self.session.close()
 
     def _begin(self) -> None:
         self.board.wipe()
-        self.session.listen_to_view(lambda news: self.board.tell(news["subject"], news["commands"]))
+        self.session.listen_to_view(self.board.tell)
 
     def _drag(self, path: str, point: list[float], target: list[float] | None) -> None:
         """Pass on what is dragged in the view, by the name that the station knows it by."""

@@ -22,8 +22,7 @@ from simrob_drake.stations.load import load_station, loops_known, loops_on
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.run_client import RunClient
-from simrob_drake.teach.store import Store, opened
-from simrob_drake.teach.taught import History, Taught, entries_of, with_change
+from simrob_drake.teach.store import History, Store, Taught, entries_of, opened, with_change
 
 
 class ProgramBook:
@@ -64,6 +63,7 @@ class ProgramBook:
         """Let attributes tell what is taught now."""
         now = self.history.present
         self.program, self.settings = now.program, dict(now.settings)
+        self.changes = (*now.program.changes, *now.changes)
         self.pending = tuple(entries_of(now.pending))
         self.targets = {name: target.model_dump() for name, target in now.targets.items()}
 

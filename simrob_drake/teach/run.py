@@ -1,11 +1,17 @@
-"""A run: its moments, signals and moves, and how it ended. It can be looked at whatever ended it."""
+"""A run: its moments, signals and moves, how it ended, and how far joints are from where they should be.
+
+It can be looked at whatever ended it.
+"""
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from math import inf
 from typing import Any, Literal, NamedTuple, cast
+
+import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.programs.moves.move import Move
@@ -16,6 +22,7 @@ _VALUES = 2400
 """Values of a signal that are kept: two minutes of simulated time."""
 _MOMENTS = 20_000  # that can be gone back to
 _SAME = 1e-9  # s
+_ENDED = 10  # runs that can be compared
 _NEAR = 0.05  # s; from a moment to the next, unless a program has a grid of its own
 
 
@@ -94,6 +101,30 @@ class RunLog:
         return start, kept
 
 
+class EndedRun(NamedTuple):
+    """One thing that was run, however it ended, to be compared with others.
+
+    Attributes:
+        number: counts from 1 since the session was opened.
+        kind: of it.
+        begun: when it began, since the start of the station [s]; ``reached``: how far it came.
+        ending: ``completed``, ``monitor``, ``stopped``, ``diverged`` ... or ``died``.
+        signals: of each signal its times [s], shape (m,), and its values, shape (m, n).
+    """
+
+    number: int
+    kind: Kind
+    begun: float
+    reached: float
+    ending: str
+    signals: dict[str, tuple[Vector, Vector]]
+
+    def history(self, signal: str) -> list[tuple[float, Any]]:
+        """Return the values of a signal as ``(time, value)`` in order of time; nothing of one that it has not."""
+        times, values = self.signals.get(signal, (np.empty(0), np.empty((0, 0))))
+        return list(zip(times.tolist(), values.tolist(), strict=True))
+
+
 class TaughtRun:
     """What was run since the start of the station, up to the end of it, a fall, or the death of its process.
 
@@ -109,6 +140,8 @@ class TaughtRun:
         ending: how the last run ended, as its news told; None before.
         rewound: whether a moment is shown that more was run after, and what comes next goes on from there.
         lost: whether the process that ran it is gone, so that nothing goes on from its moments.
+        ended: the last ten things that were run, the newest last.
+        compared: the one of these whose signals are shown beside those of the present run; None: none.
     """
 
     def __init__(self) -> None:
@@ -118,6 +151,8 @@ class TaughtRun:
         self._times, self._positions = list[float](), list[Vector]()
         self.time = self.reach = self.ratio = 0.0
         self.ending: dict[str, Any] | None = None
+        self.ended: deque[EndedRun] = deque(maxlen=_ENDED)
+        self.compared: EndedRun | None = None
         self.at_start()
 
     def at_start(self, *, lost: bool = False) -> None:
@@ -132,9 +167,13 @@ class TaughtRun:
         self.rewound = False
 
     def watch(self, signals: Iterable[str]) -> None:
-        """Keep the values of these signals, and no others."""
-        self.history = {name: self.history.get(name, deque(maxlen=_VALUES)) for name in signals}
+        """Keep the values of these signals, and no others; of what ended last they are known already."""
+        self.history = {name: self.history.get(name) or deque(self._of_last(name), _VALUES) for name in signals}
         self.values = {name: value for name, value in self.values.items() if name in self.history}
+
+    def _of_last(self, signal: str) -> list[tuple[float, Any]]:
+        last = self.ended[-1].history(signal) if self.ended else ()
+        return [row for row in last if row[0] <= self.reach + _SAME]
 
     def take(self, time: float, positions: Vector | None, values: dict[str, Any], ratio: float = 0.0) -> None:
         """Take a moment [s]: positions of the whole plant, values of signals; what was run later is forgotten."""
@@ -162,6 +201,7 @@ class TaughtRun:
     def end(self, news: dict[str, Any]) -> None:
         """Take what is told of its end, which may come between two ticks; and where the robot stands then."""
         self.ending = news
+        self._keep_ended(news["begun"], news["reached"], news["ending"], news["signals"])
         if self.rewound:
             return
         self.time = self.reach = news["reached"]
@@ -170,9 +210,84 @@ class TaughtRun:
         if not self._times or self._times[-1] < self.reach - _SAME:
             self._keep(self.reach, news.get("positions"))
 
+    def die(self) -> None:
+        """Take note that the process is gone; of what ran then there is what was watched."""
+        watched = {
+            name: (np.array([time for time, _ in ring]), np.array([np.atleast_1d(value) for _, value in ring]))
+            for name, ring in self.history.items()
+            if ring
+        }
+        self._keep_ended(self.start, self.reach, "died", watched)
+
+    def _keep_ended(self, begun: float, reached: float, ending: str, signals: dict[str, Any]) -> None:
+        number = self.ended[-1].number + 1 if self.ended else 1
+        self.ended.append(EndedRun(number, self.kind, begun, reached, ending, signals))
+
     def moment(self, time: float) -> Vector | None:
         """Return the positions of the plant at the moment next to a time [s]; None where none is kept nearby."""
         place = bisect_left(self._times, time)
         near = min(self._times[max(place - 1, 0) : place + 1], key=lambda one: abs(one - time), default=None)
         kept = near is not None and abs(near - time) <= _NEAR
         return self._positions[self._times.index(cast(float, near))] if kept else None
+
+
+Level = Literal["", "amber", "red"]
+"""How much it is: nothing to speak of, to be seen, or a lot."""
+Reason = Literal["", "limit", "stop", "moving", "gains"]
+"""The drive is at its limit, a stop holds the joint, it is on its way, or it rests where its gains hold it."""
+
+BOUNDS: Mapping[str, tuple[float, float]] = {"deg": (2.0, 10.0), "m": (0.002, 0.01)}
+"""From where on it is amber, and red [deg or m]."""
+_FULL = 0.995  # of a limit, which solvers reach but for rounding
+_AT_STOP: Mapping[str, float] = {"deg": 0.5, "m": 0.0005}  # deg or m
+_STILL: Mapping[str, float] = {"deg": 5.0, "m": 0.01}  # deg/s or m/s
+
+
+class Shortfall(NamedTuple):
+    """What is left between asked and done.
+
+    Attributes:
+        off: how far the joint is from where it should be, positive beyond it [deg or m].
+        level: how much that is.
+        reason: why; nothing where nothing is to be told.
+    """
+
+    off: float
+    level: Level = ""
+    reason: Reason = ""
+
+
+def level_of(off: float, unit: str) -> Level:
+    """Return how much it is to be off by something [deg or m]."""
+    amber, red = BOUNDS[unit]
+    return "red" if abs(off) >= red else "amber" if abs(off) >= amber else ""
+
+
+def shortfall(
+    axis: Mapping[str, Any],
+    asked: float,
+    done: float,
+    *,
+    speed: float = 0.0,
+    torque: float = 0.0,
+    limit: float = inf,
+) -> Shortfall:
+    """Return how far an axis is from where it should be, and why.
+
+    Args:
+        axis: its ``unit``, ``deg`` or ``m``, and its limits ``low`` and ``high``, as a description has them.
+        asked: where it should be [deg or m].
+        done: where it is [deg or m].
+        speed: how fast it moves [deg/s or m/s].
+        torque: of its drive [N·m or N].
+        limit: of that.
+    """
+    unit, off = axis["unit"], done - asked
+    level = level_of(off, unit)
+    if abs(torque) >= _FULL * limit:
+        return Shortfall(off, "red", "limit")
+    if not level:
+        return Shortfall(off)
+    if not axis["low"] + _AT_STOP[unit] < done < axis["high"] - _AT_STOP[unit]:
+        return Shortfall(off, level, "stop")
+    return Shortfall(off, level, "moving" if abs(speed) > _STILL[unit] else "gains")

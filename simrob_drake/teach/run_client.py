@@ -19,6 +19,7 @@ Made = TypeVar("Made")
 Topic = Literal["program", "phase", "tick", "message", "description", "history"]
 MakeLive = Callable[[Callable[[News], None]], "Running"]
 HandOver = Callable[[Callable[[], None]], object]
+Viewer = Callable[[str, list[dict[str, Any]]], object]
 
 _DEATHS, _SOON = 3, 60.0  # so many in so many seconds, and it is not started again by itself
 
@@ -55,7 +56,7 @@ class RunClient:
         self._waiting: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._hand_over = hand_over or self._waiting.put
         self._listeners: list[tuple[Callable[[Topic], object], tuple[Topic, ...]]] = []
-        self._viewers: list[Callable[[News], None]] = []
+        self._viewers: list[Viewer] = []
         self._watched: dict[object, tuple[str, ...]] = {}
         self.takes: dict[str, Callable[[News], object]] = {
             "view": self._viewed,
@@ -89,8 +90,8 @@ class RunClient:
         """
         return _enlisted(self._listeners, (callback, topics))
 
-    def listen_to_view(self, callback: Callable[[News], None]) -> Callable[[], None]:
-        """Let something have each news ``view`` ``{subject, commands}``; returns what ends that."""
+    def listen_to_view(self, callback: Viewer) -> Callable[[], None]:
+        """Let something be told of a subject of the view and the commands that show it; returns what ends that."""
         return _enlisted(self._viewers, callback)
 
     def watch(self, signals: Any, viewer: object = None) -> Future[Any]:
@@ -191,7 +192,7 @@ class RunClient:
 
     def _viewed(self, news: News) -> None:
         for viewer in list(self._viewers):
-            viewer(news)
+            viewer(news["subject"], news["commands"])
 
     def _ticked(self, news: News) -> None:
         if not self.run.lost:  # else it is of the next one, which is being opened

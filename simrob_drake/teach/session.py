@@ -25,8 +25,8 @@ from simrob_drake.teach.program_book import ProgramBook
 from simrob_drake.teach.run import TaughtRun
 from simrob_drake.teach.run_client import HandOver, MakeLive, RunClient, Topic, done
 from simrob_drake.teach.setup import Setup
+from simrob_drake.teach.store import Taught
 from simrob_drake.teach.subjects import program_of, station_for
-from simrob_drake.teach.taught import Taught
 
 __all__ = ["Session", "Topic"]
 
@@ -278,6 +278,17 @@ class Session:
         """Pull a point of a body [m] to a place in the world [m] by a spring, or let go of it; likewise."""
         drag = {"at": at, "point": point, "targets": [[0, 0, 0] if target is None else target]}
         return self._changed("drag", {"drag": drag}, at=at, point=point, target=target)
+
+    def compare(self, number: int | None) -> bool:
+        """Show the signals of one of ``run.ended``, by its number, beside those of the present run; None ends that."""
+        known = {ended.number: ended for ended in self.run.ended}
+        if number is not None and number not in known:
+            expected = f"one of {', '.join(map(str, known))}" if known else "one that has ended; none has"
+            self.client.wrong(InvalidParameter("run", quoted(number), expected))
+            return False
+        self.run.compared = known.get(number) if number is not None else None
+        self.client.tell("history")
+        return True
 
     def _changed(self, method: str, change: dict[str, Any], **arguments: Any) -> Future[Any]:
         """Ask for a change, if a program's file could have it."""

@@ -24,7 +24,7 @@ class CountingRun:
 
     def __init__(self, on_news):
         self.tell, self.calls, self.time, self.closed = on_news, [], 0.0, False
-        self.running, self.end, self.back = None, 0.0, False
+        self.running, self.begun, self.end, self.back = None, 0.0, 0.0, False
 
     def call(self, method, /, **arguments):
         self.calls.append((method, {name: value for name, value in arguments.items() if name != "positions"}))
@@ -52,8 +52,16 @@ class CountingRun:
         """End the run."""
         if not self.back:  # else it stands where it was gone back to
             self.time = self.end if time is None else time
-        how = {"ending": ending, "goes_on": goes_on, "message": ending, "verdict": "as asked", "warnings": []}
-        self.tell({"news": "ended", **how, "time": self.time, "reached": self.time if reached is None else reached})
+        how = {
+            "ending": ending,
+            "goes_on": goes_on,
+            "message": ending,
+            "verdict": "as asked",
+            "warnings": [],
+            "parts": [],
+        }
+        where = {"begun": self.begun, "time": self.time, "reached": self.time if reached is None else reached}
+        self.tell({"news": "ended", **how, **where, "signals": {}})
         self.tell({"news": "phase", "phase": "idle"})
         if self.running is not None:
             self.running.set_result({"ending": ending})
@@ -112,7 +120,7 @@ class CountingRun:
         self.time, self.back = 0.0, False
 
     def _begin(self, time):
-        self.end, self.back = self.time + time, False
+        self.begun, self.end, self.back = self.time, self.time + time, False
         self.tell({"news": "phase", "phase": "running"})
         if not self.held:
             self.finish()

@@ -9,10 +9,10 @@ from fake_runs import CountingRun
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simrob_drake.teach.commands import Commands
+from simrob_drake.teach.move_runner import Commands
 from simrob_drake.teach.run_client import RunClient
 from simrob_drake.teach.session import Session
-from simrob_drake.teach.taught import History, Taught
+from simrob_drake.teach.store import History, Taught
 
 PATIENCE = 60.0  # s, for an answer
 

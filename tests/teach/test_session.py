@@ -1,10 +1,13 @@
 """A session by itself: what is taught, how it is kept, and what becomes of it when something breaks."""
 
+import runpy
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 from threading import Thread
+from zipfile import ZipFile
 
+import numpy as np
 import pytest
 import yaml
 from fake_runs import CountingRun
@@ -16,7 +19,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.stations.load import with_settings
 from simrob_drake.teach import run_client, store
 from simrob_drake.teach.session import Session
-from simrob_drake.teach.taught import MOST_STEPS
+from simrob_drake.teach.store import MOST_STEPS
 
 ELBOW, KNEE = {"left_elbow": 30.0}, {"left_knee": 20.0}
 
@@ -294,6 +297,28 @@ def test_a_run_can_be_looked_at_when_its_process_has_died(teach):
     session.test(ELBOW, 1.0)
     session.hear()
     assert session.worker.asked("do")[-1] == ("do", {"moves": [{"target_deg": ELBOW, "duration": 1.0}]})
+
+
+def test_of_a_run_whose_process_died_there_is_what_was_watched(teach):
+    session = teach()
+    session.watch(["position"])
+    session.worker.held = True
+    session.test(ELBOW, 2.0)
+    session.hear()
+    for number in range(1, 4):
+        session.worker.tick(number / 20, position=[number, -number])
+    session.worker.die()
+    session.hear()
+    (died,) = session.run.ended
+    assert (died.kind, died.begun, died.reached) == ("tried", 0.0, 0.15)
+    assert died.history("position") == [(0.05, [1, -1]), (0.1, [2, -2]), (0.15, [3, -3])]
+
+
+def test_ten_runs_are_kept(teach):
+    session = teach()
+    for _ in range(12):
+        heard(session, session.simulate())
+    assert [ended.number for ended in session.run.ended] == list(range(3, 13))
 
 
 def test_simulate_plays_all_from_the_start(teach):
@@ -720,8 +745,16 @@ def test_a_urdf_is_given_a_station_that_stays(teach, tmp_path, one_joint_urdf):
     first.add()
     assert first.book.file == tmp_path / "arm" / "program.yaml"
     assert on_disk(first).station == "arm.yaml"
-    script = heard(first, first.exports.script()).read_text()
-    assert 'Path(__file__).with_name("arm.yaml")' in script
+    packed = heard(first, first.exports.script())
+    with ZipFile(packed) as content:
+        content.extractall(tmp_path / "elsewhere")
+    files[0].unlink()  # as on another computer
+    script = tmp_path / "elsewhere" / "program" / "program.py"
+    assert 'Path(__file__).with_name("program-station.yaml")' in script.read_text()
+    script.write_text(script.read_text().partition("result.save(")[0])
+    result = runpy.run_path(str(script))["result"]
+    assert np.rad2deg(result["q_ref.shoulder"][-1]) == pytest.approx(10)
+    files[0].write_text(one_joint_urdf)
     assert teach(files[1]).book.file == tmp_path / "arm-2" / "program.yaml"
     assert len(teach(files[0]).book.program.moves) == 1
 
@@ -1057,12 +1090,12 @@ def test_tabs_hear_of_changes_until_they_forget(teach):
     forget = session.listen(heard_by["one"].append)
     session.listen(heard_by["two"].append)
     views = []
-    session.listen_to_view(views.append)
+    session.listen_to_view(lambda subject, commands: views.append((subject, commands)))
     session.worker.tell({"news": "view", "subject": "poses", "commands": [1]})
     session.book.describe("heard")
     session.hear()
     assert heard_by["one"] == heard_by["two"] == ["program"]
-    assert views[0]["commands"] == [1]
+    assert views[0] == ("poses", [1])
     forget()
     forget()
     session.book.describe("no more")

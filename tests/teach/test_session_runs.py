@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from fake_runs import BenchRun
+from fake_runs import TICK, BenchRun
 
 from simrob_drake import Program
 from simrob_drake.cli.app import run_command
@@ -17,6 +17,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.simulation import pace
 from simrob_drake.simulation.stepping import Stepper
+from simrob_drake.teach.run import shortfall
 from simrob_drake.teach.session import Session
 
 
@@ -333,3 +334,71 @@ def test_a_run_that_diverges_is_scrubbed(teach):
     assert heard(session, session.go_on())["ending"] == "diverged"  # again
     assert heard(session, session.restart())
     assert session.run.reach == 0.0
+
+
+def test_what_the_drives_can_do_is_told_as_it_was_changed_while_something_ran(teach):
+    """And only the joints that it left without their torque are said to be at their limit."""
+    session, run = teach("irb120_dynamic")
+    session.watch(("reference", "position", "torque"))
+    assert heard(session, session.client.ask("torque_limits")) == [150, 150, 100, 30, 30, 15]
+    run.at = {0.5: [("change", {"settings": {"servo.torque_limit": {"joint_2": 5.0}}})]}
+    heard(session, session.try_move({"move_abs_j": {"targets_deg": [0, 30, 0, 0, 0, 0], "duration": 1.0}}))
+    limits = heard(session, session.client.ask("torque_limits"))
+    assert limits[1] == 5.0
+    assert abs(session.run.values["torque"][1]) == pytest.approx(5.0, rel=0.001)
+    axes = session.description["robots"]["robot"]["axes"]
+    signals = [np.degrees(session.run.values[name]) for name in ("reference", "position")]
+    asked, done = (dict(zip(session.book.model.axes, values, strict=True)) for values in signals)
+    torque = session.run.values["torque"]
+    told = [
+        shortfall(axis, asked[axis["name"]], done[axis["name"]], torque=torque[number], limit=limits[number])
+        for number, axis in enumerate(axes)
+    ]
+    assert [axis["name"] for axis, one in zip(axes, told, strict=True) if one.reason == "limit"] == ["joint_2"]
+    assert told[1].off > 2.0, "it has sunk"
+
+
+def test_the_last_ten_runs_are_kept_and_two_are_compared(teach):
+    """Of the same program with other gains all signals are there, as the file has them that is taken away."""
+    session, _ = teach("humanoid")
+    session.book.insert(0, {"target_deg": {"left_elbow": 30}, "duration": 0.4})
+    tables = {}
+    for gain in (80.0, 160.0):
+        assert session.setup.set("servo.kp", gain)
+        session.hear()
+        heard(session, session.simulate())
+        names, values = table(heard(session, session.exports.csv()))
+        tables[session.run.ended[-1].number] = dict(zip(names, values.T, strict=True))
+    assert [ended.number for ended in session.run.ended] == [1, 2]
+    assert session.compare(1)
+    first, second = session.run.compared, session.run.ended[-1]
+    columns_of = {signal["name"]: signal["columns"] for signal in session.description["signals"]}
+    for ended in (first, second):
+        assert (ended.kind, ended.begun, ended.reached, ended.ending) == ("program", 0.0, 0.4, "completed")
+        csv = tables[ended.number]
+        for name, columns in columns_of.items():
+            times, values = ended.signals[name]
+            np.testing.assert_allclose(times, csv["time"], atol=1e-9)
+            np.testing.assert_allclose(values, np.array([csv[column] for column in columns]).T, rtol=1e-5, atol=1e-6)
+    assert abs(first.signals["position"][1] - second.signals["position"][1]).max() > 1e-3
+    assert first.history("position")[-1][0] == pytest.approx(0.4)
+    assert first.history("no such") == []
+    assert not session.compare(7)
+    assert "run" in str(session.message)
+    assert session.run.compared is first
+    assert session.compare(None)
+    assert session.run.compared is None
+
+
+def test_what_fell_stands_in_the_list_from_where_it_began(teach):
+    session, _ = teach("humanoid")
+    heard(session, session.test({"left_elbow": 10}, 0.2))
+    session.add()
+    heard(session, session.test(HIPS, 3.0))
+    _, fell = session.run.ended
+    assert (fell.kind, fell.begun, fell.ending) == ("tried", 0.2, "monitor")
+    assert fell.reached == session.run.reach
+    times, base = fell.signals["base_pose"]
+    assert times[0] == 0.2
+    assert fell.reached - TICK < times[-1] <= fell.reached  # a monitor may be seen a step late
+    assert base[-1, 2] < base[0, 2] - 0.05

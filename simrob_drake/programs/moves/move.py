@@ -196,6 +196,12 @@ def entry_model(kind: type[Move]) -> type[Strict]:
     return create_model(kind.__name__.removesuffix("Move") + "Entry", __base__=Strict, __doc__=about, **fields)
 
 
+def content_of(kind: type[Move], move: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a move, however briefly a file has it."""
+    content = move if kind.key in kind.model_fields else move[kind.key]
+    return dict(content) if isinstance(content, Mapping) else {next(iter(kind.model_fields)): content}
+
+
 def kind_of(content: Mapping[str, Any], kinds: Iterable[type[Move]]) -> type[Move] | None:
     """Return what kind of move a mapping of a program's file is; None if no key tells."""
     return next((kind for kind in kinds if kind.key in content), None)

@@ -41,22 +41,51 @@
     followed = place;
     viewer.set_dirty();
   };
+  const note = document.body.appendChild(document.createElement("div"));
+  note.style = "position: absolute; top: 8px; left: 12px; font: 18px sans-serif; white-space: pre-line; pointer-events: none";
   const bodies = new Set(); // by their paths
   const obey = (command) => {
-    if (command.type === "set_transform") bodies.add(command.path);
+    if (command.type === "set_transform" && !command.still) bodies.add(command.path);
     if (typeof command === "string") viewer.handle_command_bytearray(bytes(command));
     else if (command.type === "asset") casAssets[command.name] = command.url;
     else if (command.type === "copy") copy(command);
     else if (command.type === "follow") follow(command);
+    else if (command.type === "said") note.textContent = command.text;
     else viewer.handle_command(command);
     if (command.type === "set_control") viewer.gui.open();
   };
-  const events = new EventSource("events");
-  events.onmessage = ({ data }) => JSON.parse(data).forEach(obey);
-  events.addEventListener("end", () => {
-    events.close();
-    document.title = "ended";
-  });
+  window.shade = (dark) => { // as the page around is
+    window.dark = dark;
+    const [top, bottom] = dark ? [[0.11, 0.13, 0.16], [0.2, 0.23, 0.27]] : [[1, 1, 1], [0.86, 0.88, 0.91]];
+    for (const [property, value] of Object.entries({ top_color: top, bottom_color: bottom }))
+      viewer.handle_command({ type: "set_property", path: "/Background", property, value });
+    viewer.scene_tree.children.drake?.children.station?.children.floor?.object.traverse((part) => {
+      if (!part.isMesh) return;
+      part.userData.light ??= part.material.color.clone();
+      part.material.color.copy(part.userData.light).multiplyScalar(dark ? 0.12 : 1);
+    });
+    viewer.set_dirty();
+  };
+  let events = null;
+  let seen = 0;
+  const listen = () => { // a tab that is behind others leaves its connection to them: browsers have six for all tabs
+    events?.close();
+    events = document.hidden ? null : new EventSource(`events?after=${seen}`);
+    if (!events) return;
+    events.onmessage = ({ data, lastEventId }) => {
+      seen = Number(lastEventId) || seen;
+      const commands = JSON.parse(data);
+      commands.forEach(obey);
+      if (window.dark && commands.some((command) => typeof command === "string")) window.shade(true); // drawn anew
+    };
+    events.addEventListener("end", () => {
+      events.close();
+      document.removeEventListener("visibilitychange", listen);
+      document.title = "ended";
+    });
+  };
+  document.addEventListener("visibilitychange", listen);
+  listen();
   if (!drags) return;
   viewer.gui.domElement.style.display = "none"; // the page around has what there is to set
 

@@ -6,8 +6,7 @@ import numpy as np
 from pydrake.geometry import GeometryId
 
 from simrob_drake.blocks.contacts import Contacts
-from simrob_drake.frames import Vector
-from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.run import RecordedRun, begins_of
 
 _LOOKS = 4000  # at most so many steps of a run are asked what touches what
 _APART = 0.1  # s that two bodies are apart before they touch again: what trembles touches once
@@ -16,11 +15,6 @@ _MOST = 24  # of those that a picture has room for
 
 Event = tuple[float, str]
 """When [s], and what in a few words."""
-
-
-def begins_of(*runs: RecordedRun) -> Vector:
-    """Return when runs that follow each other begin, and when the last one ends [s], shape (k + 1,)."""
-    return np.cumsum([0.0, *(run.stop_time for run in runs)])
 
 
 def all_events(result: RecordedRun) -> list[Event]:

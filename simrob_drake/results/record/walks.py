@@ -14,7 +14,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.parts.site import StationPlant, StationRobot, named
-from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.run import RecordedRun, fallen
 from simrob_drake.results.record.touch import legged
 
 _SHORTEST_WAY = 0.01
@@ -134,14 +134,6 @@ def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector
         forward = np.cross(across, poses[0].T @ [0.0, 0.0, 1.0])
     seen = np.array(poses) @ forward
     return np.asarray(np.unwrap(np.arctan2(seen[:, 1], seen[:, 0])))
-
-
-def fallen(result: RecordedRun) -> str | None:
-    """Return the robot whose fall ended a run, as its monitor saw; None if none did."""
-    from simrob_drake.parts.monitors.places import Fall  # as all kinds, where one is named
-
-    monitor = result.config.monitors.get(result.stopped_by or "")
-    return monitor.faller(result.config.only_robot) if isinstance(monitor, Fall) else None
 
 
 def mechanical_work(result: RecordedRun, robot: str) -> float:

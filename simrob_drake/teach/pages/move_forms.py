@@ -10,8 +10,8 @@ from nicegui import ui
 from simrob_drake.errors import SimrobError
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.programs.moves.motion import ArmMotion
-from simrob_drake.programs.moves.move import MOVE_TIME, Move, kind_of
-from simrob_drake.teach.form import Field, as_text, as_value, content_of, move_fields
+from simrob_drake.programs.moves.move import MOVE_TIME, Move, content_of, kind_of
+from simrob_drake.teach.form import Field, as_text, as_value, move_fields
 from simrob_drake.teach.pages.elements import KEYS, NumberField, icon_button, set_label
 from simrob_drake.teach.pages.joints import axis_field
 from simrob_drake.teach.pages.phrases import MILLI, Content, Phrases

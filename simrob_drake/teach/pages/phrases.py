@@ -7,9 +7,9 @@ from typing import Any
 
 from simrob_drake.programs.moves.kinds import KINDS, check_move
 from simrob_drake.programs.moves.motion import ArmMotion
-from simrob_drake.programs.moves.move import Move, kind_of
+from simrob_drake.programs.moves.move import Move, content_of, kind_of
 from simrob_drake.programs.timeline import Change
-from simrob_drake.teach.form import as_text, content_of
+from simrob_drake.teach.form import as_text
 from simrob_drake.teach.pages.words import Words
 
 Content = Mapping[str, Any]

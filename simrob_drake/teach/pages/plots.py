@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Reversible, Sequence
+from collections.abc import Collection, Iterable, Mapping, Reversible, Sequence
 from itertools import takewhile
 from math import pi
 from typing import Any
@@ -10,22 +10,25 @@ from typing import Any
 from nicegui import context, ui
 
 from simrob_drake.results.colours import looks
+from simrob_drake.teach.pages.elements import follow
 from simrob_drake.teach.pages.phrases import Phrases
 from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.run import EndedRun
 from simrob_drake.teach.session import Session
 
 _PAUSE = 0.25
 """From one picture to the next [s]: more often costs, and shows no more."""
 _POINTS = 120  # of a curve: more than that does not show in it
-_POSE = 7  # numbers of a pose: of these the position is drawn
+POSE = 7  # numbers of a pose: of these the position is drawn
 _SAME = 1e-9  # s
 _AT_ONCE = 6  # curves of a signal that are drawn until others are chosen
 _LINES: dict[str, Any] = {"-": "solid", "--": "dashed", "-.": [6, 3, 1, 3], ":": "dotted"}
 """Kinds of line as ECharts calls them."""
-_AS_SHOWN = {"rad": ("°", 180 / pi), "rad/s": ("°/s", 180 / pi), "rad/s²": ("°/s²", 180 / pi)}
+AS_SHOWN = {"rad": ("°", 180 / pi), "rad/s": ("°/s", 180 / pi), "rad/s²": ("°/s²", 180 / pi)}
 """Units that are shown in others, and how many of these one is."""
 Row = tuple[float, Any]
 """A time [s], and the value of a signal then."""
+_FAINT = 1.0, 0.4  # of a run, and of one that is compared with it
 _FIRST = ("position", "torque")  # signals that are shown at first
 
 
@@ -35,6 +38,7 @@ def build(session: Session, t: Words, axes: Collection[str] = ()) -> None:
     first = [name for name in titles if name.rpartition(".")[2] in _FIRST]
     choice = ui.select(titles, value=first, label=t("plots.signals"), multiple=True, with_input=True)
     choice.classes("w-full").props("use-chips")
+    _comparison(session, t)
     place = ui.column().classes("w-full gap-2")
 
     def show() -> None:
@@ -47,6 +51,24 @@ def build(session: Session, t: Words, axes: Collection[str] = ()) -> None:
     show()
 
 
+def _comparison(session: Session, t: Words) -> None:
+    """Build the choice of a run that has ended, whose curves lie faint under those of the present one."""
+    choice = ui.select({}, label=t("plots.compare"), clearable=True).classes("w-full").props("dense")
+    choice.on_value_change(lambda event: session.compare(event.value))
+
+    def show() -> None:
+        runs = {run.number: _called(t, run) for run in reversed(session.run.ended)}
+        other = session.run.compared
+        choice.set_options(runs, value=other.number if other and other.number in runs else None)
+
+    follow(session, show, "phase")
+
+
+def _called(t: Words, run: EndedRun) -> str:
+    times = {"begun": f"{run.begun:.2f}", "reached": f"{run.reached:.2f}"}
+    return t("plots.run", number=run.number, kind=t(f"plots.run_{run.kind}"), **times)
+
+
 def scope(session: Session, t: Words, signal: str, *, only: str | Collection[str] = ()) -> ui.element:
     """Build the plot of one signal; it is watched until what is returned is deleted.
 
@@ -57,12 +79,12 @@ def scope(session: Session, t: Words, signal: str, *, only: str | Collection[str
         only: the columns to begin with, or their axes; some of them where none is of these.
     """
     element = _Scope(session, t, signal, only).element
-    watch(session, signal, element)
+    watch(session, [signal], element)
     return element
 
 
-def watch(session: Session, signal: str, element: ui.element) -> None:
-    """Have a signal in ``session.run.history`` as long as an element of the present page is there."""
+def watch(session: Session, signals: Sequence[str], element: ui.element) -> None:
+    """Have signals in ``session.run.history`` as long as an element of the present page is there."""
     viewer = f"{context.client.id} {element.id}"
 
     def hear(_: str) -> None:
@@ -71,7 +93,7 @@ def watch(session: Session, signal: str, element: ui.element) -> None:
             session.watch((), viewer)
 
     forget = session.listen(hear)
-    session.watch([signal], viewer)
+    session.watch(signals, viewer)
 
 
 class _Scope:
@@ -81,13 +103,13 @@ class _Scope:
         self._session, self._name = session, signal
         about = next(one for one in session.description["signals"] if one["name"] == signal)
         title, chosen = _title(t, about), {only} if isinstance(only, str) else set(only)
-        unit, self._factor = _AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
+        unit, self._factor = AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
         self._drawn: object = None
         ui.add_css(".simrob-plot svg text {fill: currentColor !important}")
         names = dict(enumerate(map(Phrases(t, ()).axis, short(about["columns"]))))
         columns = enumerate(about["columns"])
         first = [number for number, column in columns if {column, column.rpartition(".")[2]} & chosen] or list(names)
-        first = first[: 3 if len(names) == _POSE else _AT_ONCE]
+        first = first[: 3 if len(names) == POSE else _AT_ONCE]
         with ui.column().classes("w-full gap-1") as self.element:
             with ui.row().classes("w-full items-center justify-between"):
                 ui.label(f"{title}{f' [{unit}]' if unit else ''}").classes("font-bold")
@@ -117,15 +139,21 @@ class _Scope:
     def _look(self) -> None:
         """Draw what has come since the last look."""
         ring = self._session.run.history.get(self._name) or ()
-        seen = (len(ring), ring[0][0], ring[-1]) if ring else ()
+        other = self._session.run.compared
+        seen = (len(ring), ring[0][0], ring[-1], other) if ring else (other,)
         if seen == self._drawn:
             return
         self._drawn = seen
         chosen: list[int] = sorted(self._choice.value)
-        rows = thinned(list(ring), _POINTS)
-        source = [[time, *(as_list(value)[i] * self._factor for i in chosen)] for time, value in rows]
         names = [self._choice.options[column] for column in chosen]
-        self._chart.props["options"] = _picture(names, [_style(column) for column in chosen], source)
+        histories = [ring, *([other.history(self._name)] if other else [])]
+        sources = [self._rows(history, chosen) for history in histories]
+        self._chart.props["options"] = _picture(names, [_style(column) for column in chosen], sources)
+
+    def _rows(self, history: Iterable[Row], chosen: Sequence[int]) -> list[list[float]]:
+        """Return times of a history and the chosen columns of its values, as they are drawn."""
+        rows = thinned(list(history), _POINTS)
+        return [[time, *(as_list(value)[i] * self._factor for i in chosen)] for time, value in rows]
 
 
 def _title(t: Words, signal: Mapping[str, Any]) -> str:
@@ -165,22 +193,32 @@ def thinned(rows: list[Row], count: int) -> list[Row]:
 
 
 def _picture(
-    names: Sequence[str], shown: Sequence[tuple[str, str]], source: Sequence[Sequence[float]]
+    names: Sequence[str], shown: Sequence[tuple[str, str]], sources: Sequence[Sequence[Sequence[float]]]
 ) -> dict[str, Any]:
-    """Return what ECharts draws: a curve for each column of the rows behind the first, which is the time [s]."""
+    """Return what ECharts draws: a curve for each column of the rows behind the first, which is the time [s].
+
+    The second of the sources is of a run that is compared: its curves are faint.
+    """
     faint = {"splitLine": {"lineStyle": {"color": "#8884"}}, "axisLine": {"lineStyle": {"color": "#888"}}}
     ends = {"axisLabel": {"showMinLabel": False, "showMaxLabel": False, "hideOverlap": True}}
     name = {"name": "t [s]", "nameLocation": "middle", "nameGap": 22}
     look = {"type": "line", "showSymbol": False, "silent": True}
     return {
         "animation": False,
-        "color": [colour for colour, _ in shown],
         "grid": {"left": 56, "right": 12, "top": 12, "bottom": 40},
         "xAxis": {"type": "value", "min": "dataMin", "max": "dataMax", **name, **faint, **ends},
         "yAxis": {"type": "value", "scale": True, **faint},
-        "dataset": {"source": list(source)},
+        "dataset": [{"source": source} for source in sources],
         "series": [
-            {**look, "name": name, "encode": {"x": 0, "y": row + 1}, "lineStyle": {"type": _LINES[line]}}
-            for row, (name, (_, line)) in enumerate(zip(names, shown, strict=True))
+            {
+                **look,
+                "name": name,
+                "datasetIndex": index,
+                "color": colour,
+                "encode": {"x": 0, "y": row + 1},
+                "lineStyle": {"type": _LINES[line], "opacity": _FAINT[index]},
+            }
+            for index in range(len(sources))
+            for row, (name, (colour, line)) in enumerate(zip(names, shown, strict=True))
         ],
     }

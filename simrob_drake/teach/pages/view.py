@@ -16,7 +16,13 @@ _FRAME = "view-frame"
 
 def build(session: Session, t: Words) -> None:
     """Build the view of a session's run."""
-    place = ui.element("div").classes("pendant-view")
+    with ui.element("div").classes("pendant-view") as place:
+        opening = ui.label(t("why.opening")).classes("pendant-opening")
+
+    def tell() -> None:
+        opening.set_visibility(session.phase == "opening")
+
+    follow(session, tell, "phase")
 
     async def show() -> None:
         can = await ui.run_javascript("window.hasWebGL()", timeout=10.0)
@@ -72,7 +78,7 @@ _DURATION, _LONGEST = 0.1, 60.0  # s
 
 def build_pad(session: Session, t: Words) -> None:
     """Build the pad; its buttons act while a run goes on."""
-    with ui.expansion(t("push.title"), icon="back_hand").classes("w-full").props("dense"):
+    with ui.expansion(t("push.title"), icon="back_hand").classes("w-full pendant-more").props("dense"):
         with ui.row().classes("w-full items-start gap-2"):
             body = ui.select([], label=t("push.body"), with_input=True).props("dense outlined").classes("w-44")
             force = NumberField(t, t("push.force"), _FORCE, low=0.0, high=_MOST, unit=" N")
