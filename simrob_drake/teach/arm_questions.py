@@ -40,21 +40,28 @@ def frames(arm: Arm) -> list[str]:
 def where(arm: Arm, frame: str = BASE) -> dict[str, Any]:
     """Return what a page shows of an arm at rest, all as its reference has it.
 
-    ``{axes, pose, base_pose, tool, tools, frames, carried, around}``: positions [deg or m] by axis, the tool's pose in
-    the frame and in the base, which tool that is and which there are, :func:`frames`, and the pieces that the arm
-    carries and those that it does not.
+    ``{axes, pose, base_pose, off, tool, tools, frames, carried, around}``: positions [deg or m] by axis, the tool's
+    pose in the frame and in the base, how far the tool itself is from there ``[m, deg]``, which tool that is and which
+    there are, :func:`frames`, and the pieces that the arm carries and those that it does not.
     """
     robot, pieces = arm.cell.robot(arm.name), arm.cell.model.resolved.pieces.values()
     return {
         "axes": _by_axis(arm, arm.reference),
         "pose": tool_pose(arm, frame),
         "base_pose": tool_pose(arm),
+        "off": _off(arm),
         "tool": robot.tcp,
         "tools": arm.tools,
         "frames": frames(arm),
         "carried": [piece.name for piece in pieces if piece.carrier == arm.name],
         "around": [piece.name for piece in pieces if piece.carrier != arm.name],
     }
+
+
+def _off(arm: Arm) -> list[float]:
+    """Return how far the tool is from where the reference has it [m], and how much it is turned from there [deg]."""
+    error = _tool(arm).inverse() @ arm.tool_pose()
+    return [float(np.linalg.norm(error.translation())), float(np.degrees(error.rotation().ToAngleAxis().angle()))]
 
 
 def tool_pose(arm: Arm, frame: str = BASE) -> list[float]:

@@ -27,6 +27,7 @@ from simrob_drake.sections import validated
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.teach import arm_questions
 from simrob_drake.teach.describe import description
 from simrob_drake.teach.run_pacer import Inbox, Rewound, RunPacer
@@ -200,6 +201,14 @@ class Bench:
         own = self.cell.robot(name)
         return dict(zip(own.axes, (self.cell.position(name) / own.model.user_units).tolist(), strict=True))
 
+    def torque_limits(self) -> list[float]:
+        """Tell what the drives of the taught robot can do [N·m or N], axis by axis, with what was changed since."""
+        cell, name = self.cell, self._robot
+        changed = cell.timeline.settings()
+        robot = resolve(cell.timeline.station(cell.config, GRID)).robots[name] if changed else cell.robot(name)
+        limits: list[float] = robot.gains.torque_limit.tolist()
+        return limits
+
     def ghosts(self, postures: Sequence[dict[str, float]], good: Sequence[bool], marked: int | None = None) -> None:
         """Show the arm translucent at postures [deg or m]; none takes all away."""
         own = self.cell.robot(self._robot)
@@ -284,6 +293,7 @@ class Bench:
             "begun": begun,
             "time": line.now,
             "reached": max(line.now, round(self.pacer.now, 9)),
+            "parts": [part.stop_time for part in result.parts],
         }
         signals = self._signals(result, begun)
         self._inbox.tell("ended", **ended, positions=self.pacer.last, signals=signals)

@@ -1,11 +1,12 @@
 """What all tabs of the pendant share: what is taught, the view of it, and how the pages look."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from simrob_drake.results.animation.window import Board
-from simrob_drake.teach.pages.words import words
+from simrob_drake.teach.own_files import keep, report_of
+from simrob_drake.teach.pages.words import Notice, words
 from simrob_drake.teach.session import Session
 
 Opener = Callable[[str | Path, str | None], Session]
@@ -60,6 +61,17 @@ class Pendant:
         self.session = following
         self._begin()
         return True
+
+    def take(self, files: Mapping[str, bytes]) -> None:
+        """Open a user's own files in place of what is open; the session's message tells what their import did.
+
+        Raises:
+            SimrobError: nothing can be opened among them; what is open stays so.
+        """
+        self.load(keep(files, self.session.folder.parent))
+        book = self.session.book
+        if book.robot and (report := report_of(book.model.urdf_path)):
+            self.session.client.say(Notice(fills={"text": report}))
 
     def close(self) -> None:
         """End the session and its run."""

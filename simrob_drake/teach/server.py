@@ -21,7 +21,7 @@ from simrob_drake.files import models_root
 from simrob_drake.folders import writing
 from simrob_drake.results.animation.window import Board, is_short
 from simrob_drake.teach.guard import Guard
-from simrob_drake.teach.pages import shell
+from simrob_drake.teach.pages import gallery, shell
 from simrob_drake.teach.pendant import Pendant
 from simrob_drake.teach.session import Session
 
@@ -87,7 +87,7 @@ class Server(uvicorn.Server):
     def __init__(self, pendant: Pendant, port: int) -> None:
         """Prepare what listens at a port."""
         app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-        app.mount(f"/{shell.PICTURES}", StaticFiles(directory=models_root()))
+        app.mount(f"/{gallery.PICTURES}", StaticFiles(directory=models_root()))
         _serve_view(app, pendant.board)
         shell.install(pendant)
         ui.run_with(app, title="simrob teach", show_welcome_message=False, reconnect_timeout=20.0)

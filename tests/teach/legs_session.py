@@ -43,6 +43,7 @@ def described(name="humanoid"):
     ]
     pose = {"name": "base_pose", "unit": "m", "title": "base pose", "columns": [f"base.{axis}" for axis in POSE]}
     return {
+        "mode": "dynamic",
         "robots": {name: robot},
         "pieces": ["box", "ball"],
         "bodies": [],

@@ -1,6 +1,7 @@
 """The page of a robot with legs: joints are found and set, moves tested, stored and edited, in both languages."""
 
 import asyncio
+from concurrent.futures import Future
 from math import radians
 from typing import Annotated, ClassVar
 
@@ -56,6 +57,12 @@ def field(user, label):
 async def heard(seconds=0.05):
     """Let the page hear of what has changed."""
     await asyncio.sleep(seconds)
+
+
+def given(result):
+    future = Future()
+    future.set_result(result)
+    return future
 
 
 def press(user, text):
@@ -132,7 +139,7 @@ def test_set_joints_are_tested_together_in_their_time_and_then_stored():
 
     session = shown(script)
     targets = {"left_shoulder_pitch": 30.0, "right_hip_pitch": 20.0}
-    assert session.calls[-2:] == [("test", targets, 1.5), ("add",)]
+    assert [call for call in session.calls if call[0] in ("test", "add")] == [("test", targets, 1.5), ("add",)]
 
 
 def test_a_second_test_has_the_joints_that_were_set_since():
@@ -502,9 +509,40 @@ def test_plots_are_drawn_of_what_is_watched_and_no_longer_than_they_are_open():
         watched = {}
         for _, signals, viewer in (call for call in session.calls if call[0] == "watch"):
             watched[viewer] = list(signals)
-        assert sorted(watched.values()) == [[], ["reference"]]
+        assert sorted(watched.values()) == [[], ["reference", "position"]]
 
     shown(script)
+
+
+def test_a_joint_that_does_not_come_to_where_it_should_says_why():
+    """An elbow at its limit, a knee where its gains hold it, and a neck that is where it should be."""
+    session = LegsSession()
+    axes = [axis["name"] for axis in session.description["robots"]["humanoid"]["axes"]]
+    elbow, knee = axes.index("left_elbow"), axes.index("right_knee")
+    session.description["signals"].append({"name": "torque", "unit": "N·m", "title": "torque", "columns": axes})
+    session.run.watch(("reference", "position", "torque"))
+    asked, done, torque = [0.0] * 18, [0.0] * 18, [0.0] * 18
+    asked[elbow], done[elbow], torque[elbow] = radians(90), radians(33), -3.0
+    asked[knee], done[knee], torque[knee] = radians(60), radians(57), 1.25
+
+    async def script(user, session):
+        session.ask = lambda _: given([3.0] * 18)
+        session.run.take(1.0, None, {"reference": asked, "position": done, "torque": torque})
+        session.told("phase", "tick")
+        await heard(0.1)
+        shown = {label.text: label.classes for label in user.find(ui.label).elements if "pendant-off" in label.classes}
+        assert {text: {"red", "amber"} & {*classes} for text, classes in shown.items() if text} == {
+            "at 33°: at its limit of 3 N·m": {"red"},
+            "at 57°: its gains hold it 3° off, with 1.25 of 3 N·m": {"amber"},
+        }
+        ticks = [one for one in user.find(ui.element).elements if "pendant-tick" in one.classes and seen(one)]
+        assert len(ticks) == 18
+        session.told("phase", "tick", phase="running")
+        await heard(0.1)
+        await user.should_see("at 33°: at its limit of 3 N·m")
+        await user.should_not_see("its gains hold it")
+
+    shown(script, session)
 
 
 def test_moves_are_told_in_words():

@@ -52,7 +52,23 @@
     if (command.type === "set_control") viewer.gui.open();
   };
   const events = new EventSource("events");
-  events.onmessage = ({ data }) => JSON.parse(data).forEach(obey);
+  window.shade = (dark) => { // as the page around is
+    window.dark = dark;
+    const [top, bottom] = dark ? [[0.11, 0.13, 0.16], [0.2, 0.23, 0.27]] : [[1, 1, 1], [0.86, 0.88, 0.91]];
+    for (const [property, value] of Object.entries({ top_color: top, bottom_color: bottom }))
+      viewer.handle_command({ type: "set_property", path: "/Background", property, value });
+    viewer.scene_tree.children.drake?.children.station?.children.floor?.object.traverse((part) => {
+      if (!part.isMesh) return;
+      part.userData.light ??= part.material.color.clone();
+      part.material.color.copy(part.userData.light).multiplyScalar(dark ? 0.12 : 1);
+    });
+    viewer.set_dirty();
+  };
+  events.onmessage = ({ data }) => {
+    const commands = JSON.parse(data);
+    commands.forEach(obey);
+    if (window.dark && commands.some((command) => typeof command === "string")) window.shade(true); // drawn anew
+  };
   events.addEventListener("end", () => {
     events.close();
     document.title = "ended";

@@ -19,6 +19,7 @@ from simrob_drake.teach.session import Session
 
 _PIECES, _TOOLS = "pieces", "tools"
 """What the forms of moves ask for that change what is in the arm's hand."""
+_IN_ORDER = 2  # parts of the page that are used one after the other
 
 
 def build(session: Session, t: Words) -> None:
@@ -43,15 +44,15 @@ def _build(session: Session, t: Words, robot: Mapping[str, Any]) -> None:
     phrases, place = Phrases(t, axes), ArmState(session)
     others = [kind for kind in KINDS.values() if kind.of_arms and not {_PIECES, _TOOLS} & {*kind.form.values()}]
     parts: dict[str, Callable[[], object]] = {
-        "hand": lambda: _build_hand(session, t, place),
         "jog": lambda: Jogging(session, phrases, axes, place),
-        "targets": lambda: target_list.build_targets(session, t, place),
+        "program": lambda: _build_program(session, phrases, robot, place),
+        "targets": lambda: target_list.build_targets(session, t),
+        "hand": lambda: _build_hand(session, t, place),
         "postures": lambda: target_list.build_branches(session, phrases),
         "other": lambda: offers(session, phrases, choices_of(session, robot), others),
-        "program": lambda: _build_program(session, phrases, robot),
     }
     for number, (name, part) in enumerate(parts.items(), 1):
-        with card(t(f"arm.{name}"), number):
+        with card(t(f"arm.{name}"), number if number <= _IN_ORDER else 0):
             part()
 
 
@@ -80,7 +81,7 @@ def _build_hand(session: Session, t: Words, place: ArmState) -> None:
 
 def _choice(label: str, options: Any = None, value: Any = None) -> ui.select:
     field = ui.select(options or [], label=label, value=value).props("dense outlined options-dense").classes("grow")
-    return field.style("min-width: 8rem")
+    return field.style("min-width: 7rem; flex-basis: 7rem")
 
 
 def _put(session: Session, text: str, kind: type[Move], piece: ui.select) -> None:
@@ -93,9 +94,10 @@ def _put(session: Session, text: str, kind: type[Move], piece: ui.select) -> Non
     button.set_enabled(False)
 
 
-def _build_program(session: Session, phrases: Phrases, robot: Mapping[str, Any]) -> None:
-    """Build what adds a line that goes to a target, the list of them, and what was tried and is not stored."""
+def _build_program(session: Session, phrases: Phrases, robot: Mapping[str, Any], place: ArmState) -> None:
+    """Build what teaches a target, adds a line that goes there, the list of them, and what was tried and not stored."""
     t, kinds = phrases.t, motions()
+    target_list.build_teaching(session, t, place)
 
     def tried() -> None:
         if session.book.pending:
@@ -109,6 +111,7 @@ def _build_program(session: Session, phrases: Phrases, robot: Mapping[str, Any])
         titles = {key: phrases.title(kind) for key, kind in kinds.items()}
         kind = _choice(t("arm.move"), titles, MoveJ.key)
         via, target, speed = _choice(t("arm.via")), _choice(t("arm.target")), speed_field(t)
+        speed.field.classes("w-28")
         add = ui.button(t("arm.add_line"), icon="playlist_add").props("no-caps")
         add.props[KEYS] = "Alt+A"
 

@@ -10,8 +10,9 @@ from typing import Any
 from nicegui import background_tasks, context, ui
 
 from simrob_drake.teach.pages.elements import KEYS, Dial, follow
-from simrob_drake.teach.pages.joints import axis_dial
-from simrob_drake.teach.pages.phrases import MILLI, Phrases, frame_words, joint_words, pose_of, pose_text
+from simrob_drake.teach.pages.joints import Marks, axis_dial
+from simrob_drake.teach.pages.phrases import MILLI, Phrases, figure, frame_words, joint_words, pose_of, pose_text
+from simrob_drake.teach.run import level_of
 from simrob_drake.teach.session import Session
 
 WAY, TURN = 100.0, 30.0
@@ -35,10 +36,12 @@ class Jogging:
             ui.tab("joints", label=self._t("arm.joints")).props[KEYS] = "Alt+J"
             ui.tab("tool", label=self._t("arm.tool_centre")).props[KEYS] = "Alt+K"
         with ui.tab_panels(kinds, value="joints", animated=False).classes("w-full bg-transparent"):
-            with ui.tab_panel("joints").classes("p-0 pt-2 gap-1"):
+            with ui.tab_panel("joints").classes("p-0 gap-1"):
                 self._joints = {axis["name"]: self._joint(phrases, axis) for axis in axes}
-            with ui.tab_panel("tool").classes("p-0 pt-2 gap-1"):
+            Marks(session, phrases, axes, self._joints, kinds)
+            with ui.tab_panel("tool").classes("p-0 gap-1"):
                 self._build_tool()
+        self._off = ui.label().classes("text-sm pendant-off").props("aria-live=polite")
         place.subscribe(self._follow)
 
     def _joint(self, phrases: Phrases, axis: Mapping[str, Any]) -> Dial:
@@ -117,6 +120,7 @@ class Jogging:
         values = self._place.values
         self._frame.set_options(frame_words(self._t, values["frames"]), value=self._place.frame)
         self._pose.value = pose_text(values["pose"])
+        self._tell_off(*values["off"])
         if self._awaited > 1:
             return
         for name, value in values["axes"].items():
@@ -125,6 +129,15 @@ class Jogging:
         stays = before and max(abs(now - then) for now, then in zip(self._at, before, strict=True)) < _SAME
         if not stays and not (self._awaited and self._by_tool):
             self._recentre()
+
+    def _tell_off(self, distance: float, turn: float) -> None:
+        """Tell how far the tool is from where it should be [m, deg], if that can be seen."""
+        levels = {level_of(distance, "m"), level_of(turn, "deg")} - {""}
+        level = max(levels, default="")  # red comes after amber
+        values = {"distance": figure(round(distance / MILLI, 1)), "turn": figure(round(turn, 1))}
+        self._off.classes(replace=f"text-sm pendant-off {level}").set_text(
+            self._t("shortfall.tool", **values) if level else ""
+        )
 
     def _recentre(self) -> None:
         """Let the sliders of the tool count from where it is."""

@@ -117,19 +117,23 @@ class Dial:
             moved: called after each change by the user, also to what cannot be.
         """
         self._moved, self._unit, self._side, self._quiet = moved, unit, side, False
-        with ui.row().classes("w-full items-center gap-x-2 gap-y-0 px-2 py-1 rounded") as self.row:
+        self._marked: object = None
+        with ui.row().classes("pendant-dial w-full items-center gap-x-2 gap-y-0 px-2 rounded") as self.row:
             with ui.column().classes("gap-0 grow").style("flex-basis: 11rem"):
                 ui.label(name)
                 if about:
                     ui.label(about).classes("text-xs opacity-70")
+                self._why = ui.label().classes("text-xs pendant-off")
             self.number = NumberField(t, name, 0.0, unit=unit, titled=False)
             self.number.field.classes("w-28").props(f"debounce={_DEBOUNCE}" if live else "")
-            with ui.column().classes("gap-0 grow").style("flex-basis: 7rem"):
+            with ui.column().classes("gap-0 grow relative").style("flex-basis: 7rem"):
                 self._slider = Slider(min=0, max=1, step=step_of(unit), value=0).props("dense").classes("w-full px-2")
                 set_label(self._slider, name)
+                self._tick = ui.element("div").classes("pendant-tick").props("aria-hidden=true")
                 with ui.row().classes("w-full justify-between text-xs opacity-70"):
                     self._ends = ui.label(), ui.label()
         self.between(low, high)
+        self.mark(None)
         self.number.field.on_value_change(lambda: self._set(self.number.field.value))
         self._slider.on_value_change(lambda: self._set(self._slider.value))
 
@@ -152,6 +156,19 @@ class Dial:
         self._quiet = True
         self.number.field.value = self._slider.value = round(value, _DIGITS) + 0.0
         self._quiet = False
+
+    def mark(self, value: float | None, level: str = "", why: str = "") -> None:
+        """Mark on the slider where that is what it sets, in the colour of a level, and say why it is not as it is set.
+
+        Without a value there is no mark.
+        """
+        low, high = self._slider.props["min"], self._slider.props["max"]
+        part = 0.0 if value is None else min(max((value - low) / (high - low), 0.0), 1.0)
+        look = f"pendant-tick {'hidden' if value is None else level}", f"--at: {part:.3f}", why
+        if look != self._marked:  # many are told at each moment of a run
+            self._marked = look
+            self._tick.classes(replace=look[0]).style(replace=look[1])
+            self._why.classes(replace=f"text-xs pendant-off {level}").set_text(why)
 
     def _set(self, value: float | None) -> None:
         if not self._quiet:
@@ -263,6 +280,11 @@ def card(title: str, number: int = 0, about: str = "") -> ui.column:
         if about:
             ui.label(about).classes("text-sm opacity-70")
     return found
+
+
+def folded(title: str) -> ui.expansion:
+    """Make a part of a page that shows its heading until it is opened."""
+    return ui.expansion(title).classes("pendant-plate w-full").props("dense header-class=font-bold")
 
 
 def numbered(text: str, number: int) -> str:

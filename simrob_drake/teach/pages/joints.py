@@ -1,12 +1,20 @@
-"""The joints of a robot: to be found by name, and each with a field and a slider for where it is to go."""
+"""The joints of a robot: to be found by name, each with a field and a slider for where it is to go.
 
+A mark on the slider shows where it is, and words say why that is somewhere else.
+"""
+
+from asyncio import wrap_future
 from collections.abc import Callable, Mapping, Sequence
+from math import degrees, inf
 from typing import Any
 
-from nicegui import ui
+from nicegui import background_tasks, context, ui
 
-from simrob_drake.teach.pages.elements import Dial, NumberField, icon_button
-from simrob_drake.teach.pages.phrases import Content, Phrases, matches
+from simrob_drake.teach.pages import plots
+from simrob_drake.teach.pages.elements import Dial, NumberField, follow, icon_button
+from simrob_drake.teach.pages.phrases import Content, Phrases, figure, matches
+from simrob_drake.teach.run import shortfall
+from simrob_drake.teach.session import Session
 
 _SIDE = {"deg": 180.0, "m": 1.0}
 """How far a slider goes to either side where an axis has no limit."""
@@ -27,10 +35,15 @@ class Joints:
         t = phrases.t
         self._search = ui.input(t("legs.search"), on_change=self._find).props("clearable dense outlined type=search")
         self._search.classes("w-full")
-        with ui.column().classes("w-full gap-0 overflow-y-auto flex-nowrap").style("max-height: max(16rem, 38vh)"):
+        with ui.column().classes("w-full gap-0 overflow-y-auto flex-nowrap").classes("pendant-joints"):
             self._rows = [_Row(phrases, axis, changed, entered) for axis in axes]
             self._nothing = ui.label(t("legs.no_joint"))
         self._find()
+
+    @property
+    def dials(self) -> dict[str, Dial]:
+        """What sets each joint, by axis."""
+        return {row.name: row.dial for row in self._rows}
 
     @property
     def targets(self) -> dict[str, float]:
@@ -130,3 +143,80 @@ def axis_field(phrases: Phrases, axis: Content, value: float) -> NumberField:
     """Build a field for the target of an axis [deg or m], which is refused beyond the limits."""
     name, low, high = axis["name"], axis["low"], axis["high"]
     return NumberField(phrases.t, phrases.axis(name), value, low=low, high=high, unit=phrases.unit(name))
+
+
+_SIGNALS = ("reference", "position", "torque")
+_BEFORE = 0.05
+"""From a moment to the one before, by which it is told how fast a joint moves [s]."""
+_FORCES = {"deg": "N·m", "m": "N"}
+
+
+def signal_of(session: Session, kind: str) -> str:
+    """Return the signal of a kind of the robot that a session teaches; empty without one."""
+    names = [signal["name"] for signal in session.description.get("signals", ())]
+    return next((name for name in (f"{session.book.robot}.{kind}", kind) if name in names), "")
+
+
+def shown_at(session: Session, kind: str, before: float = 0.0) -> Sequence[float] | None:
+    """Return a signal of the taught robot at the moment that is shown, or so long before [s]; None where not kept."""
+    ring = session.run.history.get(signal_of(session, kind), ())
+    found = plots.at(ring, session.run.time - before) if session.run.time else None
+    return None if found is None else plots.as_list(found)
+
+
+class Marks:
+    """Of all joints of the robot that is taught."""
+
+    def __init__(
+        self, session: Session, phrases: Phrases, axes: Sequence[Content], dials: Mapping[str, Dial], place: ui.element
+    ) -> None:
+        """Mark dials of axes by their names, as long as an element of the page is there."""
+        self._session, self._phrases, self._axes, self._dials = session, phrases, axes, dials
+        self._limits: Sequence[float] = [inf] * len(axes)
+        self._client = context.client
+        plots.watch(session, [name for kind in _SIGNALS if (name := signal_of(session, kind))], place)
+        follow(session, self._ask, "program", "description", "phase")
+        follow(session, self._show, "tick", "phase")
+
+    def _ask(self) -> None:
+        if self._session.description and self._session.phase in ("idle", "running", "paused"):
+            background_tasks.create(self._asked())
+
+    async def _asked(self) -> None:
+        """Ask what the drives can do, which changes with settings, also while something runs."""
+        limits = await wrap_future(self._session.client.ask("torque_limits"))
+        if limits and not self._client.is_deleted:
+            self._limits = limits if self._session.description.get("mode") == "dynamic" else [inf] * len(limits)
+            self._show()
+
+    def _show(self) -> None:
+        found = [shown_at(self._session, kind) for kind in _SIGNALS]
+        asked, done, torques = found
+        if asked is None or done is None:
+            for dial in self._dials.values():
+                dial.mark(None)
+            return
+        earlier = shown_at(self._session, "position", _BEFORE) or done
+        for number, axis in enumerate(self._axes):
+            turn = degrees if axis["unit"] == "deg" else float
+            where, torque = turn(done[number]), torques[number] if torques else 0.0
+            gap = shortfall(
+                axis,
+                turn(asked[number]),
+                where,
+                speed=(where - turn(earlier[number])) / _BEFORE,
+                torque=torque,
+                limit=self._limits[number],
+            )
+            runs_on = gap.reason in ("moving", "gains") and self._session.phase == "running"
+            why = "" if runs_on else self._why(axis, gap.reason, where, gap.off, torque, self._limits[number])
+            self._dials[axis["name"]].mark(where, gap.level, why)
+
+    def _why(self, axis: Content, reason: str, done: float, off: float, torque: float, limit: float) -> str:
+        if not reason:
+            return ""
+        unit, force = self._phrases.unit(axis["name"]), _FORCES[axis["unit"]]
+        digits = 1 if axis["unit"] == "deg" else 4
+        lengths = {name: f"{figure(round(value, digits))}{unit}" for name, value in (("done", done), ("off", abs(off)))}
+        forces = {"torque": figure(round(abs(torque), 2)), "limit": f"{figure(limit)} {force}"}
+        return self._phrases.t(f"shortfall.{reason}", **lengths, **forces)

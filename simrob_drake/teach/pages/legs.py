@@ -8,8 +8,8 @@ from nicegui import ui
 
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.teach.pages import plots
-from simrob_drake.teach.pages.elements import KEYS, allow, card, follow, numbered, rebuild
-from simrob_drake.teach.pages.joints import Joints
+from simrob_drake.teach.pages.elements import KEYS, allow, card, folded, follow, numbered, rebuild
+from simrob_drake.teach.pages.joints import Joints, Marks, shown_at
 from simrob_drake.teach.pages.move_forms import choices_of, duration_field, offers
 from simrob_drake.teach.pages.move_list import MoveList
 from simrob_drake.teach.pages.phrases import Content, Phrases
@@ -41,14 +41,14 @@ def build(session: Session, t: Words) -> None:
 def _build(session: Session, t: Words, robot: Content) -> None:
     phrases = Phrases(t, robot["axes"])
     _Teaching(session, phrases, robot)
+    with card(t("legs.program")):
+        MoveList(session, phrases, robot)
     with card(t("legs.motions")):
         _button(t("legs.step"), session.step, keys="Alt+P")
         offers(session, phrases, choices_of(session, robot), [kind for kind in KINDS.values() if kind.of_legs])
     if session.description.get("loops"):
         with card(t("legs.loops")):
             _loops(session, phrases)
-    with card(t("legs.program")):
-        MoveList(session, phrases, robot)
     _plots(session, phrases)
 
 
@@ -64,7 +64,7 @@ def _plots(session: Session, phrases: Phrases) -> None:
             moved = {phrases.plain(axis) for move in moves for axis in move.get("target_deg", ())}
             plots.build(session, phrases.t, moved)
 
-    with ui.expansion(phrases.t("legs.plots")).classes("pendant-plate w-full") as expansion:
+    with folded(phrases.t("legs.plots")) as expansion:
         expansion.on_value_change(rebuild(session, names, show, "description"))
 
 
@@ -76,19 +76,17 @@ class _Teaching:
         with card(t("legs.joints"), 1) as plate:
             self._joints = Joints(phrases, robot["axes"], changed=self._tell, entered=self._test)
             self._chosen = ui.label().classes("text-sm").props("aria-live=polite")
-            with ui.row().classes("w-full items-start gap-2"):
-                self._duration = duration_field(t)
-                self._duration.field.classes("w-32")
-                _button(t("legs.test"), self._test, 2, "Alt+T")
             self._tested = ui.label().classes("text-sm").props("aria-live=polite")
             with ui.row().classes("w-full items-center gap-2"):
+                self._duration = duration_field(t)
+                self._duration.field.classes("w-24")
+                _button(t("legs.test"), self._test, 2, "Alt+T")
                 self._add = _button(t("legs.add"), session.add, 3, "Alt+A")
                 _button(t("legs.simulate"), session.simulate, 4, "Alt+S")
                 _button(t("legs.discard"), lambda: self._back(session.discard), keys="Alt+X").props("outline")
                 _button(t("legs.reset"), lambda: self._back(session.reset), keys="Alt+R").props("outline")
-        self._axes, self._reference = robot["axes"], _reference_of(session)
-        if self._reference:
-            plots.watch(session, self._reference, plate)
+        self._axes = robot["axes"]
+        Marks(session, phrases, self._axes, self._joints.dials, plate)
         follow(session, self._tell, "program")
         follow(session, self._show_where, "phase", "tick")
 
@@ -125,7 +123,7 @@ class _Teaching:
         session = self._session
         if session.phase == "running":
             return
-        asked = plots.at(session.run.history.get(self._reference, ()), session.run.time) if session.run.time else None
+        asked = shown_at(session, "reference")
         if asked is not None or not session.run.time:
             shown = [axis["now"] for axis in self._axes] if asked is None else asked
             turns = [asked is not None and axis["unit"] == "deg" for axis in self._axes]
@@ -140,12 +138,6 @@ class _Teaching:
         moves = "; ".join(phrases.move(move) for move in self._session.book.pending)
         self._tested.text = t("legs.tested", moves=moves) if moves else ""
         allow(self._add, "" if moves else t("notice.nothing_tested"))
-
-
-def _reference_of(session: Session) -> str:
-    """Return the signal that tells what a session's robot is asked for; empty without one."""
-    names = [signal["name"] for signal in session.description["signals"]]
-    return next((name for name in (f"{session.book.robot}.reference", "reference") if name in names), "")
 
 
 def _loops(session: Session, phrases: Phrases) -> None:

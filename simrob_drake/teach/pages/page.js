@@ -24,5 +24,20 @@
     if (answer?.status === 403) location.reload();
   }, 2000);
   window.hasWebGL = () => !!document.createElement("canvas").getContext("webgl2");
-  window.viewShown = (frame) => frame.contentWindow.addEventListener("keydown", window.pressed); // while it has the focus
+  const dropped = (event) => { // files of the user's own
+    if (!event.dataTransfer?.types.includes("Files")) return;
+    event.preventDefault();
+    const uploads = getElement(Number(document.querySelector(".pendant-own").id.slice(1)));
+    if (event.type === "drop") uploads.$refs.qRef.addFiles(event.dataTransfer.files);
+  };
+  const takes_files = (place) => ["dragover", "drop"].forEach((name) => place.addEventListener(name, dropped));
+  takes_files(document);
+  window.viewShown = (frame) => {
+    takes_files(frame.contentWindow);
+    frame.contentWindow.addEventListener("keydown", window.pressed); // while it has the focus
+    const shade = () => frame.contentWindow.shade?.(document.body.classList.contains("body--dark"));
+    new MutationObserver(shade).observe(document.body, { attributeFilter: ["class"] });
+    shade();
+    frame.classList.add("shown"); // Meshcat's own look is past
+  };
 })();

@@ -79,12 +79,12 @@ def scope(session: Session, t: Words, signal: str, *, only: str | Collection[str
         only: the columns to begin with, or their axes; some of them where none is of these.
     """
     element = _Scope(session, t, signal, only).element
-    watch(session, signal, element)
+    watch(session, [signal], element)
     return element
 
 
-def watch(session: Session, signal: str, element: ui.element) -> None:
-    """Have a signal in ``session.run.history`` as long as an element of the present page is there."""
+def watch(session: Session, signals: Sequence[str], element: ui.element) -> None:
+    """Have signals in ``session.run.history`` as long as an element of the present page is there."""
     viewer = f"{context.client.id} {element.id}"
 
     def hear(_: str) -> None:
@@ -93,7 +93,7 @@ def watch(session: Session, signal: str, element: ui.element) -> None:
             session.watch((), viewer)
 
     forget = session.listen(hear)
-    session.watch([signal], viewer)
+    session.watch(signals, viewer)
 
 
 class _Scope:

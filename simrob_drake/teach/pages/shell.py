@@ -2,18 +2,15 @@
 
 from asyncio import wrap_future
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 
 from nicegui import Client, context, ui
 from nicegui.language import Language
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.files import models_root
-from simrob_drake.robots.catalog import load_robot, robot_names
-from simrob_drake.stations.load import station_names
-from simrob_drake.teach.pages import arm, legs, station, view
+from simrob_drake.teach.pages import arm, gallery, legs, station, view
 from simrob_drake.teach.pages.elements import KEYS, allow, follow, icon_button, set_label, shortcuts
+from simrob_drake.teach.pages.move_list import ProgramTimeline
 from simrob_drake.teach.pages.words import Words, languages
 from simrob_drake.teach.pendant import Pendant
 from simrob_drake.teach.session import Session
@@ -23,6 +20,7 @@ TABS: dict[str, Callable[[Session, Words], None]] = {"legs": legs.build, "arm": 
 _TAKEN = ("program", "script", "station", "csv", "recording")
 _QUASAR: dict[str, Language] = {"en": "en-US", "es": "es"}
 _FOLDER = Path(__file__).parent
+_TEACHING = "teaching"
 
 
 def install(pendant: Pendant) -> None:
@@ -45,8 +43,18 @@ def build(pendant: Pendant) -> None:
         except SimrobError as problem:
             ui.notify(str(problem), type="negative", close_button=True, timeout=0)
 
+    def take(files: gallery.Files) -> None:
+        try:
+            pendant.take(files)
+            _reload_all()
+        except SimrobError as problem:
+            ui.notify(str(problem), type="negative", close_button=True, timeout=0)
+
+    skip = ui.link(t("shell.skip"), f"#{_TEACHING}").classes("pendant-skip")
+    skip.on("click", js_handler=f"() => document.getElementById('{_TEACHING}').focus()")
     with ui.element("header").classes("pendant-bar"):
         ui.html(t("shell.title"), tag="h1", sanitize=False)
+        gallery.build(session, t, load, take)
         _loaded(session, t, load)
         with ui.element("div").classes("pendant-tools"):
             _undo(session, t)
@@ -54,13 +62,14 @@ def build(pendant: Pendant) -> None:
             _looks(pendant)
             _help(t)
     _conflict(session, t)
-    _robots_and_stations(session, t, load)
-    with ui.element("main").classes("pendant-main"):
+    with ui.element("div").classes("pendant-main"):
         with ui.element("section").classes("pendant-plate pendant-see"):
             view.build(session, t)
             view.build_bar(session, t)
+            ProgramTimeline(session, t)
             view.build_pad(session, t)
-        with ui.element("section").classes("pendant-plate"):
+        with ui.element("section").classes("pendant-plate").props(f"id={_TEACHING} tabindex=-1") as teaching:
+            set_label(teaching, t("shell.teaching"))
             _tabs(session, t)
 
 
@@ -140,6 +149,7 @@ def _looks(pendant: Pendant) -> None:
 
 def _help(t: Words) -> None:
     with ui.dialog() as dialog, ui.card():
+        set_label(dialog, t("shell.help"))
         ui.html(t("shell.help"), tag="h2", sanitize=False).classes("pendant-heading")
         keys = ui.element("dl").classes("pendant-keys")
         ui.label(t("shell.help_drag"))
@@ -181,51 +191,3 @@ def _tabs(session: Session, t: Words) -> None:
             tabs.set_value(fitting)
 
     follow(session, show, "description")
-
-
-PICTURE = "picture.png"
-"""Of a robot, in its folder."""
-PICTURES = "pictures"
-"""Where the server has the folders of all robots. An image of a file would lose it when any tab is closed."""
-
-
-def _robots_and_stations(session: Session, t: Words, load: Callable[[str], None]) -> None:
-    """Build the list of stations, and the pictures of the robots.
-
-    ``load`` loads another robot or station.
-    """
-    names = station_names()
-
-    def chosen(name: str | None) -> None:
-        if name in names and name != session.book.station:  # else it was shown, not chosen
-            load(name)
-
-    with ui.element("nav").classes("pendant-robots") as nav:
-        set_label(nav, t("shell.robots"))
-        stations = ui.select(names, label=t("shell.station"), with_input=True)
-        stations.props("dense outlined options-dense").on_value_change(lambda event: chosen(event.value))
-        pictures = {name: _picture(name, load) for name in _robots()}
-
-    def mark() -> None:
-        models = {robot["model"] for robot in session.description.get("robots", {}).values()}
-        for name, picture in pictures.items():
-            picture.props["aria-pressed"] = "true" if name in models else "false"
-        stations.set_value(session.book.station if session.book.station in names else None)
-
-    follow(session, mark, "description")
-
-
-@cache
-def _robots() -> list[str]:
-    """Return the robots that have a picture, those with legs first."""
-    names = [name for name in robot_names() if (models_root() / name / PICTURE).is_file()]
-    return sorted(names, key=lambda name: load_robot(name).feet is None)
-
-
-def _picture(name: str, load: Callable[[str], None]) -> ui.element:
-    button = ui.element("button").classes("pendant-robot").props("type=button")
-    button.on("click", lambda: load(name))
-    with button:
-        ui.element("img").props(f"src={PICTURES}/{name}/{PICTURE} alt=''")
-        ui.label(name.replace("_", " "))
-    return button

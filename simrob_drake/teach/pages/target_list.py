@@ -22,8 +22,8 @@ from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
 
-def build_targets(session: Session, t: Words, place: ArmState) -> None:
-    """Build the list, and above it what teaches another one where the arm is."""
+def build_teaching(session: Session, t: Words, place: ArmState) -> None:
+    """Build what teaches a target where the arm is."""
 
     def teach() -> None:
         session.arm.teach_target((name.value or "").strip() or None, frame.value or WORLD)
@@ -40,6 +40,10 @@ def build_targets(session: Session, t: Words, place: ArmState) -> None:
         frame.props("dense outlined options-dense").classes("grow").style("min-width: 8rem")
         ui.button(t("arm.teach"), icon="add_location", on_click=teach).props("no-caps").props[KEYS] = "Alt+T"
     place.subscribe(frames)
+
+
+def build_targets(session: Session, t: Words) -> None:
+    """Build the list of targets."""
 
     def show() -> None:
         with ui.element("ul").classes("w-full p-0 m-0").style("list-style: none"):

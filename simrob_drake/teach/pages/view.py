@@ -72,7 +72,7 @@ _DURATION, _LONGEST = 0.1, 60.0  # s
 
 def build_pad(session: Session, t: Words) -> None:
     """Build the pad; its buttons act while a run goes on."""
-    with ui.expansion(t("push.title"), icon="back_hand").classes("w-full").props("dense"):
+    with ui.expansion(t("push.title"), icon="back_hand").classes("w-full pendant-more").props("dense"):
         with ui.row().classes("w-full items-start gap-2"):
             body = ui.select([], label=t("push.body"), with_input=True).props("dense outlined").classes("w-44")
             force = NumberField(t, t("push.force"), _FORCE, low=0.0, high=_MOST, unit=" N")

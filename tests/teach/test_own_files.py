@@ -1,0 +1,74 @@
+"""Files of a user's own: kept where no path leads out of, and the right one of them opened."""
+
+import zipfile
+from io import BytesIO
+
+import pytest
+from fake_runs import CountingRun
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.files import models_root
+from simrob_drake.teach.own_files import FOLDER, keep, report_of
+from simrob_drake.teach.session import Session
+
+
+def archive(files):
+    packed = BytesIO()
+    with zipfile.ZipFile(packed, "w") as made:
+        for name, content in files.items():
+            made.writestr(name, content)
+    return packed.getvalue()
+
+
+def test_the_same_files_are_kept_once_and_others_beside_them(tmp_path):
+    first = keep({"arm.urdf": b"<robot/>"}, tmp_path)
+    assert (first.name, first.read_bytes()) == ("arm.urdf", b"<robot/>")
+    assert keep({"arm.urdf": b"<robot/>"}, tmp_path) == first
+    assert keep({"arm.urdf": b"<robot />"}, tmp_path) != first
+    assert len(list((tmp_path / FOLDER).iterdir())) == 2
+
+
+def test_a_station_goes_before_its_robot_and_a_robot_before_its_meshes(tmp_path):
+    files = {"arm.urdf": b"1", "base.obj": b"2"}
+    assert keep(files, tmp_path).name == "arm.urdf"
+    assert keep({**files, "cell.yaml": b"3"}, tmp_path).name == "cell.yaml"
+    packed = archive({"arm/urdf/arm.urdf": b"1", "arm/meshes/more/other.urdf": b"2"})
+    found = keep({"arm.zip": packed}, tmp_path)
+    assert found.parts[-3:] == ("arm", "urdf", "arm.urdf")
+    assert (found.parents[1] / "meshes" / "more" / "other.urdf").is_file()
+
+
+@pytest.mark.parametrize(
+    "name", ["../../out.urdf", "/etc/out.urdf", "..\\..\\out.urdf", "a/../../out.urdf", ".. /out.urdf"]
+)
+def test_no_name_leads_out_of_the_folder(tmp_path, name):
+    for files in ({name: b"x"}, {"a.zip": archive({name: b"x"})}):
+        found = keep(files, tmp_path / "taught").resolve()
+        assert found.is_relative_to((tmp_path / "taught" / FOLDER).resolve())
+    assert [path.name for path in tmp_path.iterdir()] == ["taught"]
+
+
+def test_what_holds_nothing_to_open_is_refused_in_a_line(tmp_path):
+    for files, what in (
+        ({"photo.png": b""}, "photo.png"),
+        ({"arm.zip": b"no archive"}, "not a zip file"),
+        ({"arm.zip": archive({})}, "nothing"),
+    ):
+        with pytest.raises(InvalidParameter, match=what) as refused:
+            keep(files, tmp_path)
+        assert "\n" not in str(refused.value)
+    assert not (tmp_path / FOLDER).exists()
+
+
+def test_what_the_import_did_is_told(tmp_path):
+    """Of the pendulum's file alone, without the mesh of its base."""
+    source = models_root() / "double_pendulum" / "double_pendulum.urdf"
+    file = keep({source.name: source.read_bytes()}, tmp_path)
+
+    session = Session.open(file, tmp_path, live=CountingRun)
+    lines = report_of(session.book.model.urdf_path).splitlines()
+    session.close()
+    assert lines[0].startswith("double_pendulum.urdf: ")
+    assert "1 dropped" in lines[0]
+    assert any("'base.obj' there is no such file" in line for line in lines)
+    assert report_of(source) == ""
