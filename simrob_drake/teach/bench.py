@@ -203,8 +203,10 @@ class Bench:
 
     def torque_limits(self) -> list[float]:
         """Tell what the drives of the taught robot can do [N·m or N], axis by axis, with what was changed since."""
-        config = self.cell.timeline.station(self.cell.config, GRID)
-        limits: list[float] = resolve(config).robots[self._robot].gains.torque_limit.tolist()
+        cell, name = self.cell, self._robot
+        changed = cell.timeline.settings()
+        robot = resolve(cell.timeline.station(cell.config, GRID)).robots[name] if changed else cell.robot(name)
+        limits: list[float] = robot.gains.torque_limit.tolist()
         return limits
 
     def ghosts(self, postures: Sequence[dict[str, float]], good: Sequence[bool], marked: int | None = None) -> None:
