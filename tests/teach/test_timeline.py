@@ -53,7 +53,8 @@ def test_blocks_show_where_the_run_is_and_lead_back_to_where_they_began():
             await asyncio.sleep(0.05)
             assert [("now" in one.classes) for one in blocks] == [True, False, False]
             assert blocks[0].style["--at"] == "75.0%"
-            ending = {"parts": [2.0, 3.5, 2.0], "reached": 7.5, "time": 7.5}
+            ending = {"parts": [2.0, 3.5, 2.0], "reached": 7.5, "time": 7.5, "begun": 0.0}
+            ending |= {"ending": "completed", "signals": None}
             session.run.end(ending)
             session.run.time = 6.5
             session.told("phase")
