@@ -11,7 +11,7 @@ import textwrap
 from collections.abc import Mapping
 from functools import lru_cache
 from itertools import pairwise
-from math import inf
+from math import inf, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, cast
 
@@ -314,6 +314,18 @@ Frequency = Annotated[Number, Field(gt=0, le=FASTEST_RATE)]
 """Of something that swings [Hz]: no faster than signals can show."""
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Triple = tuple[Number, Number, Number]
+FARTHEST, MOST_TURN = 30.0, 2.01 * pi
+"""What is told in other units than m and rad lies beyond that."""
+
+
+def _in_metres(place: Any) -> Any:
+    if (most := max(map(abs, place))) > FARTHEST:
+        raise ValueError(f"{most:g} m is too far; were these millimetres? lengths are in metres")
+    return place
+
+
+Place = Annotated[Triple, AfterValidator(_in_metres)]
+"""[x y z] on a body [m]."""
 Pose = tuple[Number, Number, Number, Number, Number, Number]
 """[x y z Rz Ry Rx], R = Rz·Ry·Rx [m, rad]."""
 Colour = tuple[Fraction, Fraction, Fraction, Fraction]

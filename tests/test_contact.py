@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from simrob_drake import load_station, simulate
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.results.animation.recording import save_recording
 
 GRAVITY = 9.80665
@@ -342,3 +343,28 @@ def test_the_recording_shows_the_contact_forces(tmp_path):
     flying = simulate(load_station("bouncing_ball"), duration=0.1)
     page = save_recording(flying, tmp_path / "ball.html").read_text(encoding="utf-8")
     assert not any(b"contact_forces" in base64.b64decode(text) for text in re.findall(r"base64,([\w+/=]+)", page))
+
+
+@pytest.mark.parametrize("own", [{"model": "point"}, {}], ids=["at a point", "over facets"])
+def test_a_piece_that_meets_others_at_points_rolls_on_where_its_facets_would_brake_it(own):
+    """A ball that rolls on the level keeps its speed."""
+    changes = {
+        "contact.model": "hydroelastic_with_fallback",
+        "contact.dissipation": 5.0,
+        "contact.stiffness": 1.0e4,
+        "pieces": {"ball": {"model": "ball", "free": True, "pose": [0, 0, 0.06, 0, 0, 0], "contact": own}},
+        "forces.push": {"at": "ball", "start": 0, "duration": 0.1, "force": [5, 0, 0]},
+        "sensors": {},
+        "solver": {"kind": "discrete", "time_step": 0.001},
+    }
+    result = simulate(load_station("bouncing_ball", changes), duration=1.5, progress=False)
+    speed = result.piece_velocity("ball")[:, 0]
+    kept = speed[-1] / speed[20]
+    assert (kept > 0.97) == bool(own)
+
+
+def test_a_piece_that_meets_others_at_points_needs_a_model_that_allows_it():
+    own = {"ball": {"model": "ball", "free": True, "pose": [0, 0, 0.06, 0, 0, 0], "contact": {"model": "point"}}}
+    station = load_station("bouncing_ball", {"contact.model": "hydroelastic", "pieces": own, "sensors": {}})
+    with pytest.raises(InvalidParameter, match="hydroelastic_with_fallback"):
+        simulate(station, duration=0.1, progress=False)

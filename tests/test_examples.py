@@ -16,6 +16,7 @@ pytestmark = pytest.mark.usefixtures("no_plots")
 
 LONG = {
     "zjudancer_eight",
+    "zjudancer_goal",
     "yobotics_walk",
     "humanoid_march",
     "stack",  # of five; tests/programs/test_grip.py puts one cube on another
@@ -155,6 +156,15 @@ def test_the_bar_goes_from_hand_to_hand(mode):
     np.testing.assert_allclose(
         cell.frame("bar").translation(), [0.5, 0.3, 0.0], atol=1e-6 if mode == "kinematic" else 3e-4
     )
+
+
+def test_parts_on_a_belt_that_runs_on_are_found_by_a_camera_and_taken():
+    belt = example("belt_camera")
+    cell, away = belt.run(seed=3, parts=2)
+    assert len(away) == 2
+    assert max(away) < 3e-3  # m from the tool to where a part truly was, in the plane of the belt
+    assert {cell.config.pieces[f"part_{number}"].parent for number in range(2)} == {"pallet"}
+    assert cell.position("belt")[0] - 0.45 == pytest.approx(belt.SPEED * cell.result().stop_time)  # it did not stop
 
 
 def test_the_belt_s_rook_stands_on_the_pallet():

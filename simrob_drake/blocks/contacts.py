@@ -5,24 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
-from pydrake.geometry import (
-    Box,
-    Capsule,
-    Convex,
-    Cylinder,
-    Ellipsoid,
-    GeometryId,
-    HalfSpace,
-    Mesh,
-    QueryObject,
-    SceneGraphInspector,
-    Shape,
-    Sphere,
-)
+from pydrake.geometry import GeometryId, HalfSpace, QueryObject, SceneGraphInspector, Shape
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import Frame
@@ -32,6 +18,7 @@ from simrob_drake.blocks.block import Block
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import weakly
+from simrob_drake.robots.outlines import lowest_points, shape_corners
 
 
 @dataclass(frozen=True)
@@ -183,10 +170,6 @@ def _summed_cross(arms: Vector, forces: Vector) -> Vector:
     return np.array([products[k - 2, k - 1] - products[k - 1, k - 2] for k in range(3)])
 
 
-_RIM = np.arange(16) * np.pi / 8  # angles of the points that stand for the rim of a cylinder
-_SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
-
-
 Pair = tuple[GeometryId, GeometryId]
 
 
@@ -259,39 +242,3 @@ class DistanceSensor(Block):
 
     def _calc_distance(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, self._distances.of(self._query.Eval(context)).min())
-
-
-def lowest_points(shape: Shape, pose: RigidTransform, corners: Vector) -> Vector:
-    """Return points of a convex shape at a pose, of which one is its lowest, shape (k, 3) [m].
-
-    What is no sphere, cylinder, capsule or ellipsoid is described by its ``corners`` in its frame, shape (m, 3) [m].
-    """
-    up = pose.rotation().matrix()[2]  # the world's z axis in the frame of the shape
-    match shape:
-        case Sphere():
-            points = -shape.radius() * up[np.newaxis]
-        case Ellipsoid():
-            axes = np.array([shape.a(), shape.b(), shape.c()])
-            points = -(axes**2 * up / np.linalg.norm(axes * up))[np.newaxis]
-        case Capsule():
-            ends = np.array([[0.0, 0.0, side * shape.length() / 2] for side in (-1, 1)])
-            points = ends - shape.radius() * up
-        case Cylinder():
-            turns = np.arctan2(-up[1], -up[0]) + _RIM  # the first is the lowest of the rim
-            rim = shape.radius() * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(len(turns))])
-            middle = np.array([0.0, 0.0, shape.length() / 2])
-            points = np.vstack([rim - middle, rim + middle])
-        case _:
-            points = corners
-    return np.asarray((pose @ points.T).T)
-
-
-def shape_corners(inspector: SceneGraphInspector, shape_id: GeometryId) -> Vector:
-    """Return the corners of a box or a mesh's convex hull in the shape's frame, (m, 3) [m]; none of other shapes."""
-    shape = inspector.GetShape(shape_id)
-    if isinstance(shape, Box):
-        return np.asarray(_SIGNS * shape.size() / 2)
-    if isinstance(shape, Mesh | Convex):
-        hull = inspector.GetConvexHull(shape_id)
-        return np.array([hull.vertex(index) for index in range(hull.num_vertices())])
-    return np.zeros((0, 3))

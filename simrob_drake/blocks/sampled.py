@@ -174,10 +174,10 @@ class SampledBlock(Block):
     def _set(self, changed: Changes, memory: Named, context: Context, discrete: DiscreteValues) -> None:
         kept = discrete.get_mutable_value(self._group)
         for name, value in changed.items():
-            if name in self._reported:
-                discrete.set_value(self._reported[name], value if isinstance(value, np.ndarray) else [value])
-            else:
+            if name in self._kept:
                 kept[self._kept[name]] = value
+            else:  # Drake takes a list ten times as long as an array
+                discrete.set_value(self._reported[name], value if isinstance(value, np.ndarray) else np.array([value]))
         for name, (waiting, group) in self._late.items():
             now = np.atleast_1d(changed[name] if name in changed else memory[name])
             line = context.get_discrete_state(waiting).value()

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_type_hints
 
 import typer
 from pydantic.fields import FieldInfo
@@ -15,7 +15,7 @@ from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import MESH_PATH_VARIABLE, granting
 from simrob_drake.results.files import Saved
 from simrob_drake.results.plots.formats import PlotFormat
-from simrob_drake.sections import field_texts, validated
+from simrob_drake.sections import Pose, field_texts, validated
 
 
 def completed_station(typed: str) -> list[str]:
@@ -191,4 +191,9 @@ def _option(name: str, field: FieldInfo, text: str) -> tuple[Any, Any]:
         return MeshPath, None
     if field.annotation == tuple[str, ...]:
         return Annotated[list[str] | None, typer.Option(flag, metavar="NAME:=VALUE", help=several)], None
+    if Path in get_args(field.annotation):
+        return Annotated[Path | None, typer.Option(flag, metavar="FILE", resolve_path=True, help=text)], None
+    if get_args(field.annotation) == get_args(Pose):
+        numbers = typer.Option(flag, metavar="X Y Z RZ RY RX", help=text)
+        return Annotated[tuple[float, float, float, float, float, float] | None, numbers], None
     return Annotated[field.annotation, typer.Option(flag, help=text)], field.default

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from simrob_drake.cli import ExitCode
@@ -36,9 +39,16 @@ if TYPE_CHECKING:  # few commands need programs, which load scipy
 
 
 def run_program(
-    program: Program, config: StationConfig, saving: Saving, frames: Frames = None, file: str = ""
+    program: Program,
+    config: StationConfig,
+    saving: Saving,
+    frames: Frames = None,
+    file: str = "",
+    lines: Mapping[int, str] = MappingProxyType({}),
 ) -> ExitCode:
-    """Run a program on a station, and save all of it as one result; messages call it as ``file`` says.
+    """Run a program on a station, and save all of it as one result.
+
+    Messages call it as ``file`` says, and the verdict its moves as ``lines`` do, by their numbers.
 
     Raises:
         SimrobError: one that the robots cannot do.
@@ -54,7 +64,17 @@ def run_program(
         result, way = _performed(cell, program, file)
     finally:
         cell.close()
-    return saved(result, folder, saving, more=way, frames=frames)
+    return saved(_called(result, lines), folder, saving, more=way, frames=frames)
+
+
+def _called(result: SimulationResult, lines: Mapping[int, str]) -> SimulationResult:
+    """Return the result of a program whose moves are called as lines say, by their numbers."""
+    places = {f"move {number}": line for number, line in lines.items()}
+    runs = (
+        replace(run, moves=tuple(replace(move, place=places.get(move.place, move.place)) for move in run.moves))
+        for run in result.runs
+    )
+    return replace(result, runs=tuple(runs))
 
 
 def own_program(config: StationConfig) -> Program:
@@ -132,8 +152,10 @@ def refuse_rapid(options: RapidOptions) -> bool:
     return allow_losses
 
 
-def module_program(file: Path, options: RapidOptions, set_: list[str] | None) -> tuple[Program, StationConfig]:
-    """Return the program of a RAPID module, and the station on which it is done.
+def module_program(
+    file: Path, options: RapidOptions, set_: list[str] | None
+) -> tuple[Program, StationConfig, Mapping[int, str]]:
+    """Return the program of a RAPID module, the station on which it is done, and the lines of its moves.
 
     Raises:
         SimrobError: what is wrong or not understood, unless losses are allowed; names the file and the line.
@@ -143,7 +165,7 @@ def module_program(file: Path, options: RapidOptions, set_: list[str] | None) ->
     if imported.lost and not options.allow_losses:
         more = f", and {len(imported.lost) - 1} more" if len(imported.lost) > 1 else ""
         raise SimrobError(f"{imported.lost[0]}{more}; nothing moved: --allow-losses runs it without")
-    return imported.program, config
+    return imported.program, config, imported.lines
 
 
 def import_module(file: Path, out: Path | None, options: RapidOptions, *, force: bool) -> ExitCode:

@@ -10,11 +10,12 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.interrupts import finished_first
 from simrob_drake.cli.options import Saving
 from simrob_drake.cli.screen import console, errors, say
-from simrob_drake.cli.tables import cells_table, result_table
+from simrob_drake.cli.tables import cells_table, result_table, table
 from simrob_drake.folders import check_folder
 from simrob_drake.results.files import COMMANDS, SUMMARY, Saved, default_folder
 from simrob_drake.results.record.summary import remarks_of
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.verdict.moves import table_of_moves
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
 
@@ -72,6 +73,8 @@ def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str =
     if more:
         console.print(more, highlight=False)
     console.print(result.pace, highlight=False)
+    if result.verdict.moves:
+        console.print(table(*table_of_moves(result.verdict.moves)))
     say(f"verdict   {result.verdict}")
     for warning in result.verdict.warnings:
         errors.print(Text.assemble(("warning", "yellow"), f" {warning}"))

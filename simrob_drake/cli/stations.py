@@ -94,8 +94,8 @@ def run(
     shown = _frames(frames)
     if is_rapid_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
-        program, config = module_program(Path(station), rapid, set_)
-        return run_program(program, config, saving, shown)
+        program, config, lines = module_program(Path(station), rapid, set_)
+        return run_program(program, config, saving, shown, lines=lines)
     refuse_rapid(rapid)
     if is_program_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
@@ -215,7 +215,9 @@ def _simulated(config: StationConfig, live: bool) -> SimulationResult:
     view = LiveView(config, steering=steering)
     wait_for_watcher(view.url)
     try:
-        return simulate(config, progress=False, on_step=view.on_step, commands=steering.hands)
+        result = simulate(config, progress=False, on_step=view.on_step, commands=steering.hands)
+        view.say(result.message)
+        return result
     finally:
         view.close()
 

@@ -1,5 +1,7 @@
 """What the command line shows: results, findings and robots as tables."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from rich.table import Table
 from rich.text import Text
@@ -21,11 +23,15 @@ _MARKS = {"ok": Text("ok", "green"), "warning": Text("warning", "yellow"), "note
 
 def result_table(result: SimulationResult) -> Table:
     """Return where every joint ended, and its torques; without robots, where the free pieces ended."""
-    headings, *rows = table_of(result)
-    table = _numbers(*headings)
+    return table(*table_of(result))
+
+
+def table(headings: Sequence[str], *rows: Sequence[str]) -> Table:
+    """Return rows of cells below their headings."""
+    found = _numbers(*headings)
     for row in rows:
-        table.add_row(*row)
-    return table
+        found.add_row(*row)
+    return found
 
 
 def cells_table(result: SimulationResult) -> Table:

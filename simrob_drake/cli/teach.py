@@ -24,6 +24,10 @@ def teach(
     folder: Annotated[Path, typer.Option(help="For what is taught, and what is taken away.")] = Path("taught"),
     language: Annotated[Literal["en", "es"], typer.Option(help="Of the page.")] = "en",
     allow_code: AllowCode = False,
+    lessons: Annotated[Path | None, typer.Option(help="A folder with lessons, beside those that there are.")] = None,
+    root_path: Annotated[
+        str | None, typer.Option(help="Where a proxy shows the page: a path, or the whole address. Opens no browser.")
+    ] = None,
 ) -> None:
     """Open a page in the browser to teach, push, tune and watch a robot; it needs the extra `gui`.
 
@@ -42,7 +46,9 @@ def teach(
         while more:
             say(more.pop())
 
-    serve(subject, folder, port=port, language=language, ready=ready, browse=not no_browser, allow_code=allow_code)
+    browse = not (no_browser or root_path)
+    how: dict[str, Any] = {"port": port, "language": language, "browse": browse, "allow_code": allow_code}
+    serve(subject, folder, ready=ready, root_path=root_path, lessons=lessons, **how)
     say(f"ended; what was taught is in {folder}")
 
 

@@ -21,6 +21,7 @@ from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.files import ROBOT_FILE, NotRead, opened, text_of
 from simrob_drake.folders import cache_entry, filled_at_once
 from simrob_drake.frames import Vector
+from simrob_drake.importer.hands import add_hand, of_hand
 from simrob_drake.importer.meshes.places import mesh_files
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import MANIFEST, package_root, robot_file
@@ -35,8 +36,9 @@ from simrob_drake.importer.repairs.shapes import import_shapes
 from simrob_drake.importer.repairs.structure import repair_structure
 from simrob_drake.importer.trees import HOME, KD, KP, Notes, take_notes
 from simrob_drake.robots.catalog import RobotModel, described_robot, load_robot_from_urdf
+from simrob_drake.robots.grasps import GRASP, grasp_frame
 from simrob_drake.robots.parse import lone_robot
-from simrob_drake.robots.urdf import LARGEST_URDF, with_absolute_meshes
+from simrob_drake.robots.urdf import LARGEST_URDF, add_frame, name_of, with_absolute_meshes
 from simrob_drake.robots.urdf_check import check_urdf
 from simrob_drake.yaml_files import parse_json, read_yaml
 
@@ -112,18 +114,21 @@ def write_robot(
     Raises:
         InvalidModel: a defect that can't be repaired.
     """
-    robot = read_source(source, report, options)
-    described = described_robot(source)
+    robot = _repaired(source, work, options, report)
+    described = described_robot(source) if options.hand is None else None
     if described is not None and options.base == "auto":
         options = options.model_copy(update={"base": described.base})
-    base = _repair(robot, source, work, options, report)
+    if options.hand is not None:
+        add_hand(robot, _repaired, work, options, report)
+    base = choose_base(robot, options, report)
     notes = take_notes(robot)
     check_urdf(robot, source)
     file = work / (source.name if described is not None else f"{_plain(robot.get('name') or source.stem)}.urdf")
-    ET.indent(robot)
-    ET.ElementTree(robot).write(file, encoding="utf-8", xml_declaration=True)
+    _write(robot, file)
     if isolated:
         probe(file, report)
+    if described is None:
+        _add_grasp(robot, file, report)
     (work / ROBOT_FILE).write_text(_description(described, file, base, notes, report), encoding="utf-8")
     (work / REPORT_FILE).write_text(json.dumps(report.as_json(), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     try:
@@ -132,15 +137,37 @@ def write_robot(
         raise report.refusal(f"{ROBOT_FILE} {problem.key}", problem.problem) from problem
 
 
-def _repair(robot: ET.Element, source: Path, work: Path, options: ImportOptions, report: ImportReport) -> Base:
-    """Do all repairs in the order in which they stand on each other, and return how the base is held."""
+def _write(robot: ET.Element, file: Path) -> None:
+    ET.indent(robot)
+    ET.ElementTree(robot).write(file, encoding="utf-8", xml_declaration=True)
+
+
+def _add_grasp(robot: ET.Element, file: Path, report: ImportReport) -> None:
+    """Add the frame in which the fingers of a robot, written already, grasp, unless it has one of that name."""
+    found = grasp_frame(load_robot_from_urdf(file))
+    if found is None or GRASP in map(name_of, (*robot.iterfind("link"), *robot.iterfind("frame"))):
+        return
+    palm, pose = found
+    add_frame(robot, GRASP, palm, pose)
+    _write(robot, file)
+    place = " ".join(f"{value:.4g}" for value in pose.translation())
+    report.add("read", f"frame '{GRASP}'", f"where the fingers meet, at {place} m of '{palm}'; they close along its y")
+
+
+def _repaired(source: Path, work: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
+    """Return the robot of a file after all repairs, in the order in which they stand on each other; meshes are written.
+
+    Raises:
+        InvalidModel: a defect that can't be repaired.
+    """
+    robot = read_source(source, report, options)
     repair_structure(robot, options, report)
     repair_materials(robot, report)
     repair_joints(robot, options, report)
     import_shapes(robot, source=source, folder=work, options=options, report=report)
     repair_inertias(robot, work, options, report)
     repair_drives(robot, options, report)
-    return choose_base(robot, options, report)
+    return robot
 
 
 def default_folder(source: Path) -> Path:
@@ -193,12 +220,15 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport) -> str:
         content["home_deg"] = home
     elif isinstance(robot.home_deg, dict):
         content["home_deg"] = robot.home_deg
-        midway = ", ".join(robot.home_deg)
-        report.add("defaulted", "robot.yaml", f"zero is outside of the limits of {midway}: they start midway")
+        midway = ", ".join(axis for axis in robot.home_deg if not robot.gripper or axis not in robot.gripper.axes)
+        if midway:
+            report.add("defaulted", "robot.yaml", f"zero is outside of the limits of {midway}: they start midway")
     if robot.gripper is not None:
         content["gripper"] = robot.gripper.model_dump(mode="json", exclude_none=True)
         names = ", ".join(robot.gripper.axes)
-        report.add("read", "robot.yaml", f"{names} are fingers, closed where they are nearest to each other")
+        report.add(
+            "read", "robot.yaml", f"{names} are fingers, closed where they are nearest to each other, open at the start"
+        )
     if not robot.links_without_inertia:
         gains = vars(first_gains(robot)).items()
         made = {key: dict(zip(robot.axes, values.tolist(), strict=True)) for key, values in gains}
@@ -224,6 +254,8 @@ _CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]
 def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> RobotModel:
     """Return the robot of any URDF: read as it is if it is clean, imported once if it is not, or if options ask for it.
 
+    One with fingers is imported, too, unless it is described: that tells where they grasp.
+
     Raises:
         InvalidModel: a defect that no import can repair.
         OutputError: the cache cannot be written.
@@ -236,7 +268,8 @@ def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> R
         except SimrobError:
             pass
         else:
-            return robot
+            if robot.gripper is None or described_robot(path) is not None:
+                return robot
     return _imported_once(path, options or ImportOptions())
 
 
@@ -267,16 +300,20 @@ def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
 def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
     """Yield all that the result depends on, but for our code; the file's own name is no part of it."""
     yield options.model_dump_json().encode()
+    own_files = [file for file in (source, source.parent / ROBOT_FILE) if isfile(file)]
     robot = read_source(source, ImportReport(source), options)
     yield ET.tostring(robot)  # of a xacro with all that it includes
-    own_files = [file for file in (source, source.parent / ROBOT_FILE) if isfile(file)]
     for file in (*own_files, *mesh_files(robot, source=source, options=options)):
         with opened(file) as content:  # meshes may be larger than what is read of them
             yield hashlib.file_digest(content, "sha256").digest()
+    if options.hand is not None:
+        yield from _dependencies(options.hand, of_hand(options))
 
 
 _FREQUENCY = 30.0  # rad/s; an arm of 0.8 kg m² gets the 700 N·m/rad that are usual for it
 _SAG = math.radians(1.0), 1e-3  # what an axis may give way under gravity [rad], and one that slides [m]
+_OFF = math.radians(30.0)  # where axes that carry fingers give all they have
+_PRESSES = 0.1  # part of their way from which fingers press with all they have
 _LIGHTEST = 1e-9  # a milligram at an arm of 30 mm: what files say below that was rounded [kg m² or kg]
 _POSTURES = 20
 
@@ -307,10 +344,15 @@ def first_gains(robot: RobotModel) -> FirstGains:
     critically.
 
     A robot that is not fixed stands on some of its joints, so that each may feel the whole mass at half of the robot's
-    height.
+    height. Fingers press with all that their motors have from a tenth of their way before they are closed, and axes of
+    an arm with fingers, which will carry more than itself, give all they have 30 deg off.
     """
     load = _load(robot)
     stiffness = load.torques / np.where(robot.prismatic, _SAG[1], _SAG[0])
+    if robot.fingers:
+        stiffness = np.where(robot.prismatic, stiffness, np.maximum(stiffness, robot.efforts / _OFF))
+    for place, ends in robot.fingers.items():
+        stiffness[place] = max(stiffness[place], robot.efforts[place] / (_PRESSES * abs(ends[1] - ends[0])))
     kp = np.maximum(stiffness, _FREQUENCY * np.maximum(_FREQUENCY * load.inertias, load.dampings))
     kd = 2 * np.sqrt(load.coupling * kp * load.inertias)
     return FirstGains(_rounded(kp), _rounded(kd))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.sections import Boolean, Positive, Strict
+from simrob_drake.sections import ORIGIN, Boolean, Pose, Positive, Strict
 
 
 class ImportOptions(Strict):
@@ -28,6 +28,12 @@ class ImportOptions(Strict):
     """Value of an argument of a xacro file, as in `ur_type:=ur5e`."""
     model: str = ""
     """Which robot of an MJCF file with several, by the name of its body, or of an SDF file, by that of its model."""
+    hand: Path | None = None
+    """A file of a hand, of any kind that is read, which is put on the arm; a relative path starts at the station's."""
+    hand_link: str = ""
+    """Link of the arm that carries the hand; its first tool unless given."""
+    hand_pose: Pose = ORIGIN
+    """Pose of the hand's root there, [x y z Rz Ry Rx]."""
     drop_loops: Boolean = False
     """Leave joints out that close a loop, which no tree of motored joints has, instead of refusing the robot."""
 

@@ -61,6 +61,7 @@ class ResolvedRobot:
         initial: where its axes are at the start, shape (n,) [rad or m].
         carried: the pieces that it carries, each after what it hangs on.
         held: those of them that hang on its tools, and not elsewhere.
+        load: the mass of all that it carries [kg].
         tool_frames: by tool or carried piece the name of its frame in the plant.
         tcp: the tool in use; empty without any.
         tcp_offset: pose of the tool centre point in that tool's frame; then the tool in use is called ``tcp``.
@@ -79,6 +80,7 @@ class ResolvedRobot:
     initial: Vector
     carried: tuple[str, ...]
     held: tuple[str, ...]
+    load: float
     tool_frames: Mapping[str, str]
     tcp: str
     tcp_offset: Pose | None

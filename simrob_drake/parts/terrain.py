@@ -16,12 +16,12 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from simrob_drake.errors import InvalidConfig
 from simrob_drake.files import content_of, read_matrix
 from simrob_drake.frames import Vector
-from simrob_drake.sections import Integer, NotNegative, Number, Positive, Strict
+from simrob_drake.sections import Integer, Number, Positive, Strict
 
 _BELOW = 0.05
 """How far the boxes reach below the lowest of their tops, and how thick what is soft is at least [m]."""
 _AROUND = 1.0  # level ground behind the field at least [m]
-_MOST = 1000  # boxes: contact looks at each
+MOST_BOXES = 1000  # contact looks at each
 _MOST_PIXELS = 100_000  # of a picture of heights
 _TILT = 0.25  # of rubble, at most [rad]
 
@@ -69,8 +69,8 @@ class Terrain(Strict):
     file: Path | None = None
     """Of a grid: a CSV file of heights [m], a line for each row across the way, from the left, in the order of the way;
     or a PNG whose upper edge is far ahead, black 0 and white the height. Relative paths start at the station's file."""
-    start: NotNegative = 0.4
-    """Where it begins, from the world's origin [m]."""
+    start: Number = 0.4
+    """Where it begins, from the world's origin [m]; behind it where negative."""
     length: Positive = 3.0
     """Along the way [m]; whole sizes fit in."""
     width: Positive = 1.6
@@ -97,9 +97,11 @@ class Terrain(Strict):
         along, across = self.length / self.size, self.width / self.size
         if along < 1 or across < 1:
             raise ValueError(f"size ({self.size:g} m) is not more than length and width")
-        if along * across > _MOST:
-            least = np.sqrt(self.length * self.width / _MOST)
-            raise ValueError(f"a size of {self.size:g} m makes more than {_MOST} boxes; take {least:.2g} m or more")
+        if along * across > MOST_BOXES:
+            least = np.sqrt(self.length * self.width / MOST_BOXES)
+            raise ValueError(
+                f"a size of {self.size:g} m makes more than {MOST_BOXES} boxes; take {least:.2g} m or more"
+            )
         return self
 
     @property
@@ -133,7 +135,7 @@ class Terrain(Strict):
         rows, columns = self._tiles()
         side = columns * self.size / 2
         begin, end = self.start, self.start + rows * self.size
-        far = max(floor / 2, max(end, self.start + self.length) + soft + _AROUND, side + _AROUND)
+        far = max(floor / 2, *(reach + _AROUND for reach in (-begin, max(end, begin + self.length) + soft, side)))
         around = [
             self._slab((-far, begin), (-far, far)),
             self._slab((end + soft, far), (-far, far)),
@@ -225,7 +227,9 @@ class Terrain(Strict):
                 left = right + len(list(alike)) * self.size
                 boxes.append(self._slab((begin, begin + self.size), (right, left), top))
                 right = left
-        if len(boxes) > _MOST:
+        if len(boxes) > MOST_BOXES:
             assert self.file is not None  # a grid has one
-            raise InvalidConfig(self.file, "", f"makes {len(boxes)} boxes, and at most {_MOST} can be; thin it out")
+            raise InvalidConfig(
+                self.file, "", f"makes {len(boxes)} boxes, and at most {MOST_BOXES} can be; thin it out"
+            )
         return boxes

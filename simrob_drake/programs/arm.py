@@ -17,6 +17,7 @@ from simrob_drake.frames import PoseLike
 from simrob_drake.kinematics.analytic import SolverLike
 from simrob_drake.programs.automatic import pace_of, run_cells
 from simrob_drake.programs.geometry import ArmGeometry
+from simrob_drake.programs.method_help import describe
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kinds import move_from
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, move_name, naming
@@ -66,6 +67,7 @@ def _running(plan: Callable[Concatenate[Planning, P], Plan]) -> Callable[Concate
     def run(arm: Arm, /, *targets: P.args, **how: P.kwargs) -> SimulationResult:
         return arm.cell.run(plan(arm.plan, *targets, **how))
 
+    describe(run, plan)
     return run
 
 
@@ -376,7 +378,7 @@ class Workcell(RecordedStation):
             with naming(move_name(number, len(program.moves), file)):
                 run = move.perform(self, program.robot, self.run_plans)
             if run is not None:
-                runs.append(run)
+                runs.append(run.numbered(number))
                 if run.ending != "completed":
                     break
         return runs

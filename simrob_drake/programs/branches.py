@@ -16,7 +16,8 @@ from simrob_drake.kinematics.every_branch import branches
 from simrob_drake.kinematics.numeric import random_postures
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.plan import check_collisions, shown
+from simrob_drake.programs.plan import TOUCH, check_collisions, shown
+from simrob_drake.results.record.run import Approach
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +113,7 @@ class Branches:
 
 _LOOKS = 6  # postures of chance that tell which distances change at all
 _SAME = 1e-6  # m
+_SPARSE, _NEAREST = 4, 6  # looks of which one is at all pairs, and pairs that all are at
 
 
 def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> str:
@@ -126,12 +128,8 @@ def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> 
     return ""
 
 
-def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tuple[float, str, str]]:
-    """Return what tells of a robot's postures (n,) how far it and what it carries are from anything else [m].
-
-    Below 0 they are in it; the other values are what is so near to what. What no posture brings nearer, as a turning
-    column to its floor, does not count. Infinite, and nothing, where there is nothing that could be met.
-    """
+def _surroundings(model: StationModel, robot: str) -> Distances:
+    """Return the distances between a robot, with what it carries, and all else; its own shapes are first."""
     inspector, own = model.station.scene_graph.model_inspector(), model.robots[robot].instance
     owners = {
         shape: model.plant.GetBodyFromFrameId(inspector.GetFrameId(shape)).model_instance()
@@ -142,7 +140,16 @@ def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tu
         for pair in combinations(owners, 2)
         if own in (owners[pair[0]], owners[pair[1]]) and not inspector.CollisionFiltered(*pair)
     ]
-    near = Distances(pairs, inspector)
+    return Distances(pairs, inspector)
+
+
+def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tuple[float, str, str]]:
+    """Return what tells of a robot's postures (n,) how far it and what it carries are from anything else [m].
+
+    Below 0 they are in it; the other values are what is so near to what. What no posture brings nearer, as a turning
+    column to its floor, does not count. Infinite, and nothing, where there is nothing that could be met.
+    """
+    near = _surroundings(model, robot)
 
     def distances(posture: Vector) -> Vector:
         model.place_robots({robot: posture})
@@ -159,3 +166,31 @@ def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tu
         return float(found[nearest]), first, second
 
     return gap
+
+
+def approach(model: StationModel, robot: str, rows: Vector) -> Approach:
+    """Return how near a robot and what it carries come to anything else at positions (k, nq) of the plant.
+
+    What touches in the first of them, or is as far in all, does not count. Every fourth is looked at for all that could
+    be near, the others for the nearest of it.
+    """
+    near = _surroundings(model, robot)
+    if not near.pairs or rows.shape[1] != model.plant.num_positions():  # another one's base is not fixed
+        return np.inf, ""
+    found = _distances(model, near, rows[::_SPARSE])
+    found = np.where((np.ptp(found, axis=0) > _SAME) & (found[0] > TOUCH), found.min(axis=0), np.inf)
+    nearest = [near.pairs[place] for place in np.argsort(found)[:_NEAREST] if np.isfinite(found[place])]
+    if not nearest:
+        return np.inf, ""
+    near = Distances(nearest, model.station.scene_graph.model_inspector())
+    found = _distances(model, near, rows).min(axis=0)
+    pair = near.pairs[int(found.argmin())]
+    return float(found.min()), " to ".join(model.owner(shape) for shape in pair)
+
+
+def _distances(model: StationModel, near: Distances, rows: Vector) -> Vector:
+    looks = list[Vector]()
+    for row in rows:
+        model.place(row)
+        looks.append(near.of(model.query()))
+    return np.array(looks)

@@ -18,6 +18,7 @@ from simrob_drake.stations.clearance import TOUCH as ROUGH
 Bodies = tuple[str, str]
 Hit = tuple[float, Bodies]
 """How deep what lies in what [m]."""
+_AT_ALL = 1e-9
 SEARCHED = 0.5
 """The part of what is allowed that a search keeps to, so that the way that is made of it keeps to all."""
 
@@ -27,7 +28,7 @@ class FreeSpace:
     """What stands in the way of robots that move together, with what they carry; other robots stand where they are.
 
     Shapes of different owners may be 1 mm in each other, links of one robot 5 mm: meshes count as convex hulls, which
-    are rough. Links that are made so, and what lies in what at the start, may be in each other so deep.
+    are rough. Links that are made so may lie in each other, and what does at the start may be so much deeper.
 
     Attributes:
         model: of the station with the shapes of all links, its robots where they stand.
@@ -39,23 +40,18 @@ class FreeSpace:
     start: Mapping[str, Vector]
     met: Counter[str] = field(default_factory=Counter)
     _pairs: dict[tuple[GeometryId, GeometryId], tuple[Bodies, float]] = field(default_factory=dict)
-
+    _begun: Mapping[Bodies, float] = field(default_factory=dict)
     _owners: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Take along what fingers hold, and allow what touches at the start.
+        """Allow what touches at the start.
 
         Raises:
             StartInCollision: a robot that begins deep in something else.
         """
         self._ends = np.cumsum([len(posture) for posture in self.start.values()])[:-1]
-        self.model.place_robots(self.start)
-        self._gripped, robots = self.model.gripped(), {own.instance: name for name, own in self.model.robots.items()}
-        self._holders = {piece: robots[link.model_instance()] for piece, (link, _) in self._gripped.items()}
-        begun = {bodies: depth for depth, bodies in reversed(self.hits(self.posture))}
-        for shapes, (bodies, allowed) in self._pairs.items():
-            self._pairs[shapes] = bodies, allowed + begun.get(bodies, 0.0)
-        deep = [(depth, bodies) for bodies, depth in begun.items() if depth > ROUGH and not self._of_one(bodies)]
+        self._begun = {bodies: depth for depth, bodies in reversed(self.hits(self.posture, _AT_ALL))}
+        deep = [(depth, bodies) for bodies, depth in self._begun.items() if depth > ROUGH and not self._of_one(bodies)]
         if deep:
             raise StartInCollision(*max(deep))
 
@@ -70,12 +66,12 @@ class FreeSpace:
 
     def hits(self, posture: Vector, part: float = 1.0) -> list[Hit]:
         """Return what lies in what in a posture (n,) deeper than a part of what is allowed, the deepest first."""
-        self._place(posture)
+        self.model.place_robots(self.parts(posture))
         found = list[Hit]()
         for pair in self.model.query().ComputePointPairPenetration():
             shapes = pair.id_A, pair.id_B
             bodies, allowed = self._pairs.get(shapes) or self._known(shapes)
-            if pair.depth > part * allowed:
+            if pair.depth > self._begun.get(bodies, 0.0) + part * allowed:
                 found.append((float(pair.depth), bodies))
         return sorted(found, reverse=True)
 
@@ -95,25 +91,21 @@ class FreeSpace:
 
     def carried(self, robot: str) -> Vector:
         """Return the corners of boxes around what a robot carries, where they are at the start, shape (k, 3) [m]."""
-        self._place(self.posture)
+        self.model.place_robots(self.start)
         query, corners = self.model.query(), np.array([*product((-1.0, 1.0), repeat=3)])
         found = [np.zeros((0, 3))]
         for shape in query.inspector().GetAllGeometryIds(Role.kProximity):
             owner, own = self._owner(shape)
             box = query.inspector().GetObbInGeometryFrame(shape)
-            if own == robot and box is not None and owner in {*self.model.robots[robot].held, *self._gripped}:
+            if own == robot and box is not None and owner in {*self.model.robots[robot].held, *self.model.holders}:
                 pose = query.GetPoseInWorld(shape) @ box.pose()
                 found.append((pose.rotation().matrix() @ (corners * box.half_width()).T).T + pose.translation())
         return np.vstack(found)
 
-    def _place(self, posture: Vector) -> None:
-        self.model.place_robots(self.parts(posture))
-        self.model.place_gripped(self._gripped)
-
     def _owner(self, shape: GeometryId) -> tuple[str, str]:
         """Return what a shape belongs to, and the robot that carries or holds it, if any."""
         owner, robot = owner_and_robot(self.model.station, shape)
-        return owner, self._holders.get(owner, robot)
+        return owner, self.model.holders.get(owner, robot)
 
     def _known(self, shapes: tuple[GeometryId, GeometryId]) -> tuple[Bodies, float]:
         """Return whose two shapes are, and how deep they may be in each other."""

@@ -5,7 +5,7 @@ Pieces change hands in it (SimRob's PegarEn): another parent, the same place in 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -61,6 +61,8 @@ class StationModel(PosedStation):
         super().__init__(config.model_copy(update={"mode": "kinematic", "contact": contact}))
         self.robots: dict[str, StationRobot] = self.station.robots
         self._moved: dict[ModelInstanceIndex, RigidTransform] = {}
+        self._held: dict[str, tuple[Frame, RigidTransform]] = {}
+        self._offsets: dict[str, Vector] = {}
 
     @cached_property
     def colliding(self) -> StationModel:
@@ -105,7 +107,38 @@ class StationModel(PosedStation):
                 pose = transform_from_xyz_quaternion(np.roll(self.initial[begin : begin + 7], 3))
             self.plant.SetFreeBodyPose(self.context, body, pose)
 
-    def gripped(self) -> dict[str, tuple[Frame, RigidTransform]]:
+    def place_state(
+        self, state: State | None, position: Callable[[str], Vector], reference: Callable[[str], Vector]
+    ) -> None:
+        """Put pieces where they are in a state, and robots where they should be in it, of each told (n,) [rad or m].
+
+        What fingers hold in the state goes along from now on, and they stay as far from their references as they are:
+        what they press on is between them.
+        """
+        self._held, self._offsets = {}, {}
+        self.place_pieces(state)
+        self.place_robots({name: position(name) for name in self.robots})
+        self._held = self._gripped()
+        for name, robot in self.robots.items():
+            fingers = np.isin(np.arange(len(robot.axes)), [*robot.model.fingers])
+            self._offsets[name] = np.where(fingers, position(name) - reference(name), 0.0)
+        self.place_robots({name: reference(name) for name in self.robots})
+
+    def place_robots(self, postures: Mapping[str, Vector]) -> None:
+        """Put robots into postures (n,) [rad or m], with what their fingers hold; the others stay."""
+        super().place_robots({name: posture + self._offsets.get(name, 0.0) for name, posture in postures.items()})
+        for name, (link, pose) in self._held.items():
+            self.plant.SetFreeBodyPose(self.context, self.station.free_pieces[name], self.pose(link) @ pose)
+        if self._held:
+            self.place(self.plant.GetPositions(self.context))
+
+    @property
+    def holders(self) -> dict[str, str]:
+        """The robots whose fingers hold a piece, by that."""
+        robots = {own.instance: name for name, own in self.robots.items()}
+        return {piece: robots[link.model_instance()] for piece, (link, _) in self._held.items()}
+
+    def _gripped(self) -> dict[str, tuple[Frame, RigidTransform]]:
         """Return the free pieces that two links of a robot with fingers touch now: one link, and where in it."""
         if not any(robot.model.fingers for robot in self.robots.values()):
             return {}
@@ -123,13 +156,6 @@ class StationModel(PosedStation):
                 link = self.plant.get_body(next(iter(touching.values()))).body_frame()
                 held[name] = link, self.pose(link).inverse() @ self.pose(self.station.free_pieces[name].body_frame())
         return held
-
-    def place_gripped(self, gripped: Mapping[str, tuple[Frame, RigidTransform]]) -> None:
-        """Put pieces where the links that hold them are now."""
-        for name, (link, pose) in gripped.items():
-            self.plant.SetFreeBodyPose(self.context, self.station.free_pieces[name], self.pose(link) @ pose)
-        if gripped:
-            self.place(self.plant.GetPositions(self.context))
 
     def motion(self, piece: str, state: State) -> JointState:
         """Return where a piece is that a robot carries, and how fast it moves in a state, as a free piece."""

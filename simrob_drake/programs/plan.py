@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import Frame
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.arguments import instance
@@ -233,16 +232,13 @@ def check_collisions(
         PathCollision: names the first offending point, and what runs into what.
     """
     resting: set[frozenset[str]] = set()
-    gripped: Mapping[str, tuple[Frame, RigidTransform]] = {}
     for row, time in enumerate(times):
         model.place_robots({name: postures[row] for name, postures in robots.items()})
-        model.place_gripped(gripped)
         found = [
             (float(pair.depth), (model.owner(pair.id_A), model.owner(pair.id_B)))
             for pair in model.query().ComputePointPairPenetration()
         ]
         if row == 0:
-            gripped = model.gripped()
             resting = {frozenset(bodies) for _, bodies in found}
         for depth, bodies in sorted(found):  # through thin shapes depths are too large
             if depth > touch and frozenset(bodies) not in resting:

@@ -33,6 +33,7 @@ from simrob_drake.programs.segments import Segment, Way, pose_segment, through_z
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timing import How, Limits, remedy, through_all, timed
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.sections import FARTHEST, MOST_TURN
 
 
 @runtime_checkable
@@ -101,8 +102,8 @@ def check_units(targets: Any, name: str) -> None:
     """
     rows = np.atleast_2d(numbers_or_nothing(targets))
     for values, most, unit, other, hint in (
-        (rows[:, :3], _FARTHEST, "m", "millimetres", "lengths are in metres"),
-        (rows[:, 3:], _MOST_TURN, "rad", "degrees", "angles are in radians, as np.deg2rad() or targets_deg give them"),
+        (rows[:, :3], FARTHEST, "m", "millimetres", "lengths are in metres"),
+        (rows[:, 3:], MOST_TURN, "rad", "degrees", "angles are in radians, as np.deg2rad() or targets_deg give them"),
     ):
         beyond = values[np.abs(values) > most]
         if beyond.size:
@@ -149,8 +150,6 @@ POINTS, ARC_POINTS = 10, 20
 """Points on the way to a target unless others are asked for, as in SimRob; of arcs."""
 
 _MOST_POINTS = 10_000
-_FARTHEST, _MOST_TURN = 30.0, 2.01 * np.pi
-"""What is told in other units than m and rad lies beyond that."""
 _POINTS_A_ZONE, _ENOUGH = 4, 2000
 
 

@@ -7,7 +7,7 @@ from typing import Literal, Unpack
 
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.stateful_station import GOES_ON, StatefulStation
-from simrob_drake.programs.tape import Entry
+from simrob_drake.programs.tape import Entry, Take
 from simrob_drake.results.files import Saved
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.whole import joined
@@ -45,7 +45,9 @@ class RecordedStation(StatefulStation):
         moves, last = self.tape.moves(), self.tape.takes[-1]
         text = Program(station=STATION, moves=tuple(moves)).text() if moves else ""
         left = last.config if self.tape.entries[-1] is last else self.config
-        return joined([take.result for take in self.tape.takes], left=left, program=text)
+        numbered = enumerate(self.tape.entries)
+        runs = [entry.result.numbered(number) for number, entry in numbered if isinstance(entry, Take)]
+        return joined(runs, left=left, program=text)
 
     def save(self, folder: Path | str | None = None, **options: Unpack[Saved]) -> Path:
         """Write all that was recorded to a folder; see :meth:`SimulationResult.save`.

@@ -18,9 +18,10 @@ from simrob_drake.programs.model import StationModel, one_posture, reparented
 from simrob_drake.programs.plan import Plan, check_moves
 from simrob_drake.programs.planning import HasTool, WorkObject, check_units, pose_numbers
 from simrob_drake.programs.segments import Stretch, rest, trajectory, until
-from simrob_drake.programs.tape import Entry, Take, Tape, in_words, run_entry
+from simrob_drake.programs.tape import Entry, Take, Tape, asked_moves, in_words, run_entry
 from simrob_drake.programs.timeline import Timeline, run_timed
 from simrob_drake.results.animation.live import LiveView
+from simrob_drake.results.record.run import AskedMove
 from simrob_drake.results.record.state import State, free_joint
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import OnStep, ReferenceLike, Runner
@@ -168,8 +169,8 @@ class StatefulStation:
         references = {robot: trajectory(motion) for robot, motion in stretches.items()}
         several = len(self.config.robots) > 1
         entry = run_entry(plans, duration, self.frame, several=several)
-        did = in_words(plans, duration, several=several)
-        return self._run(references, end, stretches, entry, did)
+        did, moves = in_words(plans, duration, several=several), asked_moves(plans, self._model)
+        return self._run(references, end, stretches, entry, did, moves)
 
     def check_together(self, *plans: Plan) -> None:
         """Check that planned moves can be run at the same time from where the robots are.
@@ -211,17 +212,16 @@ class StatefulStation:
         stretches: Mapping[str, tuple[Stretch, ...]] | None = None,
         entry: Entry | None = None,
         did: str = "",
+        moves: tuple[AskedMove, ...] = (),
     ) -> SimulationResult:
         """Run references of all robots, and record that; ``entry`` is what a program's file has of it."""
         config, start = self.config, self.state
         if self.timeline.grid is not None:
             result = run_timed(self, references, duration)
         else:
-            runner, progress = self.runner_of(config), self.progress
-            result = runner.run(
-                reference=references, duration=duration, start=start, progress=progress, on_step=self.on_step
-            )
-        result = replace(result, did=did).check(self.strict)
+            how: dict[str, Any] = {"progress": self.progress, "on_step": self.on_step}
+            result = self.runner_of(config).run(reference=references, duration=duration, start=start, **how)
+        result = replace(result, did=did, moves=moves).check(self.strict)
         if result.ending in GOES_ON:
             self.state = result.final_state
             self.timeline.now += result.stop_time
@@ -353,8 +353,7 @@ class StatefulStation:
         return FreeSpace(self._placed(self._model.whole), {robot: self.reference(robot) for robot in robots})
 
     def _placed(self, model: StationModel) -> StationModel:
-        model.place_pieces(self.state)
-        model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
+        model.place_state(self.state, self.position, self.reference)
         return model
 
     def show(self) -> str:

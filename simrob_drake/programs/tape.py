@@ -14,9 +14,12 @@ from simrob_drake.arguments import plain, seconds
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.kinematics.analytic import SolverLike
 from simrob_drake.parts.site import WORLD
+from simrob_drake.programs.branches import approach
+from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import HasTool, Planning, PoseTargets, WorkObject, pose_numbers, row_numbers
 from simrob_drake.programs.segments import Stretch, trajectory
+from simrob_drake.results.record.run import AskedMove
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import ReferenceLike, simulate
@@ -219,6 +222,25 @@ def run_entry(
     if duration is None:
         return moves[0] if len(moves) == 1 else {"together": moves}
     return {"together": moves, "duration": float(duration)}
+
+
+def asked_moves(plans: Sequence[Plan], model: StationModel) -> tuple[AskedMove, ...]:
+    """Return what a run of planned moves is asked for, on a station as it is then."""
+    return tuple(_asked(plan, model) for plan in plans)
+
+
+def _asked(plan: Plan, model: StationModel) -> AskedMove:
+    kind, content = next(iter(plan.entry.items())) if plan.entry else ("", {})
+    robot = model.robots[plan.robot]
+    return AskedMove(
+        kind=kind,
+        robot=plan.robot,
+        duration=plan.duration,
+        end=plan.end,
+        tool=model.chain(plan.robot, robot.tools[robot.tcp]).forward,
+        approach=lambda rows: approach(model.colliding, plan.robot, rows),
+        speed=content.get("speed"),
+    )
 
 
 def in_words(plans: Sequence[Plan], duration: float | None, *, several: bool) -> str:

@@ -47,7 +47,7 @@ class How(TypedDict, total=False):
             most that the tool may have.
         zone: how near to a target the tool turns to the next one: ``fine`` (the usual) to rest there, RAPID's ``z0`` to
             ``z200``, or a distance [m].
-        check: what is looked at first, see :data:`Check`; ``limits`` unless told.
+        check: what is looked at first, see :data:`Check`; ``collision`` unless told.
     """
 
     points: int

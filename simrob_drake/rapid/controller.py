@@ -88,6 +88,7 @@ class Controller:
         self.cell, self.robot = cell, cell.robot_name(robot)
         self.signals, self._run, self._check = signals, run, check
         self.moves: list[Move] = []
+        self.lines: dict[int, str] = {}
         self.time, self.seen = 0.0, dict[str, float]()
         self.configured = {"j": True, "l": True}
         self.acceleration: float | None = None
@@ -201,6 +202,7 @@ class Controller:
                     found = str(list(configuration(chain, plan.end)))
                     if found != desired:
                         group.call.remark(f"comes to its target with configuration {found}, not {desired}", lost=False)
+            self.lines[len(self.moves)] = group.call.task.where(group.call.node)
             self._do(move, plan)
         except RapidError:
             raise

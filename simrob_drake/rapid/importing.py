@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,7 @@ class Imported:
     program: Program  # the moves
     remarks: tuple[Remark, ...]  # about lines of the modules, in their order
     time: float  # that the program takes [s]
+    lines: Mapping[int, str]  # the file and line of the last target of moves, by their number
 
     @property
     def lost(self) -> list[Remark]:
@@ -74,4 +75,4 @@ def import_rapid(
     name = None if cell.config.only_robot else controller.robot
     program = Program(description=f"Of the RAPID module {modules[0].name}", robot=name, moves=tuple(controller.moves))
     remarks = sorted(interpreter.remarks, key=lambda remark: (remark.file, remark.line))
-    return Imported(program, tuple(remarks), controller.time)
+    return Imported(program, tuple(remarks), controller.time, controller.lines)

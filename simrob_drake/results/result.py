@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -19,6 +19,7 @@ from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.results.verdict.judge import verdict_of
+from simrob_drake.results.verdict.moves import judge_move
 from simrob_drake.results.verdict.verdict import Verdict, joined
 
 if TYPE_CHECKING:
@@ -74,8 +75,10 @@ class SimulationResult(RecordedRun):
     def verdict(self) -> Verdict:
         """What was asked of the run against what became of it; see ``verdict:`` in a station's file."""
         if self.runs:
-            return joined([part.verdict for part in self.runs], [part.stop_time for part in self.runs])
-        return verdict_of(self)
+            whole = joined([part.verdict for part in self.runs], [part.stop_time for part in self.runs])
+        else:
+            whole = verdict_of(self)
+        return replace(whole, moves=(*(judge_move(self, move) for move in self.moves), *whole.moves))
 
     @cached_property
     def images(self) -> dict[str, Footage]:

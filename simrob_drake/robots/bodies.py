@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from math import isclose
 from typing import Annotated, NamedTuple
 
@@ -44,6 +44,8 @@ from simrob_drake.sections import Number, Positive, Strict
 
 _USUAL = re.compile(r"tool|tcp|flange|attachment|end_?effector|(^|_)ee(_|f?$)|tip|grasp", re.IGNORECASE)
 """Names that published robots give to the place of the tool."""
+_GRASPS = re.compile(r"tcp|tip|grasp", re.IGNORECASE)
+"""Those of them that say where fingers grasp."""
 _SHAPES = ("visual", "collision")
 
 
@@ -141,7 +143,8 @@ def _inertia(link: ET.Element) -> _Inertia | None:
 def tool_links(root: ET.Element, palm: str = "") -> list[str]:
     """Return the links of a robot, at least one joint of which moves, that can carry a tool, the likeliest first.
 
-    A ``palm``, which holds fingers, comes before all others, or what is rigidly attached to it by such a name.
+    A ``palm``, which holds fingers, comes before all others, and before it what is rigidly attached to it by such a
+    name, first where it is that of a grasp.
 
     These are the ends of the kinematic chains: of every chain the link or frame with a usual name (``tool0``, ``tcp``
     ...) that is rigidly attached to its last moving link, else the outermost such link. Chains whose end has a usual
@@ -161,10 +164,12 @@ def tool_links(root: ET.Element, palm: str = "") -> list[str]:
             usual = [name for name in (*frames, *attached) if _USUAL.search(name)]
             ends.append((not usual, -counts[end], (usual or attached)[-1]))
     hand = [palm, *(link_of(joint, "child") for joint in outward(starts, palm, rigid=True))] if palm else []
-    hand = [name for name in hand if _USUAL.search(name)][-1:] or hand[:1]
-    return list(dict.fromkeys([*hand, *(tool for _, _, tool in sorted(ends, key=lambda end: end[:2]))]))
+    hand += [name_of(frame) for frame in root.iterfind("frame") if frame.get("link") in hand]
+    named = [name for usual in (_GRASPS, _USUAL) for name in hand if usual.search(name)]
+    return list(dict.fromkeys([*named, *hand[:1], *(tool for _, _, tool in sorted(ends, key=lambda end: end[:2]))]))
 
 
+_MOST = 5  # fingers of a hand
 FOLLOWS = "follows"
 """What an import calls a ``mimic``, which no solver of ours does: the joint has a motor of its own."""
 
@@ -236,7 +241,14 @@ def _sliding(root: ET.Element, joints: Mapping[str, ET.Element]) -> _Fingers | N
         if last and joint.get("type") == "prismatic" and np.isfinite(joint_limits(joint)).all():
             sides.setdefault(link_of(joint, "parent"), {})[name] = joint_limits(joint)
     palm, ends = max(sides.items(), key=lambda side: len(side[1]), default=("", {}))
-    return _Fingers(ends, palm) if len(ends) > 1 else None
+    if not 1 < len(ends) <= _MOST:
+        return None
+    ways = product(*((way, way[::-1]) for way in ends.values()))  # each may be closed at either end of its own
+
+    def apart(way: Iterable[tuple[float, float]]) -> float:
+        return _apart(root, {name: end for name, (end, _) in zip(ends, way, strict=True)}, palm)
+
+    return _Fingers(dict(zip(ends, min(ways, key=apart), strict=True)), palm)
 
 
 def _is_hand(root: ET.Element, joints: Mapping[str, ET.Element], fingers: _Fingers) -> bool:

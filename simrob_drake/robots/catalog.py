@@ -31,7 +31,7 @@ from simrob_drake.robots.urdf import (
     root_link,
 )
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
-from simrob_drake.sections import FileName, Strict, default_of, is_file_name, validated
+from simrob_drake.sections import FileName, Positive, Strict, default_of, is_file_name, validated
 from simrob_drake.yaml_files import read_yaml
 
 
@@ -105,6 +105,8 @@ class RobotModel(Strict):
     acceleration_deg: PositiveAxisValues | None = None
     """Largest acceleration of its axes [deg/s², or m/s² of a prismatic axis]; `drake:acceleration` of the URDF's limits
     unless given, and without these none."""
+    payload: Positive | None = None
+    """Largest mass that it is rated to carry, beside its own links [kg]."""
     servo: Gains = default_of(Gains)
     """Gains of its servos, which a station may change."""
     feet: Feet | None = None
@@ -347,7 +349,8 @@ def load_robot_file(file: Path | str) -> RobotModel:
 def load_robot_from_urdf(path: Path | str) -> RobotModel:
     """Return the robot of any clean URDF: with the ``robot.yaml`` beside it if that names this file, else its joints.
 
-    Where nothing is told of its home, joints that cannot be at zero are in the middle of their range there.
+    Where nothing is told of its home, joints that cannot be at zero are in the middle of their range there, and fingers
+    are open.
 
     Raises:
         InvalidModel: the file cannot be read or has a defect.
@@ -372,17 +375,19 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
         units = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
         axes = {axis: (closed / units[axis], opened / units[axis]) for axis, (closed, opened) in hand[0].items()}
         robot = robot.model_copy(update={"gripper": Gripper(axes=axes)})
-    return robot.model_copy(update={"home_deg": _midway(robot) or 0.0})
+    return robot.model_copy(update={"home_deg": _usual_home(robot) or 0.0})
 
 
-def _midway(robot: RobotModel) -> dict[str, float]:
-    """Return the axes that cannot be at zero, in the middle of their range [deg, or m of prismatic ones]."""
+def _usual_home(robot: RobotModel) -> dict[str, float]:
+    """Return where axes are that cannot be at zero, midway, and fingers, open [deg, or m of prismatic ones]."""
     lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
-    return {
+    fingers = robot.gripper.axes if robot.gripper else {}
+    midway = {
         axis: float(f"{(low + high) / 2:.6g}")
         for axis, low, high in zip(robot.axes, lower, upper, strict=True)
         if not low <= 0 <= high
     }
+    return midway | {axis: opened for axis, (_, opened) in fingers.items() if opened}
 
 
 def described_robot(path: Path) -> RobotModel | None:

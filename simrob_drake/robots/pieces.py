@@ -37,10 +37,10 @@ from simrob_drake.sections import (
     Inertia,
     Integer,
     NotNegative,
+    Place,
     Pose,
     Positive,
     Strict,
-    Triple,
     check_plain,
     validated,
 )
@@ -208,7 +208,7 @@ class PieceModel(Strict):
     """Of its material [kg/m³], instead of a mass."""
     mass: NotNegative = 0.0
     """[kg]."""
-    com: Triple = (0.0, 0.0, 0.0)
+    com: Place = (0.0, 0.0, 0.0)
     """Centre of mass, in the piece's frame [m]."""
     inertia: Inertia = (0.0, 0.0, 0.0)
     """Moments Ixx Iyy Izz about the centre of mass [kg m²], and the products Ixy Ixz Iyz where they are not zero."""

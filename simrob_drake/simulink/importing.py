@@ -54,7 +54,7 @@ _BY_ENTRY: dict[EntryKind, Fate] = {
 """What an entry of the report makes of the block that it is about."""
 
 
-_SENSING = {*JOINTS, *GEARS, ROD, SPRING, BETWEEN, "Spatial Contact Force", "Weld Joint"}
+_SENSING = {*JOINTS, *GEARS, ROD, SPRING, BETWEEN, "Spatial Contact Force", "Weld Joint", "Transform Sensor"}
 """Blocks whose right ports but the first tell what they measure."""
 
 
@@ -104,7 +104,7 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], un
     if node.block.commented == "through":
         return BlockOutcome(node.path, node.kind, "structure", "ignored", "commented through: its ports are joined")
     row = block_types().get(node.kind) or _unknown(model, node)
-    fate, text = max([(row.fate, row.text), *found], key=lambda one: FATES.index(one[0]))
+    fate, text = max([*found, (row.fate, row.text)], key=lambda one: FATES.index(one[0]))
     if row.domain == "mechanics" and fate != "lost" and (unread := model.network.unread(node)):
         ports = ", ".join(f"{side} {number}" for _, side, number in unread)
         if node.kind in _SENSING and all(side == "rconn" and number > 1 for _, side, number in unread):
@@ -135,8 +135,14 @@ def lost_mechanics(found: list[BlockOutcome]) -> list[BlockOutcome]:
     return [outcome for outcome in found if outcome.domain == "mechanics" and outcome.fate == "lost"]
 
 
-def fidelity(found: list[BlockOutcome], prescribed: int = 0) -> str:
-    """Return how faithful a station is, as in ``2 gears and 1 spring lost; 3 control blocks left open``."""
+def fidelity(found: list[BlockOutcome], prescribed: int = 0, assumed: int = 0) -> str:
+    """Return how faithful a station is, as in ``2 gears and 1 spring lost; 3 control blocks left open``.
+
+    Args:
+        found: what became of the blocks.
+        prescribed: joints whose motion is given.
+        assumed: figures whose variables are not known, in place of which a default is taken.
+    """
     nouns = Counter(outcome.noun for outcome in lost_mechanics(found))
     lost = [_counted(number, noun) for noun, number in nouns.items()]
     parts = [
@@ -144,6 +150,7 @@ def fidelity(found: list[BlockOutcome], prescribed: int = 0) -> str:
         if lost
         else "mechanics complete"
     ]
+    parts.append(f"{_counted(assumed, 'figure')} assumed" if assumed else "")
     parts.append(f"{_counted(prescribed, 'joint')} prescribed" if prescribed else "")
     opened = sum(outcome.fate == "open" for outcome in found)
     parts.append(f"{_counted(opened, 'control block')} left open" if opened else "")
@@ -169,7 +176,8 @@ class ImportedModel:
     @property
     def fidelity(self) -> str:
         """How faithful the station is, in one line."""
-        return fidelity(self.outcomes, len(self.files.content.get("prescribed", ())))
+        assumed = sum(map(len, self.model.findings.undefined.values()))
+        return fidelity(self.outcomes, len(self.files.content.get("prescribed", ())), assumed)
 
     @property
     def report(self) -> ImportReport:
@@ -195,15 +203,16 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
     check_importable(model)
     with filled_at_once(folder, marker=REPORT_FILE, force=force) as work:
         files = StationWriter(model, work).write()
-        found = outcomes(model)
+        station = folder / f"{plain(path.stem)}.yaml" if files.content else None
+        made = ImportedModel(model, files, station, outcomes(model))
         report = {
-            "fidelity": fidelity(found, len(files.content.get("prescribed", ()))),
+            "fidelity": made.fidelity,
             **model.report.as_json(),
-            "blocks": [asdict(outcome) for outcome in found],
+            "blocks": [asdict(outcome) for outcome in made.outcomes],
         }
         text = json.dumps(report, indent=2, ensure_ascii=False)
         (work / REPORT_FILE).write_text(text + "\n", encoding="utf-8")
-    return ImportedModel(model, files, folder / f"{plain(path.stem)}.yaml" if files.content else None, found)
+    return made
 
 
 def check_importable(model: SimulinkModel) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from pydrake.systems.framework import Diagram
 
 from simrob_drake.blocks.references import Reference
 from simrob_drake.dynamics import Dynamics
@@ -18,45 +17,14 @@ from simrob_drake.signals import Signal
 from simrob_drake.stations.clearance import KNEELING, Clearance, Overlap, standing
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.contact import pairs_without_surface
+from simrob_drake.stations.contact_checks import DEEP, contact_findings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.steps import Finding, step_findings
 
-DEEP = 1e-3
-"""Things that rest on each other are less deep in each other [m]."""
-
-_PRESSED = 1e-4  # bodies that lie deeper in each other than this at the start are pushed apart [m]
 _EVERY = 20  # of the 501 samples of a reference
 _BURIED = 5e-3  # what stands on the floor may reach below it by as much [m]
 _NAMES = 3
-
-
-def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
-    """Look at the surfaces of a station, and at what lies in what at the start."""
-    config, plant = ports.config, ports.plant
-    if config.contact is None:
-        return [Finding("note", "contact", "the station has none: whatever meets passes through each other")]
-    dissipates = [config.contact, *(piece.contact for piece in config.pieces.values() if piece.contact is not None)]
-    findings = []
-    if config.solver.scheme == "sap" and any(material.dissipation for material in dissipates):
-        text = "the solver scheme sap does not know contact.dissipation; take lagged or similar"
-        findings.append(Finding("warning", "contact", text))
-    context = diagram.CreateDefaultContext()
-    query = plant.scene_graph.get_query_output_port().Eval(plant.scene_graph.GetMyContextFromRoot(context))
-    inspector = query.inspector()
-    fallen_back = pairs_without_surface(plant.plant, plant.scene_graph.model_inspector())
-    if fallen_back and config.contact.model != "point":
-        text = f"both are rigid, so {', '.join(fallen_back)} meet in points; make one of them compliant"
-        findings.append(Finding("warning", "contact", text))
-    pairs = [pair for pair in query.ComputePointPairPenetration() if pair.depth > _PRESSED]
-    if not pairs:
-        return [*findings, Finding("ok", "contact", "of what can touch nothing penetrates at the start")]
-    deepest = max(pairs, key=lambda pair: pair.depth)
-    names = " and ".join(inspector.GetName(geometry) for geometry in (deepest.id_A, deepest.id_B))
-    text = f"{names} penetrate by {deepest.depth * 1e3:.1f} mm at the start"
-    text += "; move one of them" if deepest.depth > DEEP else ""
-    return [*findings, Finding("warning" if deepest.depth > DEEP else "ok", "contact", text)]
 
 
 def clearance_findings(config: StationConfig, references: Mapping[str, Reference]) -> list[Finding]:
@@ -183,6 +151,9 @@ def check_station(config: StationConfig) -> list[Finding]:
     closed = closed_station(resolve(config))
     ports, diagram = closed.ports, closed.diagram
     findings = _piece_findings(ports)
+    if config.gravity < 0:
+        text = f"{config.gravity:g} m/s² pulls up: {-config.gravity:g} pulls down, along -z"
+        findings.append(Finding("warning", "gravity", text))
     for robot in ports.plant.robots.values():
         findings += _reference_findings(robot, closed.references.get(robot.name), config.duration)
     for robot in ports.plant.robots.values():
@@ -330,13 +301,13 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Refer
         subject, effort = f"torque of {robot.prefix}{name}", unit.effort
         text = f"holding takes {torque[0]:z.2f} {effort} at the start and {torque[-1]:z.2f} {effort} at the end"
         text += " of the reference"
-        if ports.config.mode == "kinematic":
-            findings.append(Finding("note", subject, text))
-            continue
         worst = torque[np.argmax(np.abs(torque))]
         if abs(worst) > limit:
             text += f", at most {worst:.2f} {effort}, and the limit is {limit:g} {effort}: the joint will not hold; "
             findings.append(Finding("warning", subject, f"{text}raise servo.torque_limit or lighten the load"))
+            continue
+        if ports.config.mode == "kinematic":
+            findings.append(Finding("note", subject, text))
             continue
         modelled = servo.feedforward != "none" or servo.law == "computed_torque"
         sag = f"; it sags by {abs(torque[-1]) / kp / unit.size:.3g} {unit.name} there" if kp > 0 else ""
@@ -352,6 +323,9 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Refer
             f"at rest along the reference it holds {masses.min():.3g} kg more at {robot.tcp}, by the motor of {weakest}"
         )
         findings.append(Finding("note", f"payload of {robot.name}", text))
+    if robot.model.payload is not None and robot.load > robot.model.payload:
+        text = f"it carries {robot.load:.3g} kg, and is rated for {robot.model.payload:g} kg: lighten its load"
+        findings.append(Finding("warning", f"payload of {robot.name}", text))
     return findings
 
 

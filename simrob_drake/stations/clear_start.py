@@ -73,7 +73,9 @@ class ClearStart:
         self._clearance, self._robot, self._duration, self._torque = clearance, robot, duration, torque
         self._random, self._home, self._near = np.random.default_rng(0), robot.model.home, robot.model.home
         self._chain = max(clearance.chains(robot), key=lambda chain: len(chain[1]))
+        self._axes = [axis for axis in range(len(robot.axes)) if axis not in robot.model.fingers]  # those stay open
         self._postures = self._random.uniform(*span(robot), (_RANDOM, len(robot.axes)))
+        self._postures[:, [*robot.model.fingers]] = self._home[[*robot.model.fingers]]
         bodies = [clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)]
         moves = np.array([not clearance.plant.IsAnchored(body) for body in bodies], dtype=bool)
         seen = np.array([self._heights(posture) for posture in [self._home, *self._postures]])
@@ -101,7 +103,7 @@ class ClearStart:
     def _eased(self, posture: Vector) -> Vector:
         """Return a posture from which faults are taken step by step, always by the axis that takes most."""
         for _ in range(_EASED):
-            near = [posture, *turned(self._robot, posture, range(len(posture)))]
+            near = [posture, *turned(self._robot, posture, self._axes)]
             best = min(near, key=self._fault)
             if best is posture:
                 break
@@ -139,7 +141,7 @@ class ClearStart:
     def _candidates(self) -> Iterator[list[Vector]]:
         """Yield postures that are clear, the best first: home, those with few changes, those with more, any."""
         good = _DEXTERITY * float(np.quantile([self._dexterity(posture) for posture in self._postures], 0.8))
-        first = untangled(self._clearance, self._robot, self._home, range(len(self._home)))
+        first = untangled(self._clearance, self._robot, self._home, self._axes)
         self._near = first
         for postures in ([self._home], [first], *map(self._changed, (1, 2, 3)), list(self._postures)):
             rated = [(self._dexterity(posture), row) for row, posture in enumerate(postures)]
@@ -148,11 +150,10 @@ class ClearStart:
 
     def _changed(self, count: int) -> list[Vector]:
         """Return postures in which as many axes are elsewhere than at home, within the limits."""
-        axes = len(self._home)
         found = {}
         for _ in range(_TRIED):
             posture = self._near.copy()
-            for axis in self._random.choice(axes, min(count, axes), replace=False):
+            for axis in self._random.choice(self._axes, min(count, len(self._axes)), replace=False):
                 slides = self._robot.model.prismatic[axis]
                 posture[axis] += self._random.choice(SLIDES if slides else np.deg2rad(TURNS))
             if self._within(posture):
@@ -198,6 +199,7 @@ class ClearStart:
         lower, upper = model.axis_limits
         room = np.where(upper - posture >= posture - lower, upper - posture, lower - posture)
         most = np.minimum(model.bounds(*_STEP), _SWIFT * model.speed_limits * self._duration)
+        most[[*model.fingers]] = 0.0
         return np.asarray(np.sign(room) * np.minimum(most, _ROOM * np.abs(room)))
 
     def _is_clear(self, posture: Vector, step: Vector, parts: Vector = _PARTS) -> bool:

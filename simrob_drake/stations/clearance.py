@@ -6,31 +6,25 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
-from itertools import product
 
 import numpy as np
 from pydrake.geometry import GeometryId, QueryObject
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, RigidBody
 from pydrake.systems.framework import Context, DiagramBuilder
 
-from simrob_drake.blocks.contacts import lowest_points, shape_corners
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import built
 from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR, owner_and_robot, owner_of_shape
+from simrob_drake.robots.outlines import lowest_points, shape_corners, shape_outline
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import ContactConfig
 
 _TOUCHING = 1e-3  # what lies less above the lowest point carries, too: contacts and servos give way by as much [m]
-_TURNS = [  # which bring each of 26 directions down
-    RigidTransform(RotationMatrix.MakeFromOneVector(-np.array(way), 2).inverse(), np.zeros(3))
-    for way in product((-1.0, 0.0, 1.0), repeat=3)
-    if any(way)
-]
 KNEELING = 0.25
 """A link that carries nearer to its joint than this part of its length kneels: heels are at 0.3 and more."""
 
@@ -124,16 +118,8 @@ def _support_points(station: StationPlant, robot: StationRobot, context: Context
 
 def outline(station: StationPlant, body: RigidBody) -> Vector:
     """Return points of the collision shapes of a body, those that are farthest out, in its frame, shape (k, 3) [m]."""
-    inspector, found = station.scene_graph.model_inspector(), [np.zeros((0, 3))]
-    for shape in station.plant.GetCollisionGeometriesForBody(body):
-        pose, corners = inspector.GetPoseInFrame(shape), shape_corners(inspector, shape)
-        if len(corners):
-            found.append(np.asarray((pose @ corners.T).T))
-            continue
-        for turn in _TURNS:
-            points = lowest_points(inspector.GetShape(shape), turn @ pose, corners)
-            found.append(np.asarray((turn.inverse() @ points.T).T))
-    return np.vstack(found)
+    inspector, shapes = station.scene_graph.model_inspector(), station.plant.GetCollisionGeometriesForBody(body)
+    return np.vstack([np.zeros((0, 3)), *(shape_outline(inspector, shape) for shape in shapes)])
 
 
 def _end(station: StationPlant, frame: Frame, context: Context, points: Vector) -> float:
@@ -312,7 +298,7 @@ class Clearance(PosedStation):
         before, random = self.plant.GetPositions(self.context), np.random.default_rng(0)
         counts = Counter[tuple[tuple[str, str], str]]()
         for _ in range(_RANDOM):
-            self.place_robots({name: random.uniform(*span(robot)) for name, robot in self.station.robots.items()})
+            self.place_robots({name: _by_chance(robot, random) for name, robot in self.station.robots.items()})
             counts.update((bodies, overlap.robot) for bodies, overlap in self._all_overlaps().items() if overlap.robot)
         self.place(before)
         return {bodies: robot for (bodies, robot), count in counts.items() if count >= _MOSTLY * _RANDOM}
@@ -332,6 +318,15 @@ def span(robot: StationRobot) -> tuple[Vector, Vector]:
     most = np.where(robot.model.prismatic, 1.0, np.pi)
     lower, upper = robot.model.axis_limits
     return np.clip(lower, -most, most), np.clip(upper, -most, most)
+
+
+def _by_chance(robot: StationRobot, random: np.random.Generator) -> Vector:
+    """Return a posture of chance (n,) [rad or m], in which fingers are open by one part of their way."""
+    posture = random.uniform(*span(robot))
+    if robot.model.fingers:
+        closed, opened = np.array([*robot.model.fingers.values()]).T
+        posture[[*robot.model.fingers]] = closed + random.uniform() * (opened - closed)
+    return posture
 
 
 def turned(robot: StationRobot, posture: Vector, axes: Iterable[int]) -> Iterator[Vector]:

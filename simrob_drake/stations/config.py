@@ -36,20 +36,20 @@ from simrob_drake.sections import (
     Inertia,
     NotNegative,
     Number,
+    Place,
     Pose,
     Positive,
     Renamed,
     Strict,
-    Triple,
     check_plain,
     default_of,
 )
 from simrob_drake.stations.solver_config import (
     ContactConfig,
-    ContactMaterial,
     ContinuousSolver,
     FixedSteps,
     MujocoSolver,
+    PieceContact,
     SolverConfig,
     VerdictConfig,
 )
@@ -206,7 +206,7 @@ class PieceConfig(Strict):
     """Density of the material [kg/m³], instead of a mass: mass, centre of mass and inertia follow from the shapes."""
     mass: NotNegative | None = None
     """Mass [kg]; without an inertia of its own, a piece with shapes is taken to be evenly filled."""
-    com: Triple | None = None
+    com: Place | None = None
     """Centre of mass in the piece's frame [m]."""
     inertia: Inertia | None = None
     """Moments of inertia Ixx Iyy Izz about the centre of mass [kg m²], and the products Ixy Ixz Iyz if not zero."""
@@ -218,8 +218,8 @@ class PieceConfig(Strict):
     """Red, green, blue, opacity."""
     free: Boolean = False
     """Moved by gravity and contact alone; its pose is that at the start, in the world."""
-    contact: ContactMaterial | None = None
-    """What its surface is made of, in place of the station's `contact`."""
+    contact: PieceContact | None = None
+    """What its surface is made of and how it meets others, in place of the station's `contact`."""
 
     @model_validator(mode="after")
     def _free_of_parents(self) -> PieceConfig:

@@ -77,11 +77,15 @@ def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: Res
     if contact.model != "point":
         _check_resolution(contact.resolution, [inspector.GetShape(shape) for shape in shapes])
     for shape in shapes:
-        material = _material(config, contact, piece_of_shape(station, inspector, shape))
+        piece = piece_of_shape(station, inspector, shape)
+        own, material = config.pieces[piece].contact if piece else None, _material(config, contact, piece)
         if inspector.GetName(shape).startswith(f"{FLOOR}."):  # what is soft of a terrain says so itself
             material = material.model_copy(update={"hydroelastic_modulus": None})
         properties = ProximityProperties(inspector.GetProximityProperties(shape))
-        _write(properties, material, contact)
+        if own is not None and own.model == "point" and contact.model == "hydroelastic":
+            expected = "hydroelastic_with_fallback, as a piece meets others at points"
+            raise InvalidParameter("contact.model", contact.model, expected)
+        _write(properties, material, contact, at_points=own is not None and own.model == "point")
         scene_graph.AssignRole(source, shape, properties, RoleAssign.kReplace)
 
 
@@ -142,12 +146,14 @@ def _is_rigid(inspector: SceneGraphInspector, shape: GeometryId) -> bool:
 def _material(config: StationConfig, contact: ContactConfig, piece: str | None) -> ContactMaterial:
     """Return the station's figures, those of the piece in their place."""
     own = config.pieces[piece].contact if piece else None
-    stated = {} if own is None else own.model_dump(exclude_none=True)
+    stated = {} if own is None else own.model_dump(exclude_none=True, exclude={"model"})
     shared = contact.model_dump(include=set(ContactMaterial.model_fields), exclude_none=True)
     return ContactMaterial.model_validate({**shared, **stated})
 
 
-def _write(properties: ProximityProperties, material: ContactMaterial, contact: ContactConfig) -> None:
+def _write(
+    properties: ProximityProperties, material: ContactMaterial, contact: ContactConfig, *, at_points: bool
+) -> None:
     if material.stiffness is not None:
         properties.UpdateProperty("material", "point_contact_stiffness", 2 * material.stiffness)
     if material.dissipation is not None:
@@ -156,7 +162,7 @@ def _write(properties: ProximityProperties, material: ContactMaterial, contact: 
         friction = CoulombFriction(material.friction.static, material.friction.dynamic)
         properties.UpdateProperty("material", "coulomb_friction", friction)
     known = properties.HasGroup("hydroelastic") and properties.HasProperty("hydroelastic", "compliance_type")
-    if contact.model == "point":
+    if contact.model == "point" or at_points:
         return
     if not known:
         AddCompliantHydroelasticProperties(contact.resolution, material.hydroelastic_modulus or MODULUS, properties)

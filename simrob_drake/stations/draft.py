@@ -35,6 +35,11 @@ _UNSHAPED = "The robot has no shapes that collide, so that nothing could carry i
 _ARM: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
 _CREEPS = f"In discrete steps, since {_ARM['scheme']} was tried and creeps: some links are too light for it."
 _DISCRETE: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}
+_HOLDING = "Fingers ({fingers}) move together, as by one motor, and hold by friction: surfaces, and the solver lagged."
+_GRIPS: dict[str, Any] = {
+    "contact": {"model": "hydroelastic", "friction": {"static": 0.5, "dynamic": 0.5}},
+    "solver": {"kind": "discrete", "scheme": "lagged", "time_step": 2e-3},
+}
 _HOLDS: dict[str, Any] = {
     "reference": {"kind": "hold"},
     "floor": {"size": 3},
@@ -88,15 +93,34 @@ def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     move = {"kind": "move", "target_deg": _by_axis(robot, _in_user_units(robot, start.target)), "duration": _MOVE}
     content["reference"] = move if moves else {"kind": "hold"}
     remarks = list(start.remarks)
-    if not kinematic:
-        content["inputs"] = ["reference_velocity"]  # else the damping holds the motion back
-        content["solver"] = _ARM
     content["duration"] = 3.0
-    if not kinematic and not gets_through(_config(robot, content)):
+    if kinematic:
+        return remarks
+    if robot.fingers:
+        return remarks + _grips(robot, content)
+    content["inputs"] = ["reference_velocity"]  # else the damping holds the motion back
+    content["solver"] = _ARM
+    if not gets_through(_config(robot, content)):
         content["solver"] = _DISCRETE
         content["servo"]["realization"] = "implicit"
         remarks.append(_CREEPS)
     return remarks
+
+
+def _grips(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Have fingers move together and hold by friction, by servos that know the robot's weight; say so."""
+    (leader, *others), ways = robot.fingers, {place: ends[1] - ends[0] for place, ends in robot.fingers.items()}
+    axes = [*robot.axes]
+    content["servo"] |= {"realization": "implicit", "feedforward": "inverse_dynamics"}
+    content["couplings"] = {
+        f"{axes[place]}_follows": {
+            "kind": "gear",
+            "ratios": {axes[place]: 1.0, axes[leader]: float(f"{-ways[place] / ways[leader]:.6g}")},
+        }
+        for place in others
+    }
+    content |= _GRIPS
+    return [_HOLDING.format(fingers=", ".join(axes[place] for place in robot.fingers))]
 
 
 def _on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:

@@ -205,6 +205,7 @@ def _robot(
             stops=_stops(config, name, model),
             initial=_initial_position(entry, name, model),
             carried=carried,
+            load=sum(pieces[piece].model.mass for piece in carried),
             held=held,
             tool_frames=frames,
             tcp=tcp,

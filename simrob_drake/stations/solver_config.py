@@ -130,6 +130,13 @@ class ContactMaterial(Strict):
     """Pressure of a surface pressed in to its middle [Pa], for the hydroelastic models; 1e7 unless given."""
 
 
+class PieceContact(ContactMaterial):
+    """How a piece meets others, in place of what its station says."""
+
+    model: Literal["point"] | None = None
+    """`point`: at points where the station's model is `hydroelastic_with_fallback`. Balls roll without facets then."""
+
+
 class ContactConfig(ContactMaterial):
     """Contact between robots, pieces and floor. A station without this section has none.
 
@@ -177,6 +184,16 @@ class VerdictConfig(Strict):
     """Part of the run in which a motor gives more than its rated torque."""
     heat: Bound = 1.0
     """How warm a motor may get; 1 is as warm as its rated torque makes it in the end."""
+    payload: Bound = 1.0
+    """Mass of all that a robot carries, as part of its rated payload."""
+    move_end: Bound = 0.002
+    """How far from its target the tool of an arm may end a move [m]."""
+    move_following: Bound = 0.05
+    """How far the tool may be from where a move should have it [m]."""
+    move_speed: Bound = "none"
+    """What the tool should reach at least of the speed that a move was asked for, as part of it."""
+    move_distance: Number | Literal["none"] = "none"
+    """How near the robot and what it carries may come to anything else in a move [m]."""
     below_floor: Bound = 0.005
     """How far tools in use, floating bases and free pieces may be below the ground [m]."""
     distance: Number | Literal["none"] = -0.005

@@ -223,7 +223,7 @@ class Bench:
 
     def picture(self) -> str:
         """Return the block picture as SVG."""
-        return station_svg(self._start)
+        return station_svg(self._start, live=True)
 
     def save(self, what: str, file: str) -> str:
         """Write the last run: its ``signals``, a ``page`` that plays, or a ``strip`` of pictures."""

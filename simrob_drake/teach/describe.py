@@ -136,6 +136,21 @@ def block_meaning(block: str, content: Mapping[str, Any], signals: Sequence[str]
     return BlockMeaning(keys, tuple(signal for signal in signals if signal in shown), axis)
 
 
+def wire_meaning(
+    source: str, targets: Sequence[str], content: Mapping[str, Any], signals: Sequence[str]
+) -> BlockMeaning:
+    """Return what goes along a wire from a block to others; parameters as of :func:`block_meaning`."""
+    shown = tuple(name for target in targets if (name := target.removeprefix(_OUTPUT)) != target and name in signals)
+    if shown:
+        return BlockMeaning((), shown)
+    begin, end = (block_meaning(block, content, signals) for block in (source, targets[0]))
+    if begin.axis or end.axis:  # what a joint is asked for goes in, and its torque comes out
+        whose, kind = (begin, "torque") if begin.axis else (end, "position")
+        own = tuple(signal for signal in whose.signals if signal.rpartition(".")[2] == kind)
+        return BlockMeaning((), own, whose.axis)
+    return BlockMeaning((), begin.signals or end.signals)
+
+
 def _keys(local: str, section: str, content: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the keys behind a block that is called so among the blocks of its robot."""
     kind, _, part = local.partition(".")

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
 from simrob_drake.errors import SimrobError
+from simrob_drake.folders import writing
 from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.programs.script import script
-from simrob_drake.stations.load import station_yaml
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import station_names, station_yaml
+from simrob_drake.stations.located import carried
 from simrob_drake.teach.move_runner import Commands
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.program_book import ProgramBook
@@ -36,14 +41,24 @@ class Exports:
         return self._written(book.file, write)
 
     def script(self) -> Future[Any]:
-        """Write the program as a Python script that runs by itself and gives the same signals."""
+        """Write the program as a Python script that runs by itself and gives the same signals.
+
+        One of a station that is a file goes into a ZIP, with all that it reads.
+        """
         book = self._book
         program, file = book.whole_program(), book.file.with_suffix(".py")
         legs = bool(book.robot) and goes_on_legs(book.model, program)
         code = any(isinstance(one, OwnController) for one in book.config.controllers.values())
-        robot = book.one_of_several
-        text = script(program, book.station, book.settings, robot=robot, legs=legs, code=code, file=file)
-        return self._written(file, lambda: book.store.make(file, text))
+
+        def text(station: str, settings: Mapping[str, Any], folder: Path) -> str:
+            where: dict[str, Any] = {"robot": book.one_of_several, "file": folder / file.name}
+            return script(program, station, settings, legs=legs, code=code, **where)
+
+        if book.station in station_names():
+            own = text(book.station, book.settings, file.parent)
+            return self._written(file, lambda: book.store.make(file, own))
+        packed = file.with_suffix(".zip")
+        return self._written(packed, lambda: _pack(packed, book.config, lambda one: text(str(one), {}, one.parent)))
 
     def station(self) -> Future[Any]:
         """Write the station with its settings as YAML."""
@@ -87,3 +102,21 @@ class Exports:
         return commands.queued(
             what, lambda: commands.travel("save", written, phase="saving", what=what, file=str(file))
         )
+
+
+def _pack(file: Path, config: StationConfig, script: Callable[[Path], str]) -> None:
+    """Write a ZIP of a script, the station that it runs, and copies of what that names; ``script`` gives its text.
+
+    Raises:
+        OutputError: the disk does not take it.
+    """
+    with writing(file), TemporaryDirectory(dir=file.parent) as place:
+        folder = Path(place)
+        station = folder / f"{file.stem}-station.yaml"
+        station.write_text(station_yaml(carried(config, folder)), encoding="utf-8")
+        (folder / f"{file.stem}.py").write_text(script(station), encoding="utf-8")
+        files = [one for one in sorted(folder.rglob("*")) if one.is_file()]
+        with ZipFile(folder / file.name, "w", ZIP_DEFLATED) as packed:
+            for one in files:
+                packed.write(one, Path(file.stem) / one.relative_to(folder))
+        (folder / file.name).replace(file)

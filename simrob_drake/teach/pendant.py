@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+from simrob_drake.errors import one_of
 from simrob_drake.results.animation.window import Board
 from simrob_drake.teach.own_files import keep, report_of
-from simrob_drake.teach.pages.words import Notice, words
+from simrob_drake.teach.pages.words import Notice, languages
 from simrob_drake.teach.session import Session
+from simrob_drake.teach.tours import TourProgress, tours
 
 Opener = Callable[[str | Path, str | None], Session]
 """Opens a subject, and of a station with several robots the one that is to be taught."""
@@ -19,30 +21,26 @@ class Pendant:
     Attributes:
         session: of what is taught now.
         board: the view in three dimensions.
-        language, t: of the pages, and its words.
+        language: of pages that name none.
+        tours: the lessons, and ``tour``: the one that is under way.
         dark: whether the pages are dark; None: as the browser likes it.
     """
 
-    def __init__(self, open_session: Opener, subject: str | Path, *, language: str = "en") -> None:
-        """Open the first subject.
+    def __init__(
+        self, open_session: Opener, subject: str | Path, *, language: str = "en", lessons: Path | None = None
+    ) -> None:
+        """Open the first subject; ``lessons`` is a folder with more of them.
 
         Raises:
-            SimrobError: no such subject or language.
+            SimrobError: no such subject or language, or a damaged lesson.
         """
         self.dark: bool | None = None
-        self.speak(language)
+        self.tours, self.tour = tours(lessons), cast(TourProgress | None, None)
+        self.language = one_of("language", language, languages())
         self._open_session = open_session
         self.session = open_session(subject, None)
         self.board = Board(on_drag=self._drag)
         self._begin()
-
-    def speak(self, language: str) -> None:
-        """Set the language of pages that are built from now on.
-
-        Raises:
-            UnknownName: there is no such language.
-        """
-        self.t, self.language = words(language), language
 
     def load(self, subject: str | Path, robot: str | None = None) -> bool:
         """Open another subject, or another robot of the present one, in place of this; tell whether it is another.

@@ -63,6 +63,7 @@ class ProgramBook:
         """Let attributes tell what is taught now."""
         now = self.history.present
         self.program, self.settings = now.program, dict(now.settings)
+        self.changes = (*now.program.changes, *now.changes)
         self.pending = tuple(entries_of(now.pending))
         self.targets = {name: target.model_dump() for name, target in now.targets.items()}
 

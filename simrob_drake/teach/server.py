@@ -19,7 +19,7 @@ from nicegui import ui
 from simrob_drake.errors import OutputError
 from simrob_drake.files import models_root
 from simrob_drake.folders import writing
-from simrob_drake.results.animation.window import Board, is_short
+from simrob_drake.results.animation.window import Board, is_short, number_of
 from simrob_drake.teach.guard import Guard
 from simrob_drake.teach.pages import gallery, shell
 from simrob_drake.teach.pendant import Pendant
@@ -41,6 +41,8 @@ def serve(
     ready: Callable[[str], None] = print,
     browse: bool = False,
     allow_code: bool = False,
+    root_path: str | None = None,
+    lessons: Path | None = None,
 ) -> None:
     """Show a robot, a station or a file until the user interrupts.
 
@@ -53,9 +55,11 @@ def serve(
             opens one browser, once.
         browse: whether the user's browser is opened.
         allow_code: whether stations may name Python code that is run.
+        root_path: where a proxy shows the page; see :class:`~simrob_drake.teach.guard.Guard`.
+        lessons: a folder with more lessons.
 
     Raises:
-        SimrobError: no such subject or language.
+        SimrobError: no such subject or language, or root path.
         OutputError: the port is taken.
     """
     listening = bound(port)
@@ -66,9 +70,9 @@ def serve(
         def opened(what: str | Path, robot: str | None) -> Session:
             return Session.open(what, folder, robot=robot, hand_over=hand_over, allow_code=allow_code)
 
-        pendant = Pendant(opened, subject, language=language)
+        pendant = Pendant(opened, subject, language=language, lessons=lessons)
         try:
-            server = Server(pendant, listening.getsockname()[1])
+            server = Server(pendant, listening.getsockname()[1], root_path)
             await server.run_until_stopped(listening, ready, folder if browse else None)
         finally:
             pendant.close()
@@ -84,14 +88,14 @@ class Server(uvicorn.Server):
         guard: gives the addresses that the page is opened by.
     """
 
-    def __init__(self, pendant: Pendant, port: int) -> None:
-        """Prepare what listens at a port."""
+    def __init__(self, pendant: Pendant, port: int, root_path: str | None = None) -> None:
+        """Prepare what listens at a port, perhaps behind a proxy."""
         app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
         app.mount(f"/{gallery.PICTURES}", StaticFiles(directory=models_root()))
         _serve_view(app, pendant.board)
         shell.install(pendant)
         ui.run_with(app, title="simrob teach", show_welcome_message=False, reconnect_timeout=20.0)
-        self.guard = Guard(app, port)
+        self.guard = Guard(app, port, root_path)
         self._board = pendant.board
         super().__init__(
             uvicorn.Config(
@@ -149,8 +153,9 @@ def _serve_view(app: FastAPI, board: Board) -> None:
         return Response(board.page, media_type="text/html", headers={"Cache-Control": "no-store"})
 
     @app.get("/view/events")
-    def events() -> StreamingResponse:
-        return StreamingResponse(board.events(), media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+    def events(after: str = "") -> StreamingResponse:
+        news = board.events(number_of(after))
+        return StreamingResponse(news, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
     @app.post("/view/told", status_code=204)
     async def receive(request: Request) -> None:

@@ -13,11 +13,12 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, ModelInstanceIndex, RigidBody
+from scipy.linalg.lapack import dgesv
 
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.robots.axis_map import AxisMap
+from simrob_drake.robots.axis_map import AxisMap, in_a_row
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.walking.knees import knee_of
 from simrob_drake.walking.parameters import WalkingParameters
@@ -30,6 +31,7 @@ _ROWS |= {4: [[0, 1, 3, 5]], 3: [[3, 4, 5]]}
 can best."""
 _ABOUT = np.zeros((9, 3))  # from the entries of a small rotation, a row after the other, to what it turns about
 _ABOUT[[7, 2, 3], [0, 1, 2]], _ABOUT[[5, 6, 1], [0, 1, 2]] = 0.5, -0.5
+_V = JacobianWrtVariable.kV
 _DAMPING = 1e-5  # of a leg that is nearly straight [m², rad²]
 _LARGEST = 0.3  # change of a joint in a sample [rad]
 
@@ -101,8 +103,8 @@ class Body:
         self._from_com = self._ahead.multiply(root.CalcPoseInWorld(self._goal).inverse())
         self._places, self._signs = self._read(root.body())
         self._legs = np.array([list(leg) for leg in legs])
-        self._which, joints = np.arange(len(legs))[:, np.newaxis], self._legs.shape[1]
-        self._columns, self._senses = axes.velocity_places[self._legs], axes.signs[self._legs]
+        joints = self._legs.shape[1]
+        self._columns, self._senses = list(map(in_a_row, axes.velocity_places[self._legs])), axes.signs[self._legs]
         # legs of fewer joints keep their soles flat and the way ahead: as seen in that direction
         self._soles(contact, [foot.name() for foot in feet], stance)
         self.take(posture)
@@ -128,9 +130,9 @@ class Body:
         """
         if joints >= len(turn):
             return None
-        rates = self._rates(0)[:, self._columns[0]]
-        choices = [turn[rows].T for rows in _ROWS[joints]]
-        return max(choices, key=lambda rows: float(np.linalg.svd(rates.T @ rows, compute_uv=False)[-1]))
+        root, foot = self._plant.get_frame(self._root), self._plant.get_frame(self._feet[0])
+        rates, choices = self._rates(0, foot, root), [turn[rows].T for rows in _ROWS[joints]]
+        return max(choices, key=lambda rows: float(np.linalg.svd(rates @ rows, compute_uv=False)[-1]))
 
     def _bend_knees(self, legs: Sequence[Sequence[int]], posture: Vector) -> None:
         """Narrow the limits so that knees stay bent as they are in a posture (n,), which is the one taken."""
@@ -202,52 +204,46 @@ class Body:
         found: list[float] = self._from_com.multiply(com).tolist()
         return found
 
-    def reached(self, turn: Rows, root: Sequence[float], feet: Vector, rounds: int = 1) -> Vector:
+    def reached(self, turn: Rows, feet: Vector, rounds: int = 1) -> Vector:
         """Return the posture (n,) in which the soles are where they shall be, by Newton's method from the one taken.
 
         Args:
             turn: how the root is turned from upright and ahead, shape (3, 3).
-            root: where it is, x y z [m].
-            feet: poses of the soles' middles, shape (feet, 3, 4) [1, m].
+            feet: poses of the soles' middles from the root, in the world's axes, shape (feet, 3, 4) [1, m].
             rounds: steps of the method; one is enough for a reference that goes on from the last sample's.
         """
         plant, context, posture = self._plant, self._goal, self._posture
         frame, links = plant.get_frame(self._root), [plant.get_frame(index) for index in self._feet]
-        feet[:, :, 3] -= root
         target = (np.array(turn) @ self._facing).T @ feet  # as seen from the root
-        rates, poses = np.empty((len(links), 6, plant.num_velocities())), np.empty((len(links), 3, 4))
+        rates, poses = np.empty((*self._legs.shape, 6)), np.empty((len(links), 3, 4))
         for done in range(rounds):
             if done:
                 self.take(posture)
             for number, link in enumerate(links):
                 poses[number] = link.CalcPose(context, frame).GetAsMatrix34()
-                rates[number] = self._rates(number)
-            there = poses @ self._middles
+                rates[number] = self._rates(number, link, frame)
             posture = posture.copy()
-            posture[self._legs] += self._step(rates, there, target)
+            posture[self._legs] += self._step(rates, poses @ self._middles, target)
             posture = np.minimum(np.maximum(posture, self._lower), self._upper)
         return posture
 
-    def _rates(self, foot: int) -> Vector:
-        """Return the Jacobian (6, nv) of the middle of a sole, in the root's axes, in the posture taken."""
-        plant, root = self._plant, self._plant.get_frame(self._root)
-        link, tip = plant.get_frame(self._feet[foot]), self._tips[foot]
-        return np.asarray(plant.CalcJacobianSpatialVelocity(self._goal, JacobianWrtVariable.kV, link, tip, root, root))
+    def _rates(self, foot: int, link: Frame, root: Frame) -> Vector:
+        """Return the transposed Jacobian (k, 6) of the middle of a sole by its leg, in the root's axes, as taken."""
+        of_plant = self._plant.CalcJacobianSpatialVelocity(self._goal, _V, link, self._tips[foot], root, root)
+        return np.asarray(of_plant[:, self._columns[foot]].T)
 
-    def _step(self, rates: Vector, there: Vector, target: Vector) -> Vector:
+    def _step(self, own: Vector, there: Vector, target: Vector) -> Vector:
         """Return a damped step of the legs' joints (legs, k) from poses of the feet towards others, (legs, 3, 4) each.
 
-        The Jacobians (legs, 6, nv) are in the root's axes, as the poses are.
+        The transposed Jacobians (legs, k, 6) are in the root's axes, as the poses are.
         """
         turn = target[:, :, :3] @ there[:, :, :3].transpose(0, 2, 1)
-        errors = np.empty((len(turn), 6))
-        errors[:, :3] = turn.reshape(-1, 9) @ _ABOUT
-        errors[:, 3:] = target[:, :, 3] - there[:, :, 3]
-        own = rates[self._which, :, self._columns]
+        errors = np.concatenate([turn.reshape(-1, 9) @ _ABOUT, target[:, :, 3] - there[:, :, 3]], axis=1)
         if self._rows is not None:
             own, errors = own @ self._rows, errors @ self._rows
-        square = own @ own.transpose(0, 2, 1) + self._damping
-        step = np.linalg.solve(square, own @ errors[..., np.newaxis])[..., 0] * self._senses
+        squares, sides = own @ own.transpose(0, 2, 1) + self._damping, (own @ errors[..., np.newaxis])[..., 0]
+        # NumPy's own way there takes four times as long
+        step = np.array([dgesv(square, side)[2] for square, side in zip(squares, sides, strict=True)]) * self._senses
         return np.asarray(np.minimum(np.maximum(step, -_LARGEST), _LARGEST))
 
 

@@ -26,24 +26,28 @@ class Poser:
         pitch = math.radians(bearing.pitch_deg) + trunk.pitch + learnt.counter.imag
         turn = turned(trunk.lean + learnt.counter.real, pitch, trunk.heading)
         x, y = (sum(map(mul, row, centre)) for row in turn[:2])
-        root = trunk.com.real - x, trunk.com.imag - y, bearing.height + trunk.rise
+        x, y, z = trunk.com.real - x, trunk.com.imag - y, bearing.height + trunk.rise  # of the root
         roll, pitch = math.atan(ground.slope.imag), -math.atan(ground.slope.real)
         (here, there), yaw = step.sides, turned_by(1j * swing.yaw)
         stands, swings = self._stance.about[here], [swing.place + yaw * each for each in self._stance.about[there]]
 
-        def places(group: int, places: Sequence[complex], height: float, tilt: complex) -> list[list[float]]:
-            up = body.over + height
+        def poses(group: int, places: Sequence[complex], turn: Rows, height: float, tilt: complex) -> list[Rows]:
+            up, (ahead, left, upward) = body.over + height, turn
             return [
-                [place.real, place.imag, up + uphill(ground.slope, place) + uphill(tilt, about)]
+                (
+                    (*ahead, place.real - x),
+                    (*left, place.imag - y),
+                    (*upward, up + uphill(ground.slope, place) + uphill(tilt, about) - z),
+                )
                 for place, about in zip(places, self._stance.about[group], strict=True)
             ]
 
-        feet = np.empty((2, len(stands), 3, 4))
-        feet[here, :, :, :3] = flat = np.array(turned(roll, pitch, 0.0))
-        feet[there, :, :, :3] = flat @ turned(0.0, 0.0, swing.yaw) if swing.yaw else flat
-        feet[here, :, :, 3] = places(here, stands, 0.0, ground.tilt)
-        feet[there, :, :, 3] = places(there, swings, ground.height + lift, ground.foot_tilt)
-        return body.reached(turn, root, feet.reshape(-1, 3, 4), rounds)
+        flat = turned(roll, pitch, 0.0)
+        swung = (np.array(flat) @ turned(0.0, 0.0, swing.yaw)).tolist() if swing.yaw else flat
+        standing = poses(here, stands, flat, 0.0, ground.tilt)
+        swinging = poses(there, swings, swung, ground.height + lift, ground.foot_tilt)
+        feet = np.array([*standing, *swinging] if here == 0 else [*swinging, *standing])
+        return body.reached(turn, feet, rounds)
 
 
 def turned(roll: float, pitch: float, yaw: float) -> Rows:

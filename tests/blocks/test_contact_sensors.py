@@ -20,10 +20,11 @@ from pydrake.multibody.tree import FixedOffsetFrame, RotationalInertia, SpatialI
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
-from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor, lowest_points
+from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.robots.axis_map import AxisMap
+from simrob_drake.robots.outlines import lowest_points
 
 STIFFNESS, DEPTH = 2000.0, 0.003  # of a contact [N/m], and how deep the cube's corner balls are in the floor [m]
 CORNERS = np.array([[x, y, -0.1] for x in (-0.1, 0.1) for y in (-0.1, 0.1)])  # m

@@ -37,6 +37,8 @@ def test_fingers_that_slide_side_by_side_are_found_with_their_closed_end():
     assert found == {"left": (0.0, 0.04), "right": (0.0, 0.04)}
     inward, _ = fingers_of(hand({**LEFT, "axis": "0 -1 0", "at": 0.05}, {**RIGHT, "axis": "0 1 0", "at": -0.05}))
     assert inward == {"left": (0.04, 0.0), "right": (0.04, 0.0)}
+    alike, _ = fingers_of(hand({**LEFT, "low": -0.04, "high": 0, "at": 0.05}, {**RIGHT, "axis": "0 1 0", "at": -0.05}))
+    assert alike == {"left": (-0.04, 0.0), "right": (0.04, 0.0)}  # both joints slide to the left
 
 
 def test_fingers_that_turn_and_follow_each_other_are_found():

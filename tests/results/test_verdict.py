@@ -45,7 +45,9 @@ def boxes(stiffness: float, **bounds: float | str) -> StationConfig:
 
 def test_every_bound_of_a_station_is_that_of_a_criterion():
     of_axes = {f"{c.name}_{unit}" for c in CRITERIA if c.unit == "rad" for unit in ("deg", "m")}
-    assert {c.name for c in CRITERIA if c.unit != "rad"} | of_axes == set(VerdictConfig.model_fields)
+    of_moves = {f"move_{what}" for what in ("end", "following", "speed", "distance")}
+    others = {c.name for c in CRITERIA if c.unit != "rad"}
+    assert others | of_axes | of_moves == set(VerdictConfig.model_fields)
 
 
 def test_a_move_that_saturates_is_warned_of(weak):

@@ -2,8 +2,10 @@
 
 import http.client
 import json
+import re
 import socket
 from contextlib import closing
+from itertools import islice
 from threading import Thread
 from urllib.parse import urlsplit
 
@@ -12,7 +14,8 @@ import pytest
 
 from simrob_drake import load_station, simulate
 from simrob_drake.results.animation.live import LiveView
-from simrob_drake.results.animation.window import Control, Window
+from simrob_drake.results.animation.scene import LINES, ViewedStation, floor_under
+from simrob_drake.results.animation.window import Board, Control, Window
 
 HOSTILE = [
     b"",
@@ -111,6 +114,37 @@ def test_others_are_refused(window, headers):
     assert window.controls["Stop"].value == 0
 
 
+def test_who_comes_again_is_told_what_is_new():
+    board = Board()
+    board.tell("scene", [{"type": "a"}])
+    board.tell("poses", [{"type": "b"}])
+    seen = list(islice(board.events(), 2))[1].decode()
+    number = int(re.match(r"id: (\d+)\n", seen)[1])
+    board.tell("poses", [{"type": "c"}])
+    again = list(islice(board.events(number), 2))[1].decode()
+    assert [json.loads(one.partition("data: ")[2]) for one in (seen, again)] == [
+        [{"type": "a"}, {"type": "b"}],
+        [{"type": "c"}],
+    ]
+
+
+def test_the_last_word_is_told_though_the_board_is_closed_at_once():
+    board = Board()
+    board.tell("said", ["it fell"])
+    board.close()
+    assert [one.partition(b"data:")[2].strip() for one in board.events()] == [b"[]", b'["it fell"]', b""]
+
+
+@pytest.mark.parametrize("incline", [0.0, 10.0])
+def test_the_floor_is_below_a_robot_wherever_it_goes(incline):
+    scene = ViewedStation(load_station("zjudancer_walking", {"floor.incline_deg": incline}))
+    tilt = scene.station.ground.tilt
+    under = {one["path"]: one["matrix"] for one in floor_under(scene, tilt @ np.array([31.26, -7.1, 0.3]))}
+    for path, depth in ((LINES, 0.0), ("/drake/station/floor", -0.01)):  # where that is drawn which is at the origin
+        place = np.reshape(under[path], (4, 4)).T[:3, 3]
+        np.testing.assert_allclose(tilt.inverse() @ place, [31.5, -7.0, depth], atol=1e-6)
+
+
 def test_its_address_cannot_be_guessed(window):
     root = f"http://{urlsplit(window.url).netloc}"
     for path in ("/", "/events", "/told", window.path[:-2] + "/", window.path + "../etc/passwd"):
@@ -138,14 +172,19 @@ def test_what_is_no_name_and_number_changes_nothing(window, message):
     assert asked(window.url)[0] == 200
 
 
+def told(board, known):
+    """Return what a page is told that knows something."""
+    return json.loads(board.news(known).decode().partition("data: ")[2])
+
+
 def test_a_subject_told_again_takes_the_place_of_what_was_told(window):
     window.tell("scene", ["first"])
     window.tell("poses", ["second"])
     known = {}
-    assert window.news(known) == b'data: ["first", "second"]\n\n'
+    assert told(window, known) == ["first", "second"]
     window.tell("poses", ["third"])
-    assert window.news(known) == b'data: ["third"]\n\n'
-    assert window.news({}) == b'data: ["first", "third"]\n\n'  # a page that comes late
+    assert told(window, known) == ["third"]
+    assert told(window, {}) == ["first", "third"]  # a page that comes late
 
 
 def test_a_wiped_window_knows_only_what_is_told_from_then_on(window):
@@ -155,8 +194,8 @@ def test_a_wiped_window_knows_only_what_is_told_from_then_on(window):
     window.news(known)
     window.wipe()
     window.tell("scene", ["third"])
-    assert window.news(known) == b'data: ["third"]\n\n'  # and it was never told before, however often it was
-    assert window.news({}) == b'data: ["third"]\n\n'
+    assert told(window, known) == ["third"]  # and it was never told before, however often it was
+    assert told(window, {}) == ["third"]
 
 
 def test_no_message_ends_a_run_that_is_watched(capfd):

@@ -44,6 +44,7 @@ def translated(code):
          lambda u: [k * np.maximum(u, 0) for k in (1, 2, 3)]),
         ("function y = f(u)\nswitch sign(u)\ncase {1, 0}\n y = abs(u);\notherwise\n y = 7;\nend",
          lambda u: [np.where(u >= 0, u, 7.0)]),
+        ("function[y] = f(u)\nu;\nu.^2 / 2;\nz = [0; u];\ny = atan(3/z(1)) + z(2);", lambda u: [np.pi / 2 + u]),
         ("function y = f(u)\ny = mod(u, 0.31) + atan2(u, 2) + norm([u; 1]);",
          lambda u: [np.mod(u, 0.31) + np.arctan2(u, 2) + np.hypot(u, 1)]),
     ],

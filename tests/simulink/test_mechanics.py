@@ -90,7 +90,7 @@ def test_translations(parameters, expected):
         {"TranslationMethod": "Magic"},
         {"RotationMethod": "RotationMatrix", "RotationMatrix": "[1 0 0; 0 1 0; 0 0 2]"},
         {"RotationMethod": "Quaternion", "Quaternion": "[0 0 0 0]"},
-        {"RotationMethod": "ArbitraryAxis", "RotationArbitraryAxis": "[0 0 0]"},
+        {"RotationMethod": "ArbitraryAxis", "RotationArbitraryAxis": "[0 0 0]", "RotationAngle": "90"},
         {"RotationMethod": "AlignedAxes", "FollAlignAxisA": "+Z", "FollAlignAxisB": "-Z"},
         {"RotationMethod": "RotationSequence", "RotationSequence": "XYQ"},
         {"TranslationMethod": "Cartesian", "TranslationCartesianOffset": "[1 2]"},
@@ -343,8 +343,34 @@ def test_a_loop_is_cut_at_a_hinge_and_not_at_its_slider(tmp_path):
 def test_loops_that_cannot_close_are_told(tmp_path):
     level = four_bar()
     level.blocks = [block.replace("[1.2 0 0]", "[9 0 0]") for block in level.blocks]
-    with pytest.raises(InvalidModel, match=r"does not close: .* mm are left"):
-        import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity.endswith(" lost")
+    assert "mm are left" in imported.report.of("lost")[0].text
+    assert not load_station(imported.station).couplings
+
+
+def test_no_turn_needs_no_axis():
+    """As data files of imported assemblies have it."""
+    figures = {"RotationMethod": "ArbitraryAxis", "RotationArbitraryAxis": "[0 0 0]"}
+    assert rigid_transform(node(**figures, RotationAngle="0")).IsExactlyIdentity()
+
+
+def test_a_physical_bus_joins_its_elements_by_name(tmp_path):
+    """A hinge hangs on the world, and its body behind it, through a bus whose two ends list them in other orders."""
+    level = Level()
+    world, hinge, rod = level.block(WORLD, "World"), level.block(REVOLUTE, "Hinge"), level.block(INERTIA, "Rod")
+    near = level.block("SimscapeBus", "Near", HierarchyStrings="Stand;Rod")
+    far = level.block("SimscapeBus", "Far", HierarchyStrings="Rod;Stand")
+    level.connect(f"{near}#rconn:1", f"{far}#rconn:1")
+    level.connect(f"{world}#rconn:1", f"{near}#lconn:1")
+    level.connect(f"{rod}#rconn:1", f"{near}#lconn:2")
+    level.connect(f"{far}#lconn:2", f"{hinge}#lconn:1")
+    level.connect(f"{far}#lconn:1", f"{hinge}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    (link,) = imported.model.bodies.links
+    assert link.base.grounded
+    assert [solid.node.path for solid in link.follower.solids] == ["Rod"]
+    assert imported.fidelity == "mechanics complete"
 
 
 def test_rigid_loops_must_fit(tmp_path):
@@ -391,6 +417,23 @@ TOUCH = "sm_lib/Forces and\nTorques/Spatial\nContact Force"
 FIGURES = {"NormalStiffness": "1e4", "NormalDamping": "50", "SenseSeparationDistance": "on"}
 
 
+def ball_on(level, world, name, start, touched, **figures):
+    """Let a ball of 50 mm fall from a place onto what its geometry port is given of; return the ball's SID."""
+    joint = level.block("sm_lib/Joints/6-DOF Joint", f"{name} free")
+    put = level.block(TRANSFORM, f"{name} put", TranslationMethod="Cartesian", TranslationCartesianOffset=start)
+    ball = level.block("sm_lib/Body Elements/Spherical Solid", name, SphereRadius="0.05", Density="1000",
+                       ExportEntireGeometry="on")  # fmt: skip
+    touch = level.block(TOUCH, f"{name} touches", **FIGURES | figures)
+    level.connect(f"{world}#rconn:1", f"{put}#lconn:1")
+    level.connect(f"{put}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{ball}#rconn:1")
+    level.connect(f"{ball}#lconn:1", f"{touch}#lconn:1")
+    level.connect(f"{touched}#rconn:1", f"{touch}#rconn:1")
+
+
+SINK = 4 / 3 * np.pi * 0.05**3 * 1000 * 9.80665 / 1e4  # m, of that ball at rest
+
+
 def test_planes_and_disks_carry_where_they_are(tmp_path):
     """One ball rests on a plane at 0.3 m, one on a disk above it, and one falls past the disk's edge."""
     level = Level()
@@ -405,22 +448,58 @@ def test_planes_and_disks_carry_where_they_are(tmp_path):
         level.connect(f"{high}#rconn:1", f"{made[name]}#lconn:1")
     for name, start, touched in (("On plane", "[1 0 0.36]", "Plane"), ("On disk", "[0.1 0 0.66]", "Disk"),
                                  ("Beside", "[0.5 0 0.66]", "Disk")):  # fmt: skip
-        joint = level.block("sm_lib/Joints/6-DOF Joint", f"{name} free")
-        put = level.block(TRANSFORM, f"{name} put", TranslationMethod="Cartesian", TranslationCartesianOffset=start)
-        ball = level.block("sm_lib/Body Elements/Spherical Solid", name, SphereRadius="0.05", Density="1000",
-                           ExportEntireGeometry="on")  # fmt: skip
-        touch = level.block(TOUCH, f"{name} touches", **FIGURES)
-        level.connect(f"{world}#rconn:1", f"{put}#lconn:1")
-        level.connect(f"{put}#rconn:1", f"{joint}#lconn:1")
-        level.connect(f"{joint}#rconn:1", f"{ball}#rconn:1")
-        level.connect(f"{ball}#lconn:1", f"{touch}#lconn:1")
-        level.connect(f"{made[touched]}#rconn:1", f"{touch}#rconn:1")
+        ball_on(level, world, name, start, made[touched])
     station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
     result = simulate(station, duration=1.0, progress=False)
-    sink = 4 / 3 * np.pi * 0.05**3 * 1000 * 9.80665 / 1e4
     for name, height in (("On_plane", 0.35), ("On_disk", 0.65), ("Beside", 0.35)):
-        assert result.piece_pose(name)[-1, 2] == pytest.approx(height - sink, abs=2e-4)
-    assert result["distance.On_disk_touches"][-1] == pytest.approx(-sink, abs=1e-4)
+        assert result.piece_pose(name)[-1, 2] == pytest.approx(height - SINK, abs=2e-4)
+    assert result["distance.On_disk_touches"][-1] == pytest.approx(-SINK, abs=1e-4)
+
+
+def test_a_contact_without_stiffness_is_lost(tmp_path):
+    level = Level()
+    world, plane = level.block(WORLD, "World"), level.block("sm_lib/Curves and Surfaces/Infinite Plane", "Plane")
+    level.connect(f"{world}#rconn:1", f"{plane}#lconn:1")
+    ball_on(level, world, "Ball", "[0 0 1]", plane, NormalStiffness="0")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "1 Spatial Contact Force lost"
+
+
+def grid_model(path, *, tilt="0", heights="[0.1 0.1 0.3 0.3]' * [1 1 1]"):
+    """A grid over x = -1 ... 2 and y = 0 ... 2 of a frame 0.2 m up, a quarter turn round; three balls."""
+    level = Level()
+    world = level.block(WORLD, "World")
+    turned = {
+        "RotationMethod": "RotationSequence",
+        "RotationSequence": "ZXY",
+        "RotationSequenceAngles": f"[pi/2 {tilt} 0]",
+    }
+    there = level.block(
+        TRANSFORM, "There", TranslationMethod="Cartesian", TranslationCartesianOffset="[0 0 0.2]", **turned
+    )
+    ground = level.block("sm_lib/Curves and Surfaces/Grid Surface", "Hills", XGridVector="[-1 0 1 2]",
+                         YGridVector="[0 1 2]", ZHeights=heights)  # fmt: skip
+    level.connect(f"{world}#rconn:1", f"{there}#lconn:1")
+    level.connect(f"{there}#rconn:1", f"{ground}#lconn:1")
+    for name, start in (("Low", "[-0.5 -0.6 0.37]"), ("High", "[-0.5 1.6 0.57]"), ("Beside", "[0.5 1.6 0.07]")):
+        ball_on(level, world, name, start, ground)
+    return write_model(path, level)
+
+
+def test_a_grid_of_heights_becomes_the_terrain(tmp_path):
+    """Its frame's x is the world's y: one ball rests at 0.3 m, one at 0.5 m, and one on the ground beside it."""
+    imported = import_simulink(grid_model(tmp_path / "a.slx"), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(imported.station, duration=0.6, progress=False)
+    for name, height in (("Low", 0.3), ("High", 0.5), ("Beside", 0.0)):
+        assert result.piece_pose(name)[-1, 2] == pytest.approx(height + 0.05 - SINK, abs=5e-4), name
+    assert result["distance.High_touches"][-1] == pytest.approx(-SINK, abs=5e-4)
+
+
+@pytest.mark.parametrize("wrong", [{"tilt": "0.1"}, {"heights": "[0 0; 0 0]"}])
+def test_a_grid_that_no_terrain_can_be_is_lost(tmp_path, wrong):
+    imported = import_simulink(grid_model(tmp_path / "a.slx", **wrong), tmp_path / "out")
+    assert imported.fidelity == "1 Grid Surface lost"
 
 
 def test_a_robot_may_stand_on_a_box(tmp_path):
@@ -521,10 +600,11 @@ def test_frames_on_the_centre_of_mass_and_on_old_solids(tmp_path):
     np.testing.assert_allclose(
         frame_pose(old, parse_part(frame_xml("+x -y -z point").encode())).translation(), [1, -2, -3]
     )
-    turned = node("Revolved Solid", RevolutionCrossSection="[1 0; 2 0; 2 1; 1 1]", RevolutionExtent="Custom",
-                  RevolutionAngle="pi")  # fmt: skip
-    front = frame_pose(turned, parse_part(frame_xml("front surface").encode()))
-    np.testing.assert_allclose(front.translation(), [0, 1.5, 0.5], atol=1e-12)
+    half = {"RevolutionCrossSection": "[1 0; 2 0; 2 1; 1 1]", "RevolutionExtent": "Custom", "RevolutionAngle": "pi"}
+    for kind, shape in (("Revolved Solid", ""), ("Solid", "GeneralSolidOfRevolution")):
+        turned = node(kind, GeometryShape=shape, **half)
+        front = frame_pose(turned, parse_part(frame_xml("front surface").encode()))
+        np.testing.assert_allclose(front.translation(), [0, 1.5, 0.5], atol=1e-12)
     with pytest.raises(InvalidModel, match="'circular curve 9', whose place is not known here"):
         frame_pose(wedge, parse_part(frame_xml("circular curve 9").encode()))
 

@@ -88,6 +88,7 @@ def test_defaults_are_taken_only_where_the_user_asks(tmp_path):
     imported = import_simulink(model, tmp_path / "out", assume=True)
     assert load_station(imported.station).controllers["law"].blocks["Limit"].of["q.Shoulder"] == -1.0  # of Gain itself
     assert {entry.element for entry in imported.report.of("defaulted")} == {"Arm/Shoulder", "Stiffness", "Damping"}
+    assert imported.fidelity == "mechanics complete; 3 figures assumed"
 
 
 def test_open_inputs_are_told(tmp_path):

@@ -212,3 +212,51 @@ def test_a_motion_beside_a_passive_joint_is_prescribed(tmp_path):
     result = simulate(config, duration=1.0, progress=False)
     np.testing.assert_allclose(result["q.Joint1"], 0.5 * np.sin(3 * result.times), atol=1e-4)
     assert np.ptp(result["q.Joint2"]) > 0.1
+
+
+def test_a_motion_begins_where_its_filter_does(tmp_path):
+    """A sine behind a converter's filter of 0.5 s, which begins at 0: 0.5 q' = sin(2 t) - q."""
+    level = Level()
+    _, (joint, _) = hinges(level, {"MotionActuationMode": "InputMotion"}, {"TorqueActuationMode": "NoTorque"})
+    wave = level.block("Sin", "Wave", Amplitude="1", Frequency="2")
+    into = level.block(TO_PHYSICS, "In", Unit="rad", FilteringAndDerivatives="filter", InputFilterTimeConstant="0.5")
+    level.wire(f"{wave}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
+    result = simulate(station, duration=1.0, progress=False)
+    t = result.times
+    exact = (np.sin(2 * t) - np.cos(2 * t) + np.exp(-2 * t)) / 2
+    np.testing.assert_allclose(result["q.A"], exact, atol=1e-3)
+
+
+def test_functions_of_files_beside_the_model_are_translated(tmp_path):
+    """An Interpreted MATLAB Function of a file, which calls another one: q = 2 sin(3 t)."""
+    (tmp_path / "wanted.m").write_text("function q = wanted(t)\nq = 2 * waving(t);\nend\n", encoding="utf-8")
+    (tmp_path / "waving.m").write_text("function y = waving(x)\nw = 3;\ny = sin(w * x);\n", encoding="utf-8")
+    level = Level()
+    _, (joint, _) = hinges(level, {"MotionActuationMode": "InputMotion"}, {})
+    clock, shape = level.block("Clock", "Clock"), level.block("MATLABFcn", "Shape", MATLABFcn="wanted")
+    into = level.block(TO_PHYSICS, "In", Unit="rad")
+    level.wire(f"{clock}#out:1", f"{shape}#in:1")
+    level.wire(f"{shape}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
+    result = simulate(station, duration=1.0, progress=False)
+    np.testing.assert_allclose(result["q.A"], 2 * np.sin(3 * result.times), atol=1e-3)
+
+
+def test_a_link_without_mass_between_joints_moves_by_forces(tmp_path):
+    """A body that turns alike about all axes, on two crossing hinges, keeps the speed of the first."""
+    level = Level()
+    about = {"RotationMethod": "StandardAxis", "RotationStandardAxis": "+X", "RotationAngle": "pi/2"}
+    world, across = level.block(WORLD, "World"), level.block(TRANSFORM, "Across", **about)
+    first = level.block(REVOLUTE, "A", **target("Velocity", "2", "rad/s"))
+    second, body = level.block(REVOLUTE, "B"), level.block(INERTIA, "Body", Mass="1", MomentsOfInertia="[1 1 1]")
+    for one, other in ((world, first), (first, across), (across, second)):
+        level.connect(f"{one}#rconn:1", f"{other}#lconn:1")
+    level.connect(f"{second}#rconn:1", f"{body}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert load_station(imported.station).mode == "dynamic"
+    result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
+    np.testing.assert_allclose(result["q.A"], 2 * result.times, atol=1e-5)
+    np.testing.assert_allclose(result["q.B"], 0.0, atol=1e-6)

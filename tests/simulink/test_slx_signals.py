@@ -103,13 +103,14 @@ def test_an_integral_beside_a_proportional_part(tmp_path):
 
 def test_what_is_no_servo_is_told(tmp_path):
     plant = Plant()
-    strange = plant.chain("MATLABFcn", "Brain", plant.positions[0])
+    strange = plant.chain("MATLABFcn", "Brain", plant.positions[0], MATLABFcn="unheard")
     coupled = plant.chain("Sum", "T", plant.chain("Gain", "k", plant.positions[0], Gain="-3"), plant.positions[1])
     plant.drive(coupled, strange)
     laws, report = plant.laws(tmp_path)
     net = {(term.kind, term.of.name): value for term, value in laws["A"].net.terms.items()}
     assert net == {("q", "A"): -3, ("q", "B"): 1}
-    assert [(entry.element, entry.text) for entry in report.of("open")] == [("Brain", "MATLABFcn: left open")]
+    told = "MATLABFcn: left open; its code uses unheard, which is not known"
+    assert [(entry.element, entry.text) for entry in report.of("open")] == [("Brain", told)]
 
 
 def test_an_algebraic_loop_is_late_by_a_filter(tmp_path):

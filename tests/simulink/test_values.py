@@ -172,6 +172,35 @@ def packed(size: int) -> bytes:
     return struct.pack("<II", 15, len(content)) + content
 
 
+DATA_FILE = """
+%============= Solid =============%
+smiData.Solid(3).mass = 0.0;
+smiData.Solid(3).ID = "";
+smiData.Solid(1).mass = 0.5;  % kg
+smiData.Solid(1).ID = "plate*:*Default(2)";
+smiData.Solid(2).mass = 7; smiData.Solid(2).inertia(2) = 4;
+one(1).mass = 3; one.size = 2;
+"""
+
+
+@pytest.mark.parametrize("kind", ["m", "mat"])
+def test_structures_of_several_elements(tmp_path, kind):
+    """The data files that MATLAB writes beside an imported assembly, as a script, and saved."""
+    file = tmp_path / "data.m"
+    file.write_text(DATA_FILE, encoding="utf-8")
+    if kind == "mat":
+        several = np.array([(0.5, [0, 0]), (7, [0, 4]), (0, [])], dtype=[("mass", object), ("inertia", object)])
+        file = tmp_path / "data.mat"
+        savemat(file, {"smiData": {"Solid": several}, "one": {"mass": 3, "size": 2}})
+    known = Variables(variables=variables_of({}, [file]))
+    for text, expected in (("smiData.Solid(1).mass", 0.5), ("smiData.Solid(2).inertia(2)", 4), ("one(1).mass", 3),
+                           ("smiData.Solid(end).mass", 0), ("one.size", 2)):  # fmt: skip
+        assert known.value(text)[0, 0] == expected, text
+    for wrong in ("smiData.Solid(4).mass", "smiData.Solid.mass", "one(2).mass"):
+        with pytest.raises(NotUnderstood):
+            known.value(wrong)
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

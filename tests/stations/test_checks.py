@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from simrob_drake import Arm, load_station
+from simrob_drake import Arm, load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.stations import plant
@@ -45,6 +45,32 @@ def test_too_heavy_a_load_is_foretold():
     finding = text_of(findings({"pieces.load.mass": 60}), "torque of joint_2")
     assert finding.level == "warning"
     assert "the limit is 150 N·m" in finding.text
+
+
+def test_a_kinematic_arm_too_weak_for_its_load_and_one_that_carries_too_much_are_told():
+    found = findings({"pieces.load.mass": 60}, "irb120_kinematic")
+    assert "the joint will not hold" in text_of(found, "torque of joint_2").text
+    (payload,) = [finding for finding in found if finding.level == "warning" and finding.subject == "payload of robot"]
+    assert payload.text.startswith("it carries 61 kg, and is rated for 3 kg")
+    result = simulate(load_station("irb120_kinematic", {"pieces.load.mass": 8, "duration": 0.1}), progress=False)
+    assert "robot carried 300 % of its rated payload, 9 of 3 kg (bound 100 %)" in result.warnings
+
+
+def test_gravity_that_pulls_up_and_a_centre_of_mass_in_millimetres_are_told():
+    assert text_of(findings({"gravity": -9.81}), "gravity").text == "-9.81 m/s² pulls up: 9.81 pulls down, along -z"
+    with pytest.raises(SimrobError, match=r"pieces\.load\.com.*70 m is too far; were these millimetres"):
+        load_station("irb120_dynamic", {"pieces.load.com": [0, 0, 70]})
+
+
+def test_boxes_that_would_sink_into_each_other_are_told(tmp_path):
+    pieces = {name: {"model": "die", "free": True, "pose": [0, 0, z, 0, 0, 0]} for name, z in (("a", 0.1), ("b", 0.2))}
+    station = {"mode": "dynamic", "pieces": pieces, "floor": {"size": 1}, "contact": {"model": "point"}}
+    file = tmp_path / "stack.yaml"
+    file.write_text(json.dumps(station))
+    finding = text_of(findings(station=file), "contact")
+    assert finding.text.startswith("a and b meet")
+    assert finding.text.endswith("rests on another sinks and slides; take contact.model hydroelastic")
+    assert text_of(findings({"contact.model": "hydroelastic"}, file), "contact").level == "ok"
 
 
 def test_the_sag_is_the_torque_over_the_gain():

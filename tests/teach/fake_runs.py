@@ -52,9 +52,16 @@ class CountingRun:
         """End the run."""
         if not self.back:  # else it stands where it was gone back to
             self.time = self.end if time is None else time
-        how = {"ending": ending, "goes_on": goes_on, "message": ending, "verdict": "as asked", "warnings": []}
+        how = {
+            "ending": ending,
+            "goes_on": goes_on,
+            "message": ending,
+            "verdict": "as asked",
+            "warnings": [],
+            "parts": [],
+        }
         where = {"begun": self.begun, "time": self.time, "reached": self.time if reached is None else reached}
-        self.tell({"news": "ended", **how, **where, "parts": [], "signals": {}})
+        self.tell({"news": "ended", **how, **where, "signals": {}})
         self.tell({"news": "phase", "phase": "idle"})
         if self.running is not None:
             self.running.set_result({"ending": ending})

@@ -12,6 +12,8 @@ from simrob_drake.robots.catalog import load_robot
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.run import TaughtRun
 
+READS = ("torque_limits",)
+"""What a page asks for to show it; what a user does is noted."""
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
 
@@ -132,7 +134,8 @@ class LegsSession:
             raise AttributeError(name)
 
         def note(*given, **named):
-            self.calls.append((name, *given, *([named] if named else [])))
+            if name not in READS:
+                self.calls.append((name, *given, *([named] if named else [])))
             done = Future()
             done.set_result(None)
             return done

@@ -17,8 +17,8 @@ from simrob_drake.teach.server import Server, bound
 class Served:
     """What a test needs to know of a server: where it is, the cookie it has left, the pendant, its thread's loop."""
 
-    def __init__(self, open_session, subject):
-        self._open_session, self._subject = open_session, subject
+    def __init__(self, open_session, subject, root_path=None):
+        self._open_session, self._subject, self._root_path = open_session, subject, root_path
         self._ready, self.cookie = SimpleQueue(), ""
         self._thread = Thread(target=lambda: asyncio.run(self._run()), daemon=True)
 
@@ -26,14 +26,15 @@ class Served:
         self.loop = asyncio.get_running_loop()
         self.pendant = Pendant(self._open_session, self._subject)
         listening = bound(0)
-        self.server = Server(self.pendant, listening.getsockname()[1])
+        self.port = listening.getsockname()[1]
+        self.server = Server(self.pendant, self.port, self._root_path)
         await self.server.run_until_stopped(listening, self._ready.put)
         self.pendant.close()
 
     def start(self):
         self._thread.start()
         place = urlsplit(self.address())
-        self.port, self.host, self.path, self.query = place.port, place.netloc, place.path, place.query
+        self.host, self.path, self.query = f"127.0.0.1:{self.port}", place.path, place.query
         _, headers, _ = self.asked(f"?{self.query}")
         self.cookie = headers["set-cookie"].partition(";")[0]
 
@@ -72,9 +73,9 @@ class Served:
 
 
 @contextmanager
-def serving(open_session, subject="humanoid"):
+def serving(open_session, subject="humanoid", root_path=None):
     with nicegui_reset_globals():
-        served = Served(open_session, subject)
+        served = Served(open_session, subject, root_path)
         served.start()
         try:
             yield served

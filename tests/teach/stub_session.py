@@ -1,5 +1,6 @@
 """A session without a run, for the shell of the page: it notes what it is told to do, and says what a test lets it."""
 
+from concurrent.futures import Future
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -49,7 +50,7 @@ class StubSession:
         self.description, self.settings, self.targets, self.pending, self.ghosts = {}, {}, {}, (), []
         self.file, self.folder = Path(), Path()
         self.calls, self._hearers, self._lookers, self._drawn = [], [], [], drawn
-        self.program = SimpleNamespace(grid=0.05, moves=[])
+        self.program, self.changes = SimpleNamespace(grid=0.05, moves=[]), ()
         self.closed = False
 
     def listen(self, callback):
@@ -75,6 +76,15 @@ class StubSession:
 
     def close(self):
         self.closed = True
+
+    def watch(self, *_):
+        """Keep no signals."""
+
+    def torque_limits(self):
+        """Tell no limits."""
+        answer = Future()
+        answer.set_result(None)
+        return answer
 
     def __getattr__(self, name):
         if name.startswith("_"):

@@ -1,10 +1,13 @@
 """A session by itself: what is taught, how it is kept, and what becomes of it when something breaks."""
 
+import runpy
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 from threading import Thread
+from zipfile import ZipFile
 
+import numpy as np
 import pytest
 import yaml
 from fake_runs import CountingRun
@@ -742,8 +745,16 @@ def test_a_urdf_is_given_a_station_that_stays(teach, tmp_path, one_joint_urdf):
     first.add()
     assert first.book.file == tmp_path / "arm" / "program.yaml"
     assert on_disk(first).station == "arm.yaml"
-    script = heard(first, first.exports.script()).read_text()
-    assert 'Path(__file__).with_name("arm.yaml")' in script
+    packed = heard(first, first.exports.script())
+    with ZipFile(packed) as content:
+        content.extractall(tmp_path / "elsewhere")
+    files[0].unlink()  # as on another computer
+    script = tmp_path / "elsewhere" / "program" / "program.py"
+    assert 'Path(__file__).with_name("program-station.yaml")' in script.read_text()
+    script.write_text(script.read_text().partition("result.save(")[0])
+    result = runpy.run_path(str(script))["result"]
+    assert np.rad2deg(result["q_ref.shoulder"][-1]) == pytest.approx(10)
+    files[0].write_text(one_joint_urdf)
     assert teach(files[1]).book.file == tmp_path / "arm-2" / "program.yaml"
     assert len(teach(files[0]).book.program.moves) == 1
 

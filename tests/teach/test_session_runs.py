@@ -336,6 +336,28 @@ def test_a_run_that_diverges_is_scrubbed(teach):
     assert session.run.reach == 0.0
 
 
+def test_what_the_drives_can_do_is_told_as_it_was_changed_while_something_ran(teach):
+    """And only the joints that it left without their torque are said to be at their limit."""
+    session, run = teach("irb120_dynamic")
+    session.watch(("reference", "position", "torque"))
+    assert heard(session, session.client.ask("torque_limits")) == [150, 150, 100, 30, 30, 15]
+    run.at = {0.5: [("change", {"settings": {"servo.torque_limit": {"joint_2": 5.0}}})]}
+    heard(session, session.try_move({"move_abs_j": {"targets_deg": [0, 30, 0, 0, 0, 0], "duration": 1.0}}))
+    limits = heard(session, session.client.ask("torque_limits"))
+    assert limits[1] == 5.0
+    assert abs(session.run.values["torque"][1]) == pytest.approx(5.0, rel=0.001)
+    axes = session.description["robots"]["robot"]["axes"]
+    signals = [np.degrees(session.run.values[name]) for name in ("reference", "position")]
+    asked, done = (dict(zip(session.book.model.axes, values, strict=True)) for values in signals)
+    torque = session.run.values["torque"]
+    told = [
+        shortfall(axis, asked[axis["name"]], done[axis["name"]], torque=torque[number], limit=limits[number])
+        for number, axis in enumerate(axes)
+    ]
+    assert [axis["name"] for axis, one in zip(axes, told, strict=True) if one.reason == "limit"] == ["joint_2"]
+    assert told[1].off > 2.0, "it has sunk"
+
+
 def test_the_last_ten_runs_are_kept_and_two_are_compared(teach):
     """Of the same program with other gains all signals are there, as the file has them that is taken away."""
     session, _ = teach("humanoid")
@@ -380,25 +402,3 @@ def test_what_fell_stands_in_the_list_from_where_it_began(teach):
     assert times[0] == 0.2
     assert fell.reached - TICK < times[-1] <= fell.reached  # a monitor may be seen a step late
     assert base[-1, 2] < base[0, 2] - 0.05
-
-
-def test_what_the_drives_can_do_is_told_as_it_was_changed_while_something_ran(teach):
-    """And only the joints that it left without their torque are said to be at their limit."""
-    session, run = teach("irb120_dynamic")
-    session.watch(("reference", "position", "torque"))
-    assert heard(session, session.client.ask("torque_limits")) == [150, 150, 100, 30, 30, 15]
-    run.at = {0.5: [("change", {"settings": {"servo.torque_limit": {"joint_2": 5.0}}})]}
-    heard(session, session.try_move({"move_abs_j": {"targets_deg": [0, 30, 0, 0, 0, 0], "duration": 1.0}}))
-    limits = heard(session, session.client.ask("torque_limits"))
-    assert limits[1] == 5.0
-    assert abs(session.run.values["torque"][1]) == pytest.approx(5.0, rel=0.001)
-    axes = session.description["robots"]["robot"]["axes"]
-    signals = [np.degrees(session.run.values[name]) for name in ("reference", "position")]
-    asked, done = (dict(zip(session.book.model.axes, values, strict=True)) for values in signals)
-    torque = session.run.values["torque"]
-    told = [
-        shortfall(axis, asked[axis["name"]], done[axis["name"]], torque=torque[number], limit=limits[number])
-        for number, axis in enumerate(axes)
-    ]
-    assert [axis["name"] for axis, one in zip(axes, told, strict=True) if one.reason == "limit"] == ["joint_2"]
-    assert told[1].off > 2.0, "it has sunk"

@@ -1,6 +1,7 @@
 """The station's page: blocks to choose, a form that refuses in the checker's words, what a check finds, what ended."""
 
 import asyncio
+import re
 from concurrent.futures import Future
 from contextlib import asynccontextmanager
 
@@ -12,17 +13,19 @@ from nicegui import ui
 from nicegui.testing import user_simulation
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.files import diagrams_root
+from simrob_drake.programs.timeline import Change
+from simrob_drake.results.block_diagram.picture import station_svg
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.schema import station_schema
 from simrob_drake.teach.pages import station
-from simrob_drake.teach.pages.station import labels_of, with_buttons
+from simrob_drake.teach.pages.block_picture import BlockPicture, labels_of, with_buttons
+from simrob_drake.teach.pages.station import in_brief
 from simrob_drake.teach.pages.words import Notice, texts_of, words
 
-SVG = (diagrams_root() / "irb120_dynamic.svg").read_text()
+SVG = station_svg(load_station("irb120_dynamic"), live=True)
 SIGNALS = [
-    {"name": name, "unit": "rad", "title": name, "columns": [f"{name}.joint_{axis}" for axis in range(1, 7)]}
-    for name in ("position", "torque")
+    {"name": name, "unit": unit, "title": name, "columns": [f"{name}.joint_{axis}" for axis in range(1, 7)]}
+    for name, unit in (("position", "rad"), ("torque", "N·m"))
 ]
 
 
@@ -142,12 +145,17 @@ def test_while_a_run_goes_on_a_change_is_that_of_the_run():
 def test_a_block_shows_its_signals_and_a_slider_for_its_gains():
     async def scenario(user, session):
         (picture,) = user.find(kind=ui.html).elements
-        user.find(kind=ui.html).trigger("click", "joint_2.pd")
+        user.find(kind=ui.html).trigger("click", ["joint_2.pd", ""])
         await settled(0.2)
         assert 'class="node chosen" data-block="joint_2.pd"' in picture.content
         await user.should_see("joint_2: PD\nkp 1000, kd 10")
         await user.should_see("joint 2")  # the one curve that is drawn
-        assert sorted(map(str, session.watched.values())) == ["['position']", "['torque']"]
+        watched = sorted(map(str, session.watched.values()))
+        assert watched == [
+            "['position', 'torque']",
+            "['position']",
+            "['torque']",
+        ]  # those of the wires, and of the plots
         sliders = {one.props["aria-label"]: one for one in user.find(kind=ui.slider).elements}
         assert set(sliders) == {"servo.kp", "servo.kd"}
         with user:
@@ -157,6 +165,52 @@ def test_a_block_shows_its_signals_and_a_slider_for_its_gains():
         await settled()
         assert session.book.settings["servo.kp"] == pytest.approx(1000 * 10**0.5, rel=2e-3)  # three digits
         assert session.drawn == 2  # at first, and after the change
+
+    on_page(scenario)
+
+
+def wire(source, target):
+    """Return the number of a wire of the picture."""
+    return re.search(rf'data-wire="(\d+)" data-from="{source}" data-to="{target}', SVG)[1]
+
+
+def test_values_stand_on_the_wires_and_a_wire_shows_its_signal(monkeypatch):
+    told = {}
+    monkeypatch.setattr(BlockPicture, "tell", lambda _, values: told.update(values))
+
+    async def scenario(user, session):
+        session.run.watch(["position", "torque"])
+        session.run.take(0.5, None, {"position": [0.1, -0.5, 0, 0, 0, 0], "torque": [1.0, 2.0, -37.23, 0, 0, 0]})
+        await settled(0.6)
+        assert told[wire("torque", "plant")] == "max -37.2 N·m"
+        assert told[wire("joint_2.pd", "joint_2.saturation")] == "2"
+        assert told[wire("joint_signals", "joint_2.pd")] == "-28.6"
+        user.find(kind=ui.html).trigger("click", ["", wire("torque", "plant")])
+        await settled(0.1)
+        await user.should_see("torque → Plant, torque")
+        await user.should_see("joint 3")
+
+    on_page(scenario)
+
+
+def test_a_value_in_brief():
+    pose = {"unit": "m", "columns": [f"base.{one}" for one in ("x", "y", "z", "qw", "qx", "qy", "qz")]}
+    assert in_brief([0.123, 0, 1, 1, 0, 0, 0], pose) == "0.12 0.00 1.00 m"
+    assert in_brief([-3e-5], {"unit": "m", "columns": ["gap"]}) == "0 m"
+    assert in_brief([2.0], {"unit": "", "columns": ["foot"]}) == "2"
+    assert in_brief([0.1, -0.2], {"unit": "rad", "columns": ["q.a", "q.b"]}) == "max -11.5 °"
+
+
+def test_what_was_changed_while_it_ran_is_marked():
+    async def scenario(user, session):
+        (picture,) = user.find(kind=ui.html).elements
+        assert 'class="node changed"' not in picture.content
+        session.told("program", changes=(Change(time=1.35, set={"servo.kp": 500}),))
+        await settled(0.1)
+        assert picture.content.count('class="node changed"') == len({f"joint_{n}.pd" for n in range(1, 7)})
+        user.find(kind=ui.html).trigger("click", ["joint_2.pd", ""])
+        await settled(0.1)
+        await user.should_see("at 1.35 s: servo.kp = 500")
 
     on_page(scenario)
 
@@ -209,7 +263,9 @@ def test_the_blocks_of_a_picture_are_buttons():
 
 
 def test_a_picture_is_never_too_small_to_be_read():
-    assert '<svg style="min-width: calc(0.9 * 1316px); max-width: calc(2 * 1316px)" ' in with_buttons(SVG)
+    assert '<svg style="--own: 1316px; min-width: calc(0.9 * 1316px); max-width: calc(2 * 1316px)" ' in with_buttons(
+        SVG
+    )
 
 
 def test_both_languages_have_the_words():

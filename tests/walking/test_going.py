@@ -76,6 +76,10 @@ def test_keys_and_sliders_command_a_walk_from_the_first_touch_on():
     board = steering.board = Board(steering.controls)
     hand, (ahead, left, turn, stop) = steering.hands["walk"], steering.controls
     assert hand(0.1) is None
+    assert steering.controls[ahead].value == 0.0  # the station walks from 0.5 s on
+    assert hand(0.6) is None
+    assert steering.controls[ahead].value == 0.25
+    assert board.news({}).decode().count("set_control_value") == 1
     assert [steering.controls[name].key_up for name in (ahead, left, turn)] == ["ArrowUp", "KeyQ", "ArrowLeft"]
     for name, value in ((ahead, 0.07), (left, 9.0), (turn, -16)):
         board.hear(f'["{name}", {value}]'.encode())

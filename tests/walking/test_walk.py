@@ -53,8 +53,8 @@ def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
     wanted = [RigidTransform(body.facing @ (foot.translation() * [1, 1, 0])) for foot in feet]
     wanted[0] = RigidTransform([0.03, 0, 0.02]) @ wanted[0]
     body.take(posture)
-    root = 0.0, 0.0, float(1.0 - feet[0].translation()[2])
-    found = body.reached(np.eye(3), root, np.array([foot.GetAsMatrix34() for foot in wanted]), 30)
+    root = RigidTransform([0.0, 0.0, 1.0 - feet[0].translation()[2]])
+    found = body.reached(np.eye(3), np.array([(root.inverse() @ foot).GetAsMatrix34() for foot in wanted]), 30)
     there = [pose(foot) for foot in body.seen(np.concatenate([found, 0 * found, base, np.zeros(6)])).feet]
     step = body.facing @ (there[0].translation() - there[1].translation())
     assert step[[0, 2]] == pytest.approx([0.03, 0.02], abs=1e-5)

@@ -222,7 +222,7 @@ class WalkingLoop(SampledBlock):
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next posture."""
         seen = np.concatenate([read[name] for name in _READ])
-        blind = 0.0 if math.isfinite(seen.sum()) else 1.0
+        blind = 0.0 if math.isfinite(seen.dot(seen)) else 1.0
         changes: dict[str, Vector | float] = {} if memory["blind"][0] == blind else {"blind": blind}
         if not read[TIME][0]:  # what a hand asked for in another run is past
             changes["hand"] = np.zeros(4)

@@ -7,7 +7,7 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.feet import Foot
-from simrob_drake.programs.gaits.gait import SteppingGait
+from simrob_drake.programs.gaits.gait import SolvedGait, Steps
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, on_path, ramp_shares
 from simrob_drake.programs.gaits.walker import Walker
@@ -18,7 +18,7 @@ SIDES = ("right_foot", "left_foot")
 """Who steps first, and who next."""
 
 
-class BipedWalk(SteppingGait):
+class BipedWalk(Steps, SolvedGait):
     """A walk on two legs."""
 
     section: ClassVar[str] = "walks"

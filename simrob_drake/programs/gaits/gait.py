@@ -12,7 +12,7 @@ from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.sections import Integer, NotNegative, Number, Positive, Strict, validated
+from simrob_drake.sections import Integer, NotNegative, Number, Strict, validated
 from simrob_drake.walking.parameters import REACTING, Bearing
 
 Pace = Annotated[Number, Field(gt=0, le=100)]
@@ -133,13 +133,8 @@ class Gait(Strict):
         return self.feet or (model.feet.default if model.feet else None)
 
 
-class SteppingGait(Gait):
-    """A gait in equal steps, on a straight line or a circle; its legs are solved for."""
-
-    steps: ClassVar[bool] = True
-    scaled: ClassVar[tuple[str, ...]] = ("step_length", "sideways", "turn_deg")
-    pace: ClassVar[str] = "step_time"
-    one_step: ClassVar[Mapping[str, Any]] = {"ramp_steps": 0}
+class SolvedGait(Gait):
+    """A gait whose legs are solved for."""
 
     bearing: ArmBearing
     """How the trunk is carried."""
@@ -147,6 +142,16 @@ class SteppingGait(Gait):
     """How much further out each foot stands than with straight legs, or below its hip [m]."""
     servo: Mapping[str, AxisValues] = Field(default_factory=dict)
     """Servo gains for it, in place of the station's: kp, kd."""
+
+
+class Steps(Strict):
+    """What gaits in equal steps have, on a straight line or a circle."""
+
+    steps: ClassVar[bool] = True
+    scaled: ClassVar[tuple[str, ...]] = ("step_length", "sideways", "turn_deg")
+    pace: ClassVar[str] = "step_time"
+    one_step: ClassVar[Mapping[str, Any]] = {"ramp_steps": 0}
+
     step_time: Pace
     """From one footfall, of a foot or a pair, to the next [s]."""
     step_length: Number = 0.0
@@ -159,20 +164,3 @@ class SteppingGait(Gait):
     """Steps in which the step length grows at the start and shrinks at the end, which go in addition."""
     settle: Pace = 0.6
     """Time to shift the weight at the start and at the end [s]."""
-
-
-class OneFootGait(Gait):
-    """A gait on four legs of which one is in the air at a time; its legs are solved for."""
-
-    bearing: ArmBearing
-    """How the trunk is carried."""
-    widen: Number = 0.0
-    """How much further out each foot stands than with straight legs, or below its hip [m]."""
-    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo gains for it, in place of the station's: kp, kd."""
-    inside: Positive = 0.04
-    """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
-
-
-SolvedGait = SteppingGait | OneFootGait
-"""Gaits whose legs are solved for."""

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.gait import OneFootGait, Pace, SolvedGait, SteppingGait
+from simrob_drake.programs.gaits.gait import Pace, SolvedGait, Steps
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, on_path, ramp_shares
 from simrob_drake.programs.gaits.walker import Walker
@@ -21,7 +21,7 @@ CRAWL_ORDER = ("rear_left_foot", "front_left_foot", "rear_right_foot", "front_ri
 """Each hind foot comes before the fore foot of its side: then the trunk always has three feet about it."""
 
 
-class Trot(SteppingGait):
+class Trot(Steps, SolvedGait):
     """A gait on four legs, diagonal pairs in turn."""
 
     section: ClassVar[str] = "trots"
@@ -55,7 +55,7 @@ class Trot(SteppingGait):
         return _solved(walker, self, start, phases)
 
 
-class Crawl(OneFootGait):
+class Crawl(SolvedGait):
     """A gait on four legs, one leg at a time."""
 
     section: ClassVar[str] = "crawls"
@@ -63,6 +63,8 @@ class Crawl(OneFootGait):
     scaled: ClassVar[tuple[str, ...]] = ("stride",)
     pace: ClassVar[str] = "leg_time"
 
+    inside: Positive = 0.04
+    """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
     leg_time: Pace
     """From one leg's footfall to the next one's [s]."""
     stride: Number = 0.0
@@ -93,11 +95,13 @@ class Crawl(OneFootGait):
         return _solved(walker, self, start, phases)
 
 
-class Stand(OneFootGait):
+class Stand(SolvedGait):
     """Standing on three legs."""
 
     section: ClassVar[str] = "stands"
 
+    inside: Positive = 0.04
+    """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
     foot: str
     """Which foot is up."""
     height: Positive = 0.03

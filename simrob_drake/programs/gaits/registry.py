@@ -13,6 +13,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.biped import BipedWalk
 from simrob_drake.programs.gaits.gait import Gait
+from simrob_drake.programs.gaits.kick import Kick
 from simrob_drake.programs.gaits.quadruped import Crawl, Stand, Trot
 from simrob_drake.programs.gaits.sequences import March, Posing
 from simrob_drake.robots.catalog import RobotModel
@@ -20,7 +21,7 @@ from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.sections import Number, Strict, validated
 from simrob_drake.walking.parameters import WalkingParameters
 
-KINDS: tuple[type[Gait], ...] = (BipedWalk, Trot, Crawl, March, Stand, Posing)
+KINDS: tuple[type[Gait], ...] = (BipedWalk, Trot, Crawl, March, Stand, Posing, Kick)
 """Kinds of gaits that are planned before they begin."""
 _AS_LARGE = 0.8
 """Part of the length and of the width of a gait's own feet that others have at least: what gaits leave as margin."""

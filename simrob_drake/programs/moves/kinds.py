@@ -11,6 +11,7 @@ from simrob_drake.programs.moves.attach import AttachMove
 from simrob_drake.programs.moves.go import GoMove
 from simrob_drake.programs.moves.grip import GripMove, OpenMove
 from simrob_drake.programs.moves.joints import JointMove, move_of
+from simrob_drake.programs.moves.kick import KickMove
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, field_of, kind_of, read_move
 from simrob_drake.programs.moves.play import PlayMove
 from simrob_drake.programs.moves.release import ReleaseMove
@@ -26,6 +27,7 @@ _ALL: tuple[type[Move], ...] = (
     WalkMove,
     GoMove,
     ActMove,
+    KickMove,
     AttachMove,
     ReleaseMove,
     WaitMove,

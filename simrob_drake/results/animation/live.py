@@ -14,12 +14,13 @@ from pydrake.geometry import Meshcat, Role
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, side
 from simrob_drake.results.animation.drawn import Command, commands, draw_geometry, draw_tool_paths, look, pose_commands
-from simrob_drake.results.animation.scene import ViewedStation, draw_floor_lines
+from simrob_drake.results.animation.scene import ViewedStation, draw_floor_lines, floor_under
 from simrob_drake.results.animation.window import Board, Control, Window
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.state import State
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
+from simrob_drake.walking.commands import Commanded
 from simrob_drake.walking.parameters import MaxSpeed
 
 FRAME = 1 / 30
@@ -69,13 +70,13 @@ class StationView:
         walkers = [robot for robot in scene.station.robots.values() if robot.model.feet and robot.floats]
         if len(walkers) != 1:
             return []
-        place = scene.pose(walkers[0].root).translation()[:2].round(4).tolist()
-        return [{"type": "follow", "place": place}]
+        place = scene.pose(walkers[0].root).translation()
+        return [{"type": "follow", "place": place[:2].round(4).tolist()}, *floor_under(scene, place)]
 
     def _tell_scene(self, scene: ViewedStation, config: StationConfig) -> None:
         points, azimuth = scene.extents(scene.initial[np.newaxis]), side(scene.station)
         scene.place(scene.initial)
-        here = [{**one, "begins": True} for one in self._followed(scene)]
+        here = [{**one, "begins": True} for one in self._followed(scene)[:1]]
 
         def draw(meshcat: Meshcat) -> None:
             draw_geometry(meshcat, scene.query(), _PREFIXES)
@@ -144,8 +145,14 @@ class LiveView:
             part = (self._next_frame - start) / (time - start) if time > start else 1.0
             self._wait_for(self._next_frame)
             self._view.show(low + part * (positions - low))
+            self.say(f"{self._next_frame:.2f} s")
             self._next_frame += FRAME
         self._last = (time, positions.copy())
+
+    def say(self, text: str) -> None:
+        """Write something over the picture: the time of a run [s], or how it ended."""
+        if self._window is not None:
+            self._window.tell("said", [{"type": "said", "text": text}])
 
     def close(self) -> None:
         """Close the window and its port; what comes after is not shown."""
@@ -186,29 +193,41 @@ class Steering:
         walks = {name: section for name, section in config.controllers.items() if section.kind == "walk"}
         self.controls = dict[str, Control]()
         self.hands: dict[str, Callable[[float], tuple[float, float, float] | None]] = {}
+        self._shown = dict[str, float]()
         station = resolve(config)
         for number, (name, section) in enumerate(walks.items()):
             prefix = f"{name}: " if len(walks) > 1 else ""
             parameters = section.walking(station.robot(section.robot, f"controllers.{name}"))
             self.controls |= _controls(parameters.max_speed, prefix, keys=number == 0)
-            self.hands[name] = partial(self._command, prefix)
+            self.hands[name] = partial(self._command, prefix, section.commands)
         self.board: Board | None = None
         self._begun = set[str]()
 
-    def _command(self, prefix: str, _: float) -> tuple[float, float, float] | None:
+    def _command(self, prefix: str, own: Sequence[Commanded], time: float) -> tuple[float, float, float] | None:
+        """Return what is commanded; until the user touches something that is the station's own, which is shown."""
         sliders = [prefix + name for name in (_AHEAD, _LEFT, _TURN)]
         stop = self.controls[prefix + _STOP]
         if stop.value:
             stop.value = 0.0
-            for name in sliders:
-                self.controls[name].value = 0.0
+            self._show(sliders, (0.0, 0.0, 0.0))
+            self._begun.add(prefix)
+        if any(self.controls[name].value != self._shown.get(name, 0.0) for name in sliders):
+            self._begun.add(prefix)
+        if prefix not in self._begun:
+            now = next((row for row in reversed(own) if row.time <= time), Commanded())
+            self._show(sliders, (now.ahead, now.sideways, now.turn_deg))
+            return None
+        ahead, left, turn = (round(self.controls[name].value, 6) for name in sliders)
+        return ahead, left, radians(turn)
+
+    def _show(self, sliders: Sequence[str], values: Sequence[float]) -> None:
+        """Put sliders where the program has them."""
+        for name, value in zip(sliders, values, strict=True):
+            if self.controls[name].value != value:
+                self.controls[name].value = value
                 if self.board is not None:
                     self.board.show(name)
-            self._begun.add(prefix)
-        ahead, left, turn = (round(self.controls[name].value, 6) for name in sliders)
-        if ahead or left or turn:
-            self._begun.add(prefix)
-        return (ahead, left, radians(turn)) if prefix in self._begun else None
+            self._shown[name] = value
 
 
 def _controls(max_speed: MaxSpeed, prefix: str, *, keys: bool) -> dict[str, Control]:

@@ -26,6 +26,7 @@ from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.extras import needed
 from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
+from simrob_drake.progress import Advance, progress_bar
 from simrob_drake.results.animation.camera import (
     FIELD_OF_VIEW,
     Camera,
@@ -133,7 +134,16 @@ def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30
     times = frame_times(result.stop_time, frames_per_second)
     if not file.parent.is_dir():
         raise OutputError(f"{file} cannot be written: there is no folder {file.parent}")
-    return write_video(Studio(result, height=height, width=width).images(times), file, frames_per_second)
+    images = Studio(result, height=height, width=width).images(times)
+    with progress_bar("video", len(times), shown=True) as move:
+        return write_video(_counted(images, move), file, frames_per_second)
+
+
+def _counted(images: Iterable[Pixels], move: Advance | None) -> Iterator[Pixels]:
+    for number, image in enumerate(images):
+        yield image
+        if move:
+            move(number)
 
 
 def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) -> Path:

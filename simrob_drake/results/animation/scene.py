@@ -1,5 +1,7 @@
 """The visible world of a station, put into any configuration, on a floor with lines by which a way can be told."""
 
+from typing import Any
+
 import numpy as np
 from pydrake.geometry import (
     Box,
@@ -19,6 +21,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.targets import FLOOR
 from simrob_drake.results.animation.camera import Way, framed_time
 from simrob_drake.results.record.run import RecordedRun, begins_of
 from simrob_drake.stations.clearance import PosedStation
@@ -172,6 +175,23 @@ def add_floor_grid(scene_graph: SceneGraph, way: Vector, *, size: float, tilt: R
         looks.AddProperty("phong", "diffuse", _DARK if bold else _COLOUR)
         line.set_perception_properties(looks)
         scene_graph.RegisterAnchoredGeometry(source, line)
+
+
+def floor_under(scene: ViewedStation, place: Vector) -> list[dict[str, Any]]:
+    """Return what brings an even floor, and its lines, below a place [m] in Meshcat's page: there it has no end.
+
+    They go by whole meshes of the lines, so that these stay where they are.
+    """
+    tilt, mesh = scene.station.ground.tilt, SPACING * _BOLD
+    inspector = scene.query().inspector()
+    drawn = inspector.GetGeometries(inspector.world_frame_id(), Role.kIllustration)
+    if (slab := next((one for one in drawn if inspector.GetName(one) == FLOOR), None)) is None:
+        return []
+    local = tilt.inverse() @ place
+    shift = RigidTransform(tilt.rotation() @ np.array([*np.round(local[:2] / mesh) * mesh, 0.0]))
+    poses = {LINES: shift, f"/drake/station/{FLOOR}": shift @ inspector.GetPoseInFrame(slab)}
+    matrices = {path: np.round(pose.GetAsMatrix4(), 7).ravel(order="F").tolist() for path, pose in poses.items()}
+    return [{"type": "set_transform", "path": path, "matrix": own, "still": True} for path, own in matrices.items()]
 
 
 def draw_floor_lines(meshcat: Meshcat, scene: ViewedStation, *, size: float) -> None:

@@ -41,17 +41,19 @@
     followed = place;
     viewer.set_dirty();
   };
+  const note = document.body.appendChild(document.createElement("div"));
+  note.style = "position: absolute; top: 8px; left: 12px; font: 18px sans-serif; white-space: pre-line; pointer-events: none";
   const bodies = new Set(); // by their paths
   const obey = (command) => {
-    if (command.type === "set_transform") bodies.add(command.path);
+    if (command.type === "set_transform" && !command.still) bodies.add(command.path);
     if (typeof command === "string") viewer.handle_command_bytearray(bytes(command));
     else if (command.type === "asset") casAssets[command.name] = command.url;
     else if (command.type === "copy") copy(command);
     else if (command.type === "follow") follow(command);
+    else if (command.type === "said") note.textContent = command.text;
     else viewer.handle_command(command);
     if (command.type === "set_control") viewer.gui.open();
   };
-  const events = new EventSource("events");
   window.shade = (dark) => { // as the page around is
     window.dark = dark;
     const [top, bottom] = dark ? [[0.11, 0.13, 0.16], [0.2, 0.23, 0.27]] : [[1, 1, 1], [0.86, 0.88, 0.91]];
@@ -64,15 +66,26 @@
     });
     viewer.set_dirty();
   };
-  events.onmessage = ({ data }) => {
-    const commands = JSON.parse(data);
-    commands.forEach(obey);
-    if (window.dark && commands.some((command) => typeof command === "string")) window.shade(true); // drawn anew
+  let events = null;
+  let seen = 0;
+  const listen = () => { // a tab that is behind others leaves its connection to them: browsers have six for all tabs
+    events?.close();
+    events = document.hidden ? null : new EventSource(`events?after=${seen}`);
+    if (!events) return;
+    events.onmessage = ({ data, lastEventId }) => {
+      seen = Number(lastEventId) || seen;
+      const commands = JSON.parse(data);
+      commands.forEach(obey);
+      if (window.dark && commands.some((command) => typeof command === "string")) window.shade(true); // drawn anew
+    };
+    events.addEventListener("end", () => {
+      events.close();
+      document.removeEventListener("visibilitychange", listen);
+      document.title = "ended";
+    });
   };
-  events.addEventListener("end", () => {
-    events.close();
-    document.title = "ended";
-  });
+  document.addEventListener("visibilitychange", listen);
+  listen();
   if (!drags) return;
   viewer.gui.domElement.style.display = "none"; // the page around has what there is to set
 

@@ -116,11 +116,15 @@ class Board:
                 self._commands.pop(f"control {name}", None)
                 self._versions.pop(f"control {name}", None)
 
-    def events(self) -> Iterator[bytes]:
-        """Yield what a page is to know from now on, as server-sent events, until the board is closed."""
-        menu = [control.command(name) for name, control in self.controls.items()]
+    def events(self, after: int = 0) -> Iterator[bytes]:
+        """Yield what a page is to know from now on, as server-sent events, until the board is closed.
+
+        ``after`` is the number of the last event that the page has seen, as it comes with each.
+        """
+        menu = [control.command(name) for name, control in self.controls.items() if not after]
         yield f"data: {json.dumps(menu)}\n\n".encode()
-        known: dict[str, int] = {}
+        with self._news:
+            known = {subject: version for subject, version in self._versions.items() if version <= after}
         while (news := self.news(known)) is not None:
             yield news
         yield b"event: end\ndata:\n\n"
@@ -129,11 +133,12 @@ class Board:
         """Wait for what a page does not know, and return it as an event; None when the board is closed."""
         with self._news:
             self._news.wait_for(lambda: self._unknown(known) or not self._open, timeout=_BREATH)
-            if not self._open:
+            if not (self._open or self._unknown(known)):
                 return None
             new = [command for subject in self._unknown(known) for command in self._commands[subject]]
             known.update(self._versions)
-        return f"data: {json.dumps(new)}\n\n".encode() if new else b": nothing new\n\n"
+        last = max(known.values(), default=0)
+        return f"id: {last}\ndata: {json.dumps(new)}\n\n".encode() if new else b": nothing new\n\n"
 
     def close(self) -> None:
         """Tell the pages that nothing more will come."""
@@ -147,7 +152,12 @@ class Board:
 
 def is_short(length: str) -> bool:
     """Tell whether a message of a length, as its header says it, is one that a page of ours may send."""
-    return length.isascii() and length.isdigit() and len(length) < 9 and int(length) <= _LONGEST
+    return 0 <= number_of(length, -1) <= _LONGEST
+
+
+def number_of(text: str, otherwise: int = 0) -> int:
+    """Return the whole number that a text from outside is, if it has a few digits and nothing else."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 12 else otherwise
 
 
 def _place(coordinates: Sequence[float]) -> list[float]:
@@ -217,9 +227,9 @@ class _Handler(BaseHTTPRequestHandler):
         window = self.server.window
         if self.path == window.path:
             self._answer(200, "text/html; charset=utf-8", window.page)
-        elif self.path == f"{window.path}events":
+        elif self.path.partition("?")[0] == f"{window.path}events":
             self._answer(200, "text/event-stream")
-            for event in window.events():
+            for event in window.events(number_of(self.path.rpartition("=")[2])):
                 self.wfile.write(event)
         else:
             self._answer(404)

@@ -14,7 +14,7 @@ from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import diagrams_root
 from simrob_drake.folders import replaced_at_once
-from simrob_drake.results.block_diagram.graph import ROLES, BlockGraph, DrawnBlock
+from simrob_drake.results.block_diagram.graph import ROLES, BlockGraph, DrawnBlock, Net
 from simrob_drake.results.block_diagram.layout import CELL, LINE, ROW, Layout, Placed, text_width
 from simrob_drake.results.block_diagram.reading import COLOURS, TITLES, WIRE, dot_text, mermaid_text, read_blocks
 from simrob_drake.results.block_diagram.routing import Lines, Point, Routing
@@ -25,6 +25,7 @@ from simrob_drake.stations.resolve import resolve
 
 _FONT = "Helvetica, Arial, 'DejaVu Sans', sans-serif"
 _EDGE, _HEADER, _LEGEND, _FONT_SIZE = 12.0, 44.0, 26.0, 11.0
+_ABOVE = 14.0  # px over a wire without a name, whose value would stand in the next block
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,8 @@ class Drawing:
         layout = Layout(graph)
         routing = Routing(layout)
         self._parts: list[_Part] = []
-        for net, lines in zip(layout.nets, routing.lines, strict=True):
+        self._nets = list(zip(layout.nets, routing.lines, strict=True))
+        for net, lines in self._nets:
             self._parts.append(("", list(_net_marks(net.text, lines))))
         for column in layout.columns:
             self._parts += [part for placed in column for part in _block_parts(placed)]
@@ -83,8 +85,11 @@ class Drawing:
         wide = max(routing.width, x, text_width(graph.title, 14), text_width(graph.description))
         self._size = wide + 2 * _EDGE, bottom - self._top + _LEGEND + 2 * _EDGE
 
-    def svg(self) -> str:
-        """Return it as SVG: a group of class ``node`` with a title for each block."""
+    def svg(self, *, live: bool = False) -> str:
+        """Return it as SVG: a group of class ``node`` with a title for each block.
+
+        A ``live`` one has a group of class ``wire`` for each signal, with a place for its value, too.
+        """
         width, height = (f"{value:.0f}" for value in self._size)
         lines = [
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
@@ -92,10 +97,14 @@ class Drawing:
             '<rect width="100%" height="100%" fill="#ffffff"/>',
             f'<g transform="translate({_EDGE:g} {_EDGE - self._top:.1f})">',
         ]
-        for key, marks in self._parts:
+        values = list[str]()  # over all else
+        for number, (key, marks) in enumerate(self._parts):
             drawn = "".join(map(_svg_mark, marks))
+            if live and number < len(self._nets):
+                drawn, value = _live_wire(number, *self._nets[number], drawn)
+                values.append(value)
             lines.append(f'<g class="node"><title>{escape(key)}</title>{drawn}</g>' if key else drawn)
-        return "\n".join([*lines, "</g>", "</svg>", ""])
+        return "\n".join([*lines, *values, "</g>", "</svg>", ""])
 
     def file(self, kind: str) -> bytes:
         """Return it as a file of a kind that Matplotlib writes: png or pdf."""
@@ -129,6 +138,15 @@ class Drawing:
         buffer = BytesIO()
         figure.savefig(buffer, format=kind, metadata={"CreationDate": None} if kind == "pdf" else None)
         return buffer.getvalue()
+
+
+def _live_wire(number: int, net: Net, lines: Lines, drawn: str) -> tuple[str, str]:
+    """Return a signal that a page can point at; and where its value goes: beside its name, or above a short way."""
+    (x, y), ends = lines.label, f'data-from="{escape(net.source)}" data-to="{escape("|".join(net.targets))}"'
+    ways = "".join(f'<path class="reach" d="M{_path(way)}" fill="none"/>' for way in lines.ways)
+    x, y = (x + text_width(f"{net.text} ", 10), y) if net.text else (x - _ABOVE / 2, y - _ABOVE)
+    value = f'<text class="value" data-value="{number}" x="{x:.1f}" y="{y:.1f}" font-size="10"></text>'
+    return f'<g class="wire" data-wire="{number}" {ends}>{ways}{drawn}</g>', value
 
 
 def _net_marks(text: str, lines: Lines) -> Iterator[_Mark]:
@@ -218,13 +236,13 @@ def station_dot(config: StationConfig) -> str:
     return dot_text(_graph(config))
 
 
-def station_svg(config: StationConfig) -> str:
-    """Return the block picture of a station as SVG.
+def station_svg(config: StationConfig, *, live: bool = False) -> str:
+    """Return the block picture of a station as SVG, see :meth:`Drawing.svg`.
 
     Raises:
         SimrobError: a station that cannot be built.
     """
-    return Drawing(_graph(config)).svg()
+    return Drawing(_graph(config)).svg(live=live)
 
 
 def station_mermaid(config: StationConfig) -> str:

@@ -1,9 +1,9 @@
 """What was recorded of a run: signals, how it ended and how fast it was."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, Self
+from typing import Literal, Self, TypeAlias
 
 import numpy as np
 from pydrake.multibody.plant import ContactResults
@@ -22,6 +22,35 @@ from simrob_drake.stations.poses import VELOCITY_NAMES
 Ending = Literal["completed", "monitor", "diverged", "interrupted", "failed"]
 DIVERGED, INTERRUPTED, FAILED = "diverged", "interrupted", "failed"
 """What stands for a monitor's name where none ended the run; of a block that failed that is the block's name."""
+
+
+Approach: TypeAlias = tuple[float, str]
+"""How near something came [m], negative where it was in it, and what to what; infinite where nothing could be met."""
+
+
+@dataclass(frozen=True, eq=False)
+class AskedMove:
+    """A move of an arm that a run was asked for, from the start of the run.
+
+    Attributes:
+        kind: of move, such as ``move_l``; empty where no file can say it.
+        robot: whose it is.
+        duration: that it takes [s].
+        end: the posture that it leads to, shape (n,) [rad or m].
+        tool: gives the poses (k, 4, 4) of the tool in postures (k, n).
+        approach: tells of positions (k, nq) of the plant how near the robot and what it carries came to anything else.
+        speed: that was asked of the tool [m/s]; None if none was.
+        place: what its program calls it, such as ``move 3``.
+    """
+
+    kind: str
+    robot: str
+    duration: float
+    end: Vector
+    tool: Callable[[Vector], Vector]
+    approach: Callable[[Vector], Approach]
+    speed: float | None = None
+    place: str = "the move"
 
 
 @dataclass(frozen=True)
@@ -52,6 +81,7 @@ class RecordedRun:
         shortened: how often the solver tried a step again, shorter; None where all steps are of one length.
         references: what was given to simulate() in place of the configuration's references, by robot.
         did: what was done in it, in a few words, such as ``move_l of left``.
+        moves: of arms that it was asked for, all from its start.
         runs: of a program, the runs that follow each other in it; see :func:`simrob_drake.results.whole.joined`.
         begun: of a program, the station in which it began; None of a single run.
         marks: of a program, when a run of it ended or a piece changed hands [s], and what that was in a few words.
@@ -81,6 +111,7 @@ class RecordedRun:
     context: Callable[[], Context] | None = None
     shortened: int | None = None
     did: str = ""
+    moves: tuple[AskedMove, ...] = ()
     runs: tuple[Self, ...] = ()
     begun: StationConfig | None = None
     marks: tuple[tuple[float, str], ...] = ()
@@ -149,6 +180,10 @@ class RecordedRun:
                 times = block.discrete[-1][-len(section.cells) :].tolist()
                 found[name] = [round(time, 9) if time >= 0 else None for time in times]
         return found
+
+    def numbered(self, number: int) -> Self:
+        """Return the run as that of a move of a program, counted from 0."""
+        return replace(self, moves=tuple(replace(move, place=f"move {number}") for move in self.moves))
 
     @property
     def parts(self) -> tuple[Self, ...]:

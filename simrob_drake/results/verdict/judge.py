@@ -19,7 +19,8 @@ from simrob_drake.robots.motors import rated_torques
 if TYPE_CHECKING:
     from simrob_drake.results.record.run import RecordedRun
 
-_AT_LIMIT = 0.999  # part of a limit of torque
+AT_LIMIT = 0.999
+"""From which part of it on an axis is at its limit of torque."""
 _WENT_ON = "completed", "monitor"
 """How runs end at whose end axes should be where they are asked to be."""
 
@@ -93,7 +94,8 @@ def _beyond_stop(run: RecordedRun, robot: StationRobot) -> _Axes:
     return _Axes(*largest(np.maximum(lower - position, position - upper), run.times))
 
 
-def _torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
+def torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
+    """Return the parts of their limits that the torques of a robot's axes were, shape (m, n); of fingers nought."""
     torque, limit, line = run.axes("tau", robot.name), robot.gains.torque_limit, robot.gains.line
     if line is None or run.config.mode == "kinematic":
         return _of_arm(robot, np.abs(torque) / limit)
@@ -103,12 +105,12 @@ def _torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
 @_of_each_robot
 def _torque_share(run: RecordedRun, robot: StationRobot) -> _Axes:
     units = tuple(robot.model.effort_units)
-    return _Axes(*largest(_torque_shares(run, robot), run.times), robot.gains.torque_limit, units)
+    return _Axes(*largest(torque_shares(run, robot), run.times), robot.gains.torque_limit, units)
 
 
 @_of_each_robot
 def _torque_time(run: RecordedRun, robot: StationRobot) -> _Axes:
-    return _Axes((_torque_shares(run, robot) > _AT_LIMIT).mean(axis=0))
+    return _Axes((torque_shares(run, robot) > AT_LIMIT).mean(axis=0))
 
 
 def _speed_shares(run: RecordedRun, robot: StationRobot) -> Vector:
@@ -124,6 +126,18 @@ def _speed_share(run: RecordedRun, robot: StationRobot) -> _Axes:
 @_of_each_robot
 def _speed_time(run: RecordedRun, robot: StationRobot) -> _Axes:
     return _Axes((_speed_shares(run, robot) > 1.0).mean(axis=0))
+
+
+def _payload(run: RecordedRun) -> Measured | None:
+    found = {
+        robot.name: (robot.load, robot.model.payload)
+        for robot in run.plant.robots.values()
+        if robot.model.payload is not None
+    }
+    if not found:
+        return None
+    loads, rated = np.array([*found.values()]).T
+    return Measured([*found], loads / rated, limits=(rated, ["kg"] * len(found)))
 
 
 @_of_each_robot
@@ -220,6 +234,7 @@ def _shortened_steps(run: RecordedRun) -> Measured | None:
 
 CRITERIA = (
     *MOTION,
+    Criterion("payload", "1", "payload", "{of} carried {value} of its rated payload, {amount}", _payload),
     Criterion("below_floor", "m", "below the floor", "{of} was {value} below the floor{when}", _below_floor),
     Criterion("distance", "m", "nearest", "{of} measured a distance of {value}{when}", _distance, least=True),
     Criterion("penetration", "m", "penetration", "{of} were {value} deep in each other{when}", _penetration),

@@ -158,11 +158,13 @@ class Verdict:
         measures: what there was to measure, in the order of the criteria.
         sample_rate: at which signals were looked at [Hz].
         contact_rate: at which it was looked how deep bodies and feet were in each other [Hz]; None without contact.
+        moves: what became of each move, in order: a :class:`~simrob_drake.results.verdict.moves.MoveVerdict` each.
     """
 
     measures: tuple[Measure, ...]
     sample_rate: float
     contact_rate: float | None = None
+    moves: tuple[Any, ...] = ()
 
     def __getitem__(self, name: str) -> Measure:
         """Return a figure by its name, such as ``final_error``."""
@@ -176,8 +178,9 @@ class Verdict:
 
     @property
     def warnings(self) -> list[str]:
-        """What passes its bound, a sentence for each figure."""
-        return [measure.warning for measure in self.measures if measure.warning]
+        """What passes its bound, a sentence for each figure, and for those of each move."""
+        of_moves = [warning for move in self.moves for warning in move.warnings]
+        return [*(measure.warning for measure in self.measures if measure.warning), *of_moves]
 
     def __str__(self) -> str:
         """Return the figures that are not zero, in a line."""
@@ -187,7 +190,8 @@ class Verdict:
     def summary(self) -> dict[str, Any]:
         """Return it for ``summary.json``."""
         measures = {measure.criterion.name: measure.summary() for measure in self.measures}
-        return {"sample_rate": self.sample_rate, "contact_rate": self.contact_rate, "figures": measures}
+        about = {"sample_rate": self.sample_rate, "contact_rate": self.contact_rate}
+        return {**about, "figures": measures, "moves": [move.summary() for move in self.moves]}
 
 
 def joined(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Verdict:
@@ -210,7 +214,8 @@ def joined(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Verdict:
                     own[entry.subject] = here
     measures = tuple(Measure(criterion, tuple(entries.values())) for criterion, entries in found.items())
     rates = [verdict.contact_rate for verdict in verdicts if verdict.contact_rate]
-    return Verdict(measures, min(v.sample_rate for v in verdicts), min(rates) if rates else None)
+    moves = tuple(move.later(at) for one, at in zip(verdicts, begins, strict=False) for move in one.moves)
+    return Verdict(measures, min(v.sample_rate for v in verdicts), min(rates) if rates else None, moves)
 
 
 def in_words(value: float, unit: str) -> str:

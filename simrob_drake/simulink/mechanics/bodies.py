@@ -71,8 +71,8 @@ PUSH = "External Force and Torque"
 GEARS = "Common Gear Constraint", "Bevel Gear Constraint", "Rack and Pinion Constraint", "Worm and Gear Constraint"
 ROD, SPRING, BETWEEN = "Distance Constraint", "Spring and Damper Force", "Internal Force"
 _MARKS = ("Reference Frame", PUSH)
-CLOUD = "Point Cloud"
-_GEOMETRY_ONLY = {"Infinite Plane", "Disk", "Point", CLOUD, "Grid Surface", "Spline", "Line Segment"}
+CLOUD, GRID = "Point Cloud", "Grid Surface"
+_GEOMETRY_ONLY = {"Infinite Plane", "Disk", "Point", CLOUD, GRID, "Spline", "Line Segment"}
 """Curves and surfaces: their frame is the left port."""
 
 
@@ -248,11 +248,7 @@ _DISTANCE_AFTER = 2  # it is the first of the sensed signals
 
 
 def read_contacts(network: Connections) -> list[ContactPair]:
-    """Return the contacts of a model.
-
-    Raises:
-        InvalidModel: figures that cannot be.
-    """
+    """Return the contacts of a model; those whose figures cannot be are lost."""
     nodes = [node for node in network.expanded.nodes if node.block.commented == "off"]
     geometry: dict[Place, Node] = {}
     for node in nodes:
@@ -267,12 +263,15 @@ def read_contacts(network: Connections) -> list[ContactPair]:
             node.note("lost", "the contact: one of its ends is no solid or plane")
             continue
         sensed = _DISTANCE_AFTER if node.is_on("SenseSeparationDistance") else 0
-        contacts.append(ContactPair(node, (ends[0], ends[1]), _surface(node), sensed))
+        try:
+            contacts.append(ContactPair(node, (ends[0], ends[1]), _surface(node), sensed))
+        except InvalidModel as problem:
+            node.lose(problem)
     return contacts
 
 
 def _geometry_ports(node: Node) -> Iterator[tuple[str, int]]:
-    if node.kind in ("Infinite Plane", "Disk", CLOUD):
+    if node.kind in ("Infinite Plane", "Disk", CLOUD, GRID):
         yield "rconn", 1
     elif node.kind in SOLIDS:
         yield from ((port.side, port.number) for port in solid_ports(node) if port.what == GEOMETRY)

@@ -134,10 +134,10 @@ def axis(node: Node, name: str) -> Vector:
 
 
 def _about(node: Node, direction: Vector, prefix: str) -> RotationMatrix:
-    length = float(np.linalg.norm(direction))
-    if length < 1e-9:
+    length, angle = float(np.linalg.norm(direction)), node.number(f"{prefix}RotationAngle", unit="rad")
+    if length < 1e-9 and angle:
         raise node.refusal("turns about an axis of length zero")
-    return RotationMatrix(AngleAxis(node.number(f"{prefix}RotationAngle", unit="rad"), direction / length))
+    return RotationMatrix(AngleAxis(angle, direction / length)) if angle else RotationMatrix()
 
 
 def _triad(node: Node, first: str, second: str) -> Vector:

@@ -139,7 +139,7 @@ def _turned(pose: RigidTransform) -> Vector:
     return np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]) / 2
 
 
-_CLOSED = 1e-6  # m
+_CLOSED, _LOOSE = 1e-6, 4e-4  # m and rad: what is no gap, and what a station takes of one that rounded figures leave
 _NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
 _CHANGES = 1e-3  # by so much of its largest factor a gear's factors may change with the posture
 _CUT: dict[str, Literal["hinge", "ball"]] = {"Revolute Joint": "hinge", "Spherical Joint": "ball"}
@@ -153,11 +153,7 @@ def cuttable(link: Link) -> bool:
 
 
 def close(tree: Tree) -> None:
-    """Cut the loops of a tree, and start it with them closed, as near as can be to what its joints ask for.
-
-    Raises:
-        InvalidModel: there is no such posture nearby.
-    """
+    """Cut the loops of a tree, and start it with them closed, as near as can be to what its joints ask for."""
     for link in tree.closures:
         tree.closings += _cut(tree, link)
     for coupling in tree.couplings:
@@ -211,11 +207,7 @@ def _gaps(tree: Tree, positions: Vector) -> Vector:
 
 
 def _settle(tree: Tree, screws: Vector) -> None:
-    """Start a tree where its loops are closed, and sums of its positions (k, n) are 0.
-
-    Raises:
-        InvalidModel: there is no such posture nearby.
-    """
+    """Start a tree where its loops are closed, and sums of its positions (k, n) are 0; else its loops are lost."""
     from scipy.optimize import least_squares
 
     desired, held = _desired(tree), np.array([freedom.start_counts for freedom in tree.freedoms])
@@ -228,9 +220,13 @@ def _settle(tree: Tree, screws: Vector) -> None:
 
     near = least_squares(gaps_and_wishes, desired)
     found = least_squares(gaps, near.x, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-    if (gap := float(np.abs(gaps(found)).max())) > _CLOSED:
-        node = tree.closings[0].node if tree.closings else tree.branches[0].link.joint.node
-        raise node.refusal(f"closes a loop that does not close: {1e3 * gap:.3g} mm are left; give starts")
+    node = tree.closings[0].node if tree.closings else tree.branches[0].link.joint.node
+    if (gap := float(np.abs(gaps(found)).max())) > _LOOSE:
+        node.note("lost", f"closes a loop that does not close: {1e3 * gap:.3g} mm are left; give starts")
+        tree.closings.clear()
+        return
+    if gap > _CLOSED:
+        node.note("approximated", f"closes a loop whose figures leave {1e3 * gap:.2g} mm open")
     for freedom, position in zip(tree.freedoms, found, strict=True):
         _tell(freedom, " position", freedom.start, position, tree)
         freedom.start = float(position)

@@ -47,7 +47,7 @@ _OLD_SHAPES = {
     "Ellipsoid": "Ellipsoidal Solid",
     "RegularExtrusion": "Extruded Solid",
     "GeneralExtrusion": "Extruded Solid",
-    "Revolution": "Revolved Solid",
+    **dict.fromkeys(("Revolution", "GeneralSolidOfRevolution"), "Revolved Solid"),
     "FromFile": "File Solid",
 }
 SOLIDS = {*_SHAPES, "File Solid", "Solid", "Inertia", "Graphic"}  # the blocks that are read here

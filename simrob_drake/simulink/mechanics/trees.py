@@ -98,6 +98,13 @@ class Tree:
         """The root, and all that hangs on it."""
         return {self.root, *(branch.body for branch in self.branches)}
 
+    def behind(self, body: RigidPart) -> list[RigidPart]:
+        """Return what hangs on a body, over any number of joints."""
+        found = [body]
+        for branch in self.branches:
+            found += [branch.body] if branch.parent in found else []
+        return found[1:]
+
     @property
     def freedoms(self) -> list[Freedom]:
         """All degrees of freedom, in order."""

@@ -9,6 +9,7 @@ Place = tuple[int, str, int]  # a port of a node: the node's identity, side and 
 
 _CONDITIONS = ("enable", "ifaction")
 _LONGEST_WAY = 1000  # through subsystems and tags
+_NESTED = 3  # physical buses in buses
 
 
 class Connections:
@@ -26,6 +27,7 @@ class Connections:
                 self._join_level(node)
             if node.kind == "Goto":
                 self._gotos.setdefault(node.text("GotoTag", "A"), []).append(node)
+        self._join_buses([node for node in expanded.nodes if node.kind == "SimscapeBus"])
 
     def net(self, node: Node, side: str, number: int = 1) -> Place:
         """Return the physical node that a port is part of; the same value for all ports on it.
@@ -140,6 +142,15 @@ class Connections:
                 self._join(labels.setdefault(node.text("Label", "A"), place), place)
             if node.block.commented == "through":
                 self._join((id(node), "lconn", 1), (id(node), "rconn", 1))
+
+    def _join_buses(self, buses: list[Node]) -> None:
+        """Join the elements on the left of physical buses that are one node on the right, by their names."""
+        for _ in range(_NESTED if buses else 0):
+            known: dict[tuple[Place, str], Place] = {}
+            for bus in buses:
+                for number, name in enumerate(bus.text("HierarchyStrings").split(";"), start=1):
+                    place = (id(bus), "lconn", number)
+                    self._join(known.setdefault((self._find((id(bus), "rconn", 1)), name.strip()), place), place)
 
     def _join_ports(self, owner: Node) -> None:
         if owner.is_on("Variant") and owner.children:

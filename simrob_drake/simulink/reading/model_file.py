@@ -237,7 +237,15 @@ class Libraries:
             system = found.system if found else None
         return found
 
-    def _find(self, name: str) -> Path | None:
+    def script(self, name: str) -> str:
+        """Return the text of a function's own file, ``name.m``; empty where it lies in no folder."""
+        file = self._find(name, (".m",))
+        try:
+            return "" if file is None else content_of(file, LARGEST_PART).decode("utf-8", "replace")
+        except NotRead:
+            return ""
+
+    def _find(self, name: str, suffixes: tuple[str, ...] = _SUFFIXES) -> Path | None:
         if "/" in name or "\\" in name or name.startswith("."):
             return None
         for folder in self._folders:
@@ -245,7 +253,7 @@ class Libraries:
                 sorted(child for child in folder.iterdir() if child.is_dir())[:_MOST_FOLDERS] if folder.is_dir() else []
             )
             for place in (folder, *below):
-                for suffix in _SUFFIXES:
+                for suffix in suffixes:
                     if (place / f"{name}{suffix}").is_file():
                         return place / f"{name}{suffix}"
         return None

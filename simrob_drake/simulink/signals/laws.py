@@ -113,7 +113,7 @@ def _at(value: Value, time: float) -> float:
         if isinstance(term.of, Primitive):
             inputs = [_at(one, time) for one in term.of.inputs()]
             written = {"kind": term.of.kind, **term.of.parameters, **({"of": [{}] * len(inputs)} if inputs else {})}
-            block = AS_WRITTEN.validate_python(written)
+            block = AS_WRITTEN.validate_python(written).law
             own = block.output(time, block.start, inputs)[term.index]
         total += factor * float(own)
     return total

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.reading.model_file import SCRIPT
+from simrob_drake.simulink.reading.model_file import SCRIPT, Libraries
 from simrob_drake.simulink.signals.arithmetic import MATH, OPERATORS, applied, chosen, compared, joined, table_of
 from simrob_drake.simulink.signals.forms import Form, Rule, Signal, SignalReader, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun, statements
 from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, evaluate, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
-_SIGNATURE = re.compile(r"function\s+(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
+_SIGNATURE = re.compile(r"function(?:\s+|(?=\[))(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
 _SEVERAL = re.compile(r"\[([^\]=]+)\]\s*=(?!=)\s*(.+)", re.DOTALL)
+_EQUALS = re.compile(r"(?<![=~<>!])=(?!=)")
 _CALL = re.compile(r"(\w+)\s*\((.*)\)\s*", re.DOTALL)
+_CALLED = re.compile(r"\b([A-Za-z]\w*)\s*\(")
 _MOST_CALLS = 50
 _ENDED = "return"  # where it is kept whether a function has returned
 _PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number
@@ -72,7 +75,9 @@ class Translation(CodeRun):
         }  # fmt: skip
 
     def _guarded(self, value: Value) -> Value:
-        for guard in self._guards if isinstance(value, Form) else ():
+        if not isinstance(value, Form):
+            return value or (1.0 if self._guards else value)
+        for guard in self._guards:
             value = chosen(guard, value, 1.0)
         return value
 
@@ -110,6 +115,11 @@ class Translation(CodeRun):
         """Do an assignment, of several outputs of a function, too."""
         several = _SEVERAL.fullmatch(text)
         call = _CALL.fullmatch(several[2]) if several else None
+        if several is None and not _EQUALS.search(text):
+            with suppress(NotUnderstood):
+                parse(text)
+                return  # an expression alone changes nothing
+            raise NotUnderstood(text[:60])
         if several is None:
             super().assign(text)
         elif call is None or call[1] not in self._functions:
@@ -179,11 +189,11 @@ class ScriptFunction(NamedTuple):
 
 
 def functions_of(code: str) -> dict[str, ScriptFunction]:
-    """Return the functions of a script by name, the first of them first."""
+    """Return the functions of a script by name, the first of them first; none of a script without."""
     lines = statements(re.sub(r"(function[^\n(]*\([^)]*\))", r"\1\n", code))
     starts = [place for place, line in enumerate(lines) if _SIGNATURE.match(line) and line.startswith("function")]
     found: dict[str, ScriptFunction] = {}
-    for begin, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+    for begin, end in pairwise([*starts, len(lines)]):
         signature = _SIGNATURE.match(lines[begin])
         assert signature is not None
         body = lines[begin + 1 : end]
@@ -193,6 +203,18 @@ def functions_of(code: str) -> dict[str, ScriptFunction]:
         several, one, name, inputs = signature.groups()
         found[name] = ScriptFunction(name, _split(inputs or ""), _names(several or one or ""), body)
     return found
+
+
+def _with_files(functions: dict[str, ScriptFunction], libraries: Libraries) -> dict[str, ScriptFunction]:
+    """Return functions with those that they call of files of their own."""
+    found, waiting = dict(functions), list(functions.values())
+    while waiting:
+        for name in dict.fromkeys(_CALLED.findall("\n".join(waiting.pop().body))):
+            if name not in found and name not in NUMBERS.functions and len(found) < _MOST_CALLS:
+                own = functions_of(libraries.script(name))
+                found = {**own, **found}
+                waiting += own.values()
+    return {**functions, **found}
 
 
 def _names(text: str) -> list[str]:
@@ -222,8 +244,8 @@ def _on_symbols(numeric: Callable[..., Any] | None, symbolic: Callable[..., Valu
 
     def function(*arrays: Any) -> Any:
         values = [matrix(array) for array in arrays]
-        if numeric is not None and not any(array.dtype == object for array in values):
-            return numeric(*values)
+        if numeric is not None and not any(isinstance(one, Form) for array in values for one in array.flat):
+            return numeric(*(array.astype(float) for array in values))
         return mapped(symbolic, *(array.astype(object) for array in values))
 
     return function
@@ -295,7 +317,7 @@ def _matlab_function(reader: SignalReader, node: Node, number: int) -> Signal | 
         return None
 
     def translated() -> list[Signal]:
-        functions = functions_of(code)
+        functions = _with_files(functions_of(code), reader.network.expanded.libraries)
         (main, *_) = functions.values()
         inports = [child for child in block.children.values() if child.kind == "Inport"]
         ports = {child.block.name: int(child.text("Port", "1") or "1") for child in inports}
@@ -332,8 +354,11 @@ def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Valu
     return flat(_understood(node, lambda: [signal([run._condition(text)])])[0])[0]
 
 
-def _over(node: Node, variables: Mapping[str, Signal]) -> Translation:
-    return Translation({name: _columns(values) for name, values in variables.items()}, node.workspace.lookup, {})
+def _over(
+    node: Node, variables: Mapping[str, Signal], functions: Mapping[str, ScriptFunction] | None = None
+) -> Translation:
+    known = {name: _columns(values) for name, values in variables.items()}
+    return Translation(known, node.workspace.lookup, functions or {})
 
 
 def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
@@ -342,10 +367,11 @@ def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
     values = reader.input(node)
     if node.kind == "Fcn":
         text = text.replace("[", "(").replace("]", ")")
-    elif text in FUNCTIONS:
+    own = ScriptFunction("", [], [], [f"{text}(u)" if text.isidentifier() else text])
+    functions = _with_files({"": own}, reader.network.expanded.libraries)
+    if text in FUNCTIONS or text in functions:
         text = f"{text}(u)"
-
-    run = _over(node, {"u": values})
+    run = _over(node, {"u": values}, functions)
     return _understood(node, lambda: [_as_signal(run._value(text))])[0] if text else None
 
 

@@ -5,6 +5,7 @@ What is outside the subset is passed over, and the names that it would have set 
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -16,7 +17,8 @@ from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 MOST_STEPS = 20_000  # statements of one piece of code
 
 _KEYWORD = re.compile(r"(if|elseif|else|end|for|while|switch|case|otherwise|try|catch|function|return|break)\b")
-_ASSIGNMENT = re.compile(r"([A-Za-z]\w*)((?:\.[A-Za-z]\w*)*)(\([^=]*\))?\s*=(?!=)\s*(.+)", re.DOTALL)
+_STEP = r"\.([A-Za-z]\w*)|\(((?:[^()=]|\([^()=]*\))*)\)"
+_ASSIGNMENT = re.compile(rf"([A-Za-z]\w*)((?:{_STEP})*)\s*=(?!=)\s*(.+)", re.DOTALL)
 _TARGETS = re.compile(r"(\[[^\]]*\]|[A-Za-z]\w*)[^=]*=(?!=)")
 _NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
 _OPENS = "if", "for", "while", "switch", "try", "function"
@@ -88,32 +90,33 @@ class CodeRun:
         match = _ASSIGNMENT.fullmatch(text)
         if match is None:
             raise NotUnderstood(text)
-        name, fields, index, value = match[1], match[2].split(".")[1:], match[3], self._value(match[4])
-        if index:
-            value = self._changed(name if not fields else "", index, value)
-        if not fields:
-            self.variables[name] = value
-        else:
-            target = dict(self._known_structure(name))
-            self.variables[name] = target
-            for field in fields[:-1]:
-                target[field] = dict(target[field]) if isinstance(target.get(field), dict) else {}
-                target = target[field]
-            target[fields[-1]] = value
+        name, steps = match[1], re.findall(_STEP, match[2])
+        known = self.variables.get(name)
+        if steps and steps[0][0] and known is None:
+            with suppress(UndefinedVariable):
+                known = self._lookup(name)
+        self.variables[name] = self._put(known, steps, self._value(match[5]))
         self.unknown.discard(name)
 
-    def _known_structure(self, name: str) -> dict[str, Any]:
-        try:
-            known = self._lookup(name)
-        except UndefinedVariable:
-            return {}
-        return known if isinstance(known, dict) else {}
+    def _put(self, known: Any, steps: list[tuple[str, str]], value: Any) -> Any:
+        """Return a value with the part replaced that fields and indices lead to."""
+        if not steps:
+            return value
+        (field, index), *rest = steps
+        if field:
+            structure = dict(known) if isinstance(known, dict) else {}
+            return structure | {field: self._put(structure.get(field), rest, value)}
+        if not rest and not isinstance(value, dict):
+            return self._changed(known, index, value)
+        several = list(known) if isinstance(known, list) else [known] if isinstance(known, dict) else []
+        (place,) = self._places(index, len(several))
+        several += [{} for _ in range(place + 1 - len(several))]
+        several[place] = self._put(several[place], rest, value)
+        return several if len(several) > 1 else several[0]
 
-    def _changed(self, name: str, index: str, value: Any) -> Any:
-        if not name:
-            raise NotUnderstood("an element of a field")
-        array = matrix(self._lookup(name)).copy() if name in self.variables else np.zeros((0, 0))
-        words = index[1:-1].split(",")
+    def _changed(self, known: Any, index: str, value: Any) -> Any:
+        array = np.zeros((0, 0)) if known is None else matrix(known).copy()
+        words = index.split(",")
         places = [
             np.arange(size) if word.strip() == ":" else self._places(word, size) for word, size in _paired(words, array)
         ]

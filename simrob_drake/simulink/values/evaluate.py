@@ -1,4 +1,7 @@
-"""The value of an expression, and the functions that it calls: matrices of shape (r, c), texts, structures (dict)."""
+"""The value of an expression, and the functions that it calls.
+
+Values are matrices of shape (r, c), texts, structures (dict), and lists of these.
+"""
 
 import math
 from collections.abc import Callable, Mapping
@@ -21,7 +24,7 @@ def matrix(value: Any) -> Vector:
     """
     if isinstance(value, str):
         raise NotUnderstood(f"uses the text '{value[:20]}' as a number")
-    if isinstance(value, dict):
+    if isinstance(value, dict | list):
         raise NotUnderstood("uses a structure as a number")
     symbolic = isinstance(value, np.ndarray) and value.dtype == object and all(map(_is_value, value.flat))
     array = np.atleast_2d(value if symbolic else np.asarray(value, dtype=float))
@@ -242,7 +245,7 @@ class _Evaluation:
             if name not in self._algebra.functions:
                 raise
         found = self._algebra.functions[name](*(self.value(argument) for argument in arguments))
-        return found if isinstance(found, str | dict) else matrix(found)
+        return found if isinstance(found, str | dict | list) else matrix(found)
 
     def _call(self, target: Expression, arguments: tuple[Expression, ...]) -> Any:
         if target.kind == "name":
@@ -252,8 +255,12 @@ class _Evaluation:
                 return self._named(target.parts[0], arguments)
         else:
             value = self.value(target)
-        if isinstance(value, dict | str):
-            return value  # of a single structure, (1) is itself
+        if isinstance(value, str):
+            return value
+        if isinstance(value, dict | list):
+            several = value if isinstance(value, list) else [value]
+            places = [self._index(argument, len(several)) for argument in arguments]
+            return several[int(max((place.reshape(-1)[0] for place in places), default=0))]
         return self._indexed(matrix(value), arguments)
 
     def _indexed(self, array: Vector, arguments: tuple[Expression, ...]) -> Vector:

@@ -138,10 +138,10 @@ def variables_of_mat(file: Path, option: str = "--variables") -> dict[str, Any]:
 
 
 def _plain(raw: Any) -> Any:
-    """Return a variable of a .mat file as a matrix, text or structure; None for objects."""
+    """Return a variable of a .mat file as a matrix, a text, or one or more structures; None for objects."""
     if isinstance(raw, np.ndarray) and raw.dtype.names:
-        first = raw.reshape(-1)[0] if raw.size else None
-        return {} if first is None else {name: _plain(first[name]) for name in raw.dtype.names}
+        several = [{name: _plain(one[name]) for name in raw.dtype.names} for one in raw.reshape(-1, order="F")]
+        return several if len(several) > 1 else several[0] if several else {}
     if isinstance(raw, np.ndarray) and raw.dtype.kind in "US":
         return "".join(str(part) for part in raw.reshape(-1))
     try:

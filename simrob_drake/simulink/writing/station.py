@@ -145,7 +145,7 @@ class StationWriter:
         if pieces:
             content["pieces"] = pieces
         if self._touching.floor:
-            content["floor"] = {"size": 10}
+            content["floor"] = {"size": 10, **self._terrain(name)}
         if self._touching.ends and not kinematic:
             sections = ContactSections(self._touching, self._files, self._model, self._gravity, self._names)
             content |= {"contact": sections.contact(), **sections.sensors()}
@@ -163,6 +163,13 @@ class StationWriter:
         content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}), measured)
         content["duration"] = duration
         return content
+
+    def _terrain(self, name: str) -> dict[str, Any]:
+        if (terrain := self._touching.terrain) is None:
+            return {}
+        file = self._folder / f"{name}_terrain.csv"
+        np.savetxt(file, terrain.heights, fmt="%.6g", delimiter=",")
+        return {"terrain": {**terrain.section, "file": file.name}}
 
     def _pushes(self) -> list[str]:
         """Return the ports of what External Force and Torque blocks apply; a force unless they tell."""

@@ -2,16 +2,19 @@
 
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform
 
+from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.parts.site import WORLD
+from simrob_drake.parts.terrain import MOST_BOXES
 from simrob_drake.simulink.mechanics.bodies import (
     CLOUD,
+    GRID,
     Bodies,
     ContactPair,
     ContactParameters,
@@ -33,13 +36,22 @@ _POINT, _MOST_POINTS = 1e-3, 100
 MOST_DISSIPATION = 50.0  # s/m: a contact that damps more does not bounce either way, and is hard to integrate
 
 
+class HeightField(NamedTuple):
+    """A grid of heights as the terrain of a floor."""
+
+    section: dict[str, Any]  # of the terrain, without its file
+    heights: Vector  # of its tiles, shape (rows along the way, columns from the left) [m]
+
+
 @dataclass
 class Touching:
     """The contacts of a station."""
 
     ends: list[tuple[ContactPair, tuple[RigidPart, Node], tuple[RigidPart, Node]]] = field(default_factory=list)
     """Bodies and solids of each contact."""
-    floor: bool = False  # whether a plane at z = 0 is one of the ends
+    floor: bool = False  # whether a plane at z = 0, or a grid of heights, is one of the ends
+    terrain: HeightField | None = None  # that grid
+    laid: Node | None = None  # its block
     slabs: dict[Node, SolidBody] = field(default_factory=dict)
     """Other planes and disks of the world, as what is under them, in the model's world."""
     colliding: set[Node] = field(default_factory=set)  # solids that touch
@@ -62,18 +74,68 @@ def read_touching(contacts: list[ContactPair], bodies: Bodies, network: Connecti
             touching.colliding.add(node)
         touching.ends.append((replace(contact, surface=surface), one, other))
         for body, node in (one, other):
-            if node.kind not in (_PLANE, "Disk"):
-                continue
-            pose = body.frames[network.net(node, "lconn")]
-            there = turn @ pose
-            flat = np.allclose(there.rotation().matrix()[:, 2], [0, 0, 1], atol=1e-6)
-            if not body.grounded:
-                node.findings.report.add("lost", contact.node.path, f"contact of {node.path}, a surface that moves")
-            elif node.kind == _PLANE and flat and abs(there.translation()[2]) < 1e-6:
-                touching.floor = True
-            elif node not in touching.slabs:
-                touching.slabs[node] = _slab(node, pose)
+            if node.kind in (_PLANE, "Disk", GRID):
+                _stand(touching, contact.node, node, body, turn, body.frames[network.net(node, "lconn")])
     return touching
+
+
+def _stand(
+    touching: Touching, contact: Node, node: Node, body: RigidPart, turn: RigidTransform, pose: RigidTransform
+) -> None:
+    """Take a surface as the floor, its terrain, or a piece of its own; one that moves is lost."""
+    there = turn @ pose
+    flat = bool(np.allclose(there.rotation().matrix()[:, 2], [0, 0, 1], atol=1e-6))
+    if not body.grounded:
+        contact.note("lost", f"contact of {node.path}, a surface that moves")
+    elif node.kind == GRID:
+        _lay(touching, node, there, flat=flat)
+    elif node.kind == _PLANE and flat and abs(there.translation()[2]) < 1e-6:
+        touching.floor = True
+    elif node not in touching.slabs:
+        touching.slabs[node] = _slab(node, pose)
+
+
+def _lay(touching: Touching, node: Node, pose: RigidTransform, *, flat: bool) -> None:
+    """Make a grid of heights in the world the terrain; one that is tilted, or a second one, is lost."""
+    try:
+        if touching.laid not in (None, node) or not flat:
+            raise node.refusal("is a second grid" if flat else "is tilted: only upright grids are read")
+        if touching.terrain is None:
+            touching.terrain = _field(node, pose)
+    except InvalidModel as problem:
+        node.lose(problem)
+        return
+    touching.laid, touching.floor = node, True
+
+
+def _field(node: Node, pose: RigidTransform) -> HeightField:
+    """Return an upright grid as level tiles, as small as a terrain may have them; around it the ground is at z = 0."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    x, y = (node.numbers(f"{axis}GridVector", "[0 1]", unit="m") for axis in "XY")
+    heights = node.matrix("ZHeights", "[0 0; 0 0]") * node.unit("ZHeights", "m")
+    if heights.shape != (x.size, y.size) or min(x.size, y.size) < 2 or min(np.diff(x).min(), np.diff(y).min()) <= 0:
+        raise node.refusal(f"has {' x '.join(map(str, heights.shape))} heights for {x.size} x {y.size} rising places")
+    turn = pose.rotation().matrix()
+    x0, y0, z0 = turn.T @ pose.translation()
+    surface = RegularGridInterpolator((x + x0, y + y0), heights + z0, bounds_error=False)
+    reach = float(np.abs(y + y0).max())
+    size = float(max(min(np.diff(x).min(), np.diff(y).min()), np.ptp(x) / MOST_BOXES, reach / MOST_BOXES))
+    while True:
+        rows, half = max(1, round(float(np.ptp(x)) / size)), max(1, round(reach / size))
+        along, across = x[0] + x0 + size * (np.arange(rows) + 0.5), size * (np.arange(2 * half)[::-1] - half + 0.5)
+        tiles = np.round(np.nan_to_num(surface(tuple(np.meshgrid(along, across, indexing="ij")))), 4)
+        if np.count_nonzero(np.diff(tiles, axis=1)) + rows <= MOST_BOXES:
+            break
+        size *= 1.05
+    corners = surface(tuple(np.meshgrid(along - size / 2, across - size / 2, indexing="ij")))
+    off = float(np.nanmax(np.abs(corners - tiles), initial=0.0))
+    node.note(
+        "approximated", f"level tiles of {size:.3g} m, off by up to {off:.2g} m; around it the ground is at z = 0"
+    )
+    section = {"kind": "grid", "size": size, "start": float(x[0] + x0)}
+    heading = float(np.rad2deg(np.arctan2(turn[1, 0], turn[0, 0])))
+    return HeightField(section | ({"heading_deg": heading} if heading else {}), tiles)
 
 
 def _slab(node: Node, pose: RigidTransform) -> SolidBody:
@@ -261,7 +323,7 @@ class ContactSections:
         if any(body in robot.links and not body.grounded for robot in self.files.robots.values()):
             named = self.files.named(body, RigidTransform())
             return named[0] if named and node in self.touching.standing else None
-        if node.kind == "Infinite Plane" and node not in self.touching.slabs:
+        if node is self.touching.laid or (node.kind == _PLANE and node not in self.touching.slabs):
             return "floor"
         free = next((name for tree, name in self.files.free.items() if tree.root is body), None)
         return free or self.files.groups.get(node.path.partition("/")[0]) or None

@@ -62,7 +62,7 @@ class RobotFile:
     """Pose of each link's frame in its body's first frame."""
     tools: dict[str, str] = field(default_factory=dict)  # names of frames on it
     pushed: str = ""  # the tool at which an external force acts; empty without
-    weightless: list[str] = field(default_factory=list)  # links that move and have no mass
+    weightless: list[str] = field(default_factory=list)  # links that move, and with what hangs on them have no mass
     mass: float = 0.0  # of all that moves [kg]
 
     def by_axis(self, values: Mapping[Freedom, float], prefix: str) -> dict[str, float]:
@@ -142,7 +142,9 @@ class UrdfWriter:
             moments = possible_moments(name, weight, self._report)
             set_inertia(link, mass=weight.mass, moments=moments, pose=RigidTransform(weight.com))
         else:
-            robot.weightless.append(name)
+            set_inertia(link, mass=_TINY, moments=[_TINY] * 3, pose=RigidTransform())
+            if not any(solid.weight.mass > 0 for behind in robot.tree.behind(body) for solid in behind.solids):
+                robot.weightless.append(name)
         for solid in body.solids:
             self._visual(link, solid, inverse @ solid.pose)
 

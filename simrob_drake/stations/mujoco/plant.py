@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
@@ -28,7 +27,8 @@ from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import weakly
 from simrob_drake.parts.site import StationPlant
-from simrob_drake.stations.mujoco.coordinates import Coordinates, Names
+from simrob_drake.robots.axis_map import in_a_row
+from simrob_drake.stations.mujoco.coordinates import Coordinates, Names, Places
 from simrob_drake.stations.mujoco.model import mujoco_model
 from simrob_drake.stations.mujoco.servos import Servos
 from simrob_drake.stations.resolve import ResolvedStation
@@ -80,14 +80,15 @@ class MujocoPlant(Block):
         bodies = [own.get_body(BodyIndex(index)) for index in range(own.num_bodies())]
         self._bodies = [0, *(made.model.body(names.body(body)).id for body in bodies[1:])]
         self._servos = Servos(plant, made.model, self._data, names)
-        self._qpos, self._qvel, self._guess = self._data.qpos, self._data.qvel, self._data.qacc_warmstart
+        self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
+        self._guess = self._data.qacc_warmstart
         self._nq, self._nv = own.num_positions(), own.num_velocities()
         self._motion = self.DeclareDiscreteState(own.GetPositionsAndVelocities(self._scratch))
         self._warm = self.DeclareDiscreteState(np.full(self._nv, _NOT_YET))
         self._latest: Step | None = None
         self._declare_ports()
-        self.DeclarePeriodicDiscreteUpdateEvent(station.time_step, 0.0, weakly(self._update))
-        self.DeclareInitializationDiscreteUpdateEvent(weakly(self._begin))
+        self.DeclarePeriodicDiscreteUpdateEvent(station.time_step, 0.0, self._update)
+        self.DeclareInitializationDiscreteUpdateEvent(self._begin)
 
     def _declare_ports(self) -> None:
         self._spatial = self.DeclareAbstractInputPort(
@@ -105,7 +106,7 @@ class MujocoPlant(Block):
             torque = self.DeclareDiscreteState(count)
             self.outputs[f"net_actuation.{name}"] = int(torque)
             applied = self.DeclareStateOutputPort(f"net_actuation.{name}", torque).get_index()
-            self._motors[instance] = _Motors(places, actuation, desired, applied, torque)
+            self._motors[instance] = _Motors(in_a_row(places), count, actuation, desired, applied, torque)
         tickets = {self.xd_ticket(), self.all_input_ports_ticket()}
         step = ValueProducer(allocate=Value[object]().Clone, calc=weakly(self._calc_step))
         self._step = self.DeclareCacheEntry("step", step, tickets).cache_index()  # the entry would keep the block
@@ -219,7 +220,7 @@ class MujocoPlant(Block):
             forces = self._coordinates.to_mujoco(turned)[nq:]
         torque = self._servos.step(desired, extra, forces, begun=applied is not None)
         there[:nq], there[nq:] = self._qpos, self._qvel
-        self._latest = Step(self._coordinates.state(there), self._data.qacc.copy(), torque)
+        self._latest = Step(self._coordinates.state(there), self._qacc.copy(), torque)
         return self._latest
 
     def _asked(self, context: Context) -> tuple[Vector, Vector | None]:
@@ -227,7 +228,7 @@ class MujocoPlant(Block):
         desired, extra = np.zeros(self._servos.count), None
         for motors in self._motors.values():
             if (asked := self.EvalVectorInput(context, motors.desired)) is not None:
-                desired[motors.places] = asked.value()[: len(motors.places)]
+                desired[motors.places] = asked.value()[: motors.count]
             if (more := self.EvalVectorInput(context, motors.actuation)) is not None:
                 extra = np.zeros(self._servos.count) if extra is None else extra
                 extra[motors.places] = more.value()
@@ -259,9 +260,10 @@ class MujocoPlant(Block):
 
 @dataclass(frozen=True)
 class _Motors:
-    """Of a model instance: its motors' places among the plant's, its ports, the discrete group of the torques."""
+    """Of a model instance: where its motors are among the plant's, how many, its ports, the torques' discrete group."""
 
-    places: npt.NDArray[np.intp]
+    places: Places | slice
+    count: int
     actuation: int
     desired: int
     applied: int

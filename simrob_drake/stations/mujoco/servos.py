@@ -22,6 +22,7 @@ from pydrake.multibody.tree import JointActuatorIndex
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationPlant
+from simrob_drake.robots.axis_map import in_a_row
 from simrob_drake.stations.mujoco.coordinates import Names
 
 _TOGETHER, _ROUNDS = 5, 100
@@ -49,6 +50,10 @@ class Servos:
         owners = np.array([int(motor.model_instance()) for motor in motors], np.intp)
         self.count = len(motors)
         self.instances = {owner: np.flatnonzero(owners == owner) for owner in dict.fromkeys(owners.tolist())}
+        self._servos = in_a_row(np.flatnonzero([own is not None for own in gains]))
+        self._angles = in_a_row(np.array([joint.qposadr[0] for joint in joints], np.intp))
+        self._driven = np.array([joint.dofadr[0] for joint in joints], np.intp)
+        self._speeds = in_a_row(self._driven)
         limits = [motor.effort_limit() if own else np.inf for motor, own in zip(motors, gains, strict=True)]
         self._limits = np.minimum(limits, _NO_LIMIT)
         self._stalls, self._slopes = np.full(self.count, _NO_LIMIT), np.zeros(self.count)
@@ -60,9 +65,6 @@ class Servos:
                 self._limits[own] = np.minimum(robot.gains.cap, _NO_LIMIT)
         self._has_lines = bool(self._slopes.any())
         self._kp, self._kd = (np.array([getattr(own, key) if own else 0.0 for own in gains]) for key in "pd")
-        self._servos = np.flatnonzero([own is not None for own in gains])
-        self._angles = np.array([joint.qposadr[0] for joint in joints], np.intp)
-        self._speeds = np.array([joint.dofadr[0] for joint in joints], np.intp)
         self._model, self._data = model, data
         self._qpos, self._qvel, self._control, self._applied = data.qpos, data.qvel, data.ctrl, data.qfrc_applied
 
@@ -101,7 +103,7 @@ class Servos:
         self._control[:] = desired[self._servos]
         self._applied[:] = forces
         if extra is not None:
-            np.add.at(self._applied, self._speeds, extra)
+            np.add.at(self._applied, self._driven, extra)
         (mujoco.mj_step2 if begun else mujoco.mj_step)(self._model, self._data)
         torque = self.torques(desired, extra)
         beyond = self._sides(torque) if self._has_lines else np.abs(torque) > self._limits
@@ -147,7 +149,7 @@ class Servos:
         self._give_gains(sides)
         self._applied[:] = forces
         ends = np.sign(sides) * np.where(np.abs(sides) == _LINE, self._stalls, self._limits)
-        np.add.at(self._applied, self._speeds, np.where(sides, ends, added))
+        np.add.at(self._applied, self._driven, np.where(sides, ends, added))
 
     def _give_gains(self, sides: Vector) -> None:
         """Give servos (m,) between their limits their gains, and those at their lines the slopes of these."""

@@ -19,12 +19,12 @@ from simrob_drake.teach.session import Session
 _PAUSE = 0.25
 """From one picture to the next [s]: more often costs, and shows no more."""
 _POINTS = 120  # of a curve: more than that does not show in it
-_POSE = 7  # numbers of a pose: of these the position is drawn
+POSE = 7  # numbers of a pose: of these the position is drawn
 _SAME = 1e-9  # s
 _AT_ONCE = 6  # curves of a signal that are drawn until others are chosen
 _LINES: dict[str, Any] = {"-": "solid", "--": "dashed", "-.": [6, 3, 1, 3], ":": "dotted"}
 """Kinds of line as ECharts calls them."""
-_AS_SHOWN = {"rad": ("°", 180 / pi), "rad/s": ("°/s", 180 / pi), "rad/s²": ("°/s²", 180 / pi)}
+AS_SHOWN = {"rad": ("°", 180 / pi), "rad/s": ("°/s", 180 / pi), "rad/s²": ("°/s²", 180 / pi)}
 """Units that are shown in others, and how many of these one is."""
 Row = tuple[float, Any]
 """A time [s], and the value of a signal then."""
@@ -103,13 +103,13 @@ class _Scope:
         self._session, self._name = session, signal
         about = next(one for one in session.description["signals"] if one["name"] == signal)
         title, chosen = _title(t, about), {only} if isinstance(only, str) else set(only)
-        unit, self._factor = _AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
+        unit, self._factor = AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
         self._drawn: object = None
         ui.add_css(".simrob-plot svg text {fill: currentColor !important}")
         names = dict(enumerate(map(Phrases(t, ()).axis, short(about["columns"]))))
         columns = enumerate(about["columns"])
         first = [number for number, column in columns if {column, column.rpartition(".")[2]} & chosen] or list(names)
-        first = first[: 3 if len(names) == _POSE else _AT_ONCE]
+        first = first[: 3 if len(names) == POSE else _AT_ONCE]
         with ui.column().classes("w-full gap-1") as self.element:
             with ui.row().classes("w-full items-center justify-between"):
                 ui.label(f"{title}{f' [{unit}]' if unit else ''}").classes("font-bold")

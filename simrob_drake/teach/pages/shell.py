@@ -11,7 +11,8 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.teach.pages import arm, gallery, legs, station, view
 from simrob_drake.teach.pages.elements import KEYS, allow, follow, icon_button, set_label, shortcuts
 from simrob_drake.teach.pages.move_list import ProgramTimeline
-from simrob_drake.teach.pages.words import Words, languages
+from simrob_drake.teach.pages.tour import Lessons
+from simrob_drake.teach.pages.words import Words, languages, words
 from simrob_drake.teach.pendant import Pendant
 from simrob_drake.teach.session import Session
 
@@ -29,12 +30,14 @@ def install(pendant: Pendant) -> None:
 
 
 def build(pendant: Pendant) -> None:
-    """Build the page into the present client."""
-    session, t = pendant.session, pendant.t
-    context.client.page.language = _QUASAR.get(pendant.language)
+    """Build the page into the present client, in the language that its address names."""
+    asked = context.client.request.query_params.get("language", "")
+    language = asked if asked in languages() else pendant.language
+    session, t = pendant.session, words(language)
+    context.client.page.language = _QUASAR.get(language)
     context.client.title = t("shell.title")
-    style, script = ((_FOLDER / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
-    ui.add_head_html(f"<style>{style}</style><script>{script}</script>")
+    style, *scripts = ((_FOLDER / name).read_text(encoding="utf-8") for name in ("page.css", "page.js", "blocks.js"))
+    ui.add_head_html(f"<style>{style}</style>{''.join(f'<script>{one}</script>' for one in scripts)}")
 
     def load(subject: str, robot: str | None = None) -> None:
         try:
@@ -57,11 +60,14 @@ def build(pendant: Pendant) -> None:
         gallery.build(session, t, load, take)
         _loaded(session, t, load)
         with ui.element("div").classes("pendant-tools"):
+            lessons = Lessons(pendant, t, language, load)
             _undo(session, t)
             _take_away(session, t)
-            _looks(pendant)
+            lessons.build_menu()
+            _looks(pendant, t, language)
             _help(t)
     _conflict(session, t)
+    lessons.build_strip()
     with ui.element("div").classes("pendant-main"):
         with ui.element("section").classes("pendant-plate pendant-see"):
             view.build(session, t)
@@ -129,22 +135,19 @@ def _take_away(session: Session, t: Words) -> None:
             ui.menu_item(t(f"shell.export_{kind}"), lambda kind=kind: take(kind))
 
 
-def _looks(pendant: Pendant) -> None:
-    """Build what changes the language, and light to dark; for all tabs, and those that come."""
+def _looks(pendant: Pendant, t: Words, spoken: str) -> None:
+    """Build what changes the language of this tab, and light to dark for those that come, too."""
     dark = ui.dark_mode(pendant.dark)
-
-    def speak(language: str) -> None:
-        pendant.speak(language)
-        _reload_all()
 
     def shade() -> None:
         pendant.dark = dark.value = not dark.value
 
     for language in languages():
-        button = ui.button(language.upper(), on_click=lambda _, to=language: speak(to)).props("flat dense")
-        set_label(button, pendant.t(f"shell.language_{language}"))
-        button.props["aria-pressed"] = "true" if language == pendant.language else "false"
-    icon_button("contrast", pendant.t("shell.shade"), shade, keys="Shift+L")
+        button = ui.button(language.upper()).props("flat dense")
+        button.on("click", js_handler=f"() => location.search = 'language={language}'")
+        set_label(button, t(f"shell.language_{language}"))
+        button.props["aria-pressed"] = "true" if language == spoken else "false"
+    icon_button("contrast", t("shell.shade"), shade, keys="Shift+L")
 
 
 def _help(t: Words) -> None:

@@ -5,18 +5,20 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Callable, Mapping, Sequence
-from html import unescape
 from typing import Any
 
 from nicegui import background_tasks, context, ui
 
+from simrob_drake.programs.timeline import GRID
 from simrob_drake.stations.load import station_content
 from simrob_drake.stations.schema import station_schema
-from simrob_drake.teach.describe import block_meaning
+from simrob_drake.teach.describe import BlockMeaning, block_meaning, wire_meaning
 from simrob_drake.teach.form import Field, as_text, form_fields
+from simrob_drake.teach.pages.block_picture import BlockPicture
 from simrob_drake.teach.pages.elements import card, follow
 from simrob_drake.teach.pages.form_view import FormView, tuners
-from simrob_drake.teach.pages.plots import scope
+from simrob_drake.teach.pages.phrases import Phrases
+from simrob_drake.teach.pages.plots import AS_SHOWN, POSE, as_list, at, scope, watch
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
@@ -24,6 +26,8 @@ _MOST_FOUND = 25  # fields that a search shows
 _MOST_SCOPES = 3
 _FEW = 6  # fields that a block shows unfolded
 _MOST_ENDINGS = 10
+_SHOWN = 0.25
+"""From one look at the values on the wires to the next [s]."""
 _PAUSE = 0.3
 """From a change to the question what it does [s]: meanwhile others may come, and another tab."""
 _TAB = "station"
@@ -45,9 +49,12 @@ class _Page:
         self._sections: dict[str, Callable[[list[Field]], None]] = {}
         self._panels = next((one for one in context.slot.parent.ancestors() if isinstance(one, ui.tab_panels)), None)
         self._asked = True
+        self._wires, self._shown_values = dict[str, BlockMeaning](), dict[str, str]()
         with card(t("station.blocks"), about=t("station.blocks_help")):
             self._wrong_picture = ui.label().classes("text-negative")
-            self._picture = BlockPicture(self._show_block, t("station.enlarge"))
+            self._picture = BlockPicture(t, self._show_block, self._show_wire)
+            self._values = ui.switch(t("station.values"), value=True, on_change=self._watch_wires).props("dense")
+            self._watching = ui.element("div")
         with card(t("station.block")):
             self._block = ui.column().classes("w-full gap-2")
         with card(t("station.stops")):
@@ -65,6 +72,8 @@ class _Page:
             self._panels.on_value_change(self._ask_if_seen)
         follow(session, self._refresh, "description")
         follow(session, self._hear, "message")
+        follow(session, self._mark_changes, "program")
+        ui.timer(_SHOWN, self._show_values)
 
     async def _give(self, key: str, value: Any) -> str:
         """Change a key of the station, while a run goes on that of the run; return what is wrong with it."""
@@ -106,12 +115,73 @@ class _Page:
         self._wrong_picture.text = "" if picture else self._t.of_engine(str(self._session.message))
         if picture:
             self._picture.show(picture)
+            self._watch_wires()
+            self._mark_changes()
         findings = await asyncio.wrap_future(self._session.setup.check())
         if self._findings.is_deleted:
             return
         self._findings.clear()
         with self._findings:
             self._show_findings(findings or [{"level": "warning", "subject": "", "text": str(self._session.message)}])
+
+    def _meaning(self, block: str) -> BlockMeaning:
+        return block_meaning(block, self._content, list(self._columns))
+
+    @property
+    def _columns(self) -> dict[str, list[str]]:
+        return {signal["name"]: signal["columns"] for signal in self._session.description.get("signals", ())}
+
+    def _watch_wires(self) -> None:
+        """Have the signals of the wires as long as their values are to be shown."""
+        names, ends = list(self._columns), self._picture.wires.items() if self._values.value else ()
+        self._wires = {number: wire_meaning(*end, self._content, names) for number, end in ends}
+        self._shown_values = dict.fromkeys(self._picture.wires, "")
+        self._picture.tell(self._shown_values)
+        self._watching.clear()
+        with self._watching:
+            signals = {name for wire in self._wires.values() for name in wire.signals[:1]}
+            watch(self._session, sorted(signals), ui.element("div"))
+
+    def _show_values(self) -> None:
+        """Write on the wires what their signals are at the moment that is shown."""
+        if self._panels is not None and self._panels.value != _TAB:
+            return
+        run, values = self._session.run, dict[str, str]()
+        about = {signal["name"]: signal for signal in self._session.description.get("signals", ())}
+        for number, wire in self._wires.items():
+            name = next(iter(wire.signals), "")
+            value = at(run.history.get(name, ()), run.time)
+            if value is not None and name in about:
+                values[number] = in_brief(as_list(value), about[name], wire.axis)
+        if values.items() - self._shown_values.items():
+            self._shown_values |= values
+            self._picture.tell(values)
+
+    def _mark_changes(self) -> None:
+        """Mark the blocks of which something was changed while they ran."""
+        keys = {key for change in self._session.book.changes for key in change.set or ()}
+        self._picture.mark({block for key in keys for block in self._made_by(key)})
+
+    def _made_by(self, key: str) -> list[str]:
+        """Return the blocks that a key makes: those that show it, where some do."""
+        labels, name = self._picture.labels, key.rpartition(".")[2]
+        holding = [block for block in labels if self._meaning(block).holds(key)]
+        return [block for block in holding if name in re.findall(r"\w+", labels[block])] or holding
+
+    def _show_wire(self, number: str) -> None:
+        """Show what goes along a wire."""
+        source, targets = self._picture.wires[number]
+        names = [self._picture.labels.get(block, block).partition("\n")[0] for block in (source, *targets)]
+        wire = wire_meaning(source, targets, self._content, list(self._columns))
+        self._block.clear()
+        with self._block:
+            ui.label(f"{names[0]} → {', '.join(names[1:])}").classes("font-bold")
+            self._scopes(wire)
+
+    def _scopes(self, meaning: BlockMeaning) -> None:
+        for name in meaning.signals[:_MOST_SCOPES]:
+            own = (column for column in self._columns[name] if meaning.axis and column.endswith(f".{meaning.axis}"))
+            scope(self._session, self._t, name, only=next(own, ""))
 
     def _show_findings(self, findings: Sequence[Mapping[str, str]]) -> None:
         """Show the warnings, and behind them, folded, what is in order."""
@@ -207,16 +277,33 @@ class _Page:
             if not block:
                 ui.label(self._t("station.choose_block")).classes("opacity-70")
                 return
-            columns = {signal["name"]: signal["columns"] for signal in self._session.description["signals"]}
-            meaning = block_meaning(block, self._content, list(columns))
+            meaning = self._meaning(block)
             ui.label(self._picture.labels.get(block, block)).classes("font-bold whitespace-pre-line")
             fields = [field for field in self._fields if meaning.holds(field.key)]
-            for name in meaning.signals[:_MOST_SCOPES]:
-                own = (column for column in columns[name] if meaning.axis and column.endswith(f".{meaning.axis}"))
-                scope(self._session, self._t, name, only=next(own, ""))
+            grid = self._session.book.program.grid or GRID
+            for change in self._session.book.changes:
+                if any(map(meaning.holds, change.set or ())):
+                    ui.label(Phrases(self._t, ()).change(change, grid)).classes("text-sm block-change")
+            self._scopes(meaning)
             tuners(fields, self._give)
             with ui.expansion(self._t("station.parameters"), value=len(fields) <= _FEW).classes("w-full"):
                 FormView(self._t, self._give).show(fields)
+
+
+def in_brief(value: Sequence[float], about: Mapping[str, Any], axis: str = "") -> str:
+    """Return the value of a signal as it stands on a wire: that of an axis, a place, or the largest of several."""
+    unit, factor = AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
+    own = (number for number, column in enumerate(about["columns"]) if axis and column.endswith(f".{axis}"))
+    if (number := next(own, None)) is not None:
+        return _short(value[number] * factor)
+    if len(value) == POSE:
+        return f"{' '.join(f'{one:.2f}' for one in value[:3])} {unit}"
+    largest = _short(max(value, key=abs, default=0.0) * factor)
+    return f"{'max ' if len(value) > 1 else ''}{largest} {unit}".strip()
+
+
+def _short(value: float) -> str:
+    return f"{round(value, 3) + 0.0:.3g}"
 
 
 def _show_finding(finding: Mapping[str, str], icon: str, called: str) -> None:
@@ -230,96 +317,3 @@ def _show_finding(finding: Mapping[str, str], icon: str, called: str) -> None:
 def _field_text(field: Field) -> str:
     name = field.key.rpartition(".")[2].removesuffix("_deg").replace("_", " ")
     return f"{name} {as_text(field.value)} {field.unit}".strip()
-
-
-_NODE = re.compile(r'<g class="node"><title>(.*?)</title>(.*?)</g>', re.DOTALL)
-_TEXT = re.compile(r"<text[^>]*>(.*?)</text>")
-_WIDTH = re.compile(r'<svg ([^>]*width="(\d+)")')
-_CHOOSE = """(event) => {
-    const node = event.target.closest('[data-block]');
-    if (!node || (event.type === 'keydown' && event.key !== 'Enter' && event.key !== ' ')) return;
-    event.preventDefault();
-    emit(node.dataset.block);
-}"""
-_ENLARGE = """(event) => {
-    const picture = event.target.closest('.block-picture');
-    document.fullscreenElement ? document.exitFullscreen() : picture.requestFullscreen();
-}"""
-_LOOK = """
-.block-picture {overflow: auto}
-.block-picture svg {width: 100%; height: auto; display: block; margin: auto}
-.block-picture:fullscreen {background: #fff}
-.block-picture:fullscreen svg {min-width: 0 !important}
-.body--dark .block-picture:fullscreen {background: #191919}
-.block-picture .q-btn {position: sticky; left: calc(100% - 3rem)}
-.block-picture .node {cursor: pointer; outline: none}
-.block-picture .node:hover > path:first-of-type {stroke-width: 2}
-.block-picture .node:focus-visible > path:first-of-type,
-.block-picture .chosen > path:first-of-type {stroke: #d81b60; stroke-width: 3}
-.body--dark .block-picture svg {filter: invert(0.9) hue-rotate(180deg)}
-"""
-
-
-class BlockPicture:
-    """The picture of a station's blocks, of which one is chosen; it can be as large as the screen.
-
-    Attributes:
-        labels: what stands in each block, by its name.
-        chosen: the name of the block that is marked; empty for none.
-    """
-
-    def __init__(self, on_choice: Callable[[str], object], enlarge: str) -> None:
-        """Make an empty picture.
-
-        Args:
-            on_choice: is told the name of a block that the user chooses.
-            enlarge: what the button is called that shows it as large as the screen.
-        """
-        self.labels: dict[str, str] = {}
-        self.chosen = ""
-        self._svg = ""
-        self._on_choice = on_choice
-        ui.add_css(_LOOK)
-        with ui.element("div").classes("block-picture w-full"):
-            whole = ui.button(icon="fullscreen").props(f'flat round dense aria-label="{enlarge}"').tooltip(enlarge)
-            whole.on("click", js_handler=_ENLARGE)
-            self._place = ui.html("")
-        self._place.on("click", lambda event: self.choose(event.args), js_handler=_CHOOSE)
-        self._place.on("keydown", lambda event: self.choose(event.args), js_handler=_CHOOSE)
-
-    def show(self, svg: str) -> None:
-        """Show a drawing, with the same block chosen as before if it is there."""
-        self._svg, self.labels = svg, labels_of(svg)
-        self.choose(self.chosen if self.chosen in self.labels else "")
-
-    def choose(self, block: str) -> None:
-        """Mark a block, and tell of it."""
-        self.chosen = block
-        self._place.set_content(with_buttons(self._svg, block))
-        self._on_choice(block)
-
-
-def labels_of(svg: str) -> dict[str, str]:
-    """Return what stands in the blocks that have words, by their names."""
-    texts = {unescape(name): _TEXT.findall(inner) for name, inner in _NODE.findall(svg)}
-    lines = {name: [unescape(line).strip() for line in found] for name, found in texts.items()}
-    return {name: "\n".join(filter(None, found)) for name, found in lines.items() if any(found)}
-
-
-def with_buttons(svg: str, chosen: str = "") -> str:
-    """Return a drawing whose blocks say that they are buttons; bars, which say nothing, are none.
-
-    It is as wide as its place, but never so small that it cannot be read, nor larger than twice as it was drawn.
-    """
-    labels = labels_of(svg)
-
-    def button(found: re.Match[str]) -> str:
-        name = found[1]
-        if unescape(name) not in labels:
-            return found[0]
-        mark, pressed = (" chosen", "true") if unescape(name) == chosen else ("", "false")
-        attributes = f'data-block="{name}" tabindex="0" role="button" aria-pressed="{pressed}"'
-        return found[0].replace('<g class="node">', f'<g class="node{mark}" {attributes}>')
-
-    sized = _WIDTH.sub(r'<svg style="min-width: calc(0.9 * \2px); max-width: calc(2 * \2px)" \1', svg, count=1)
-    return _NODE.sub(button, sized)

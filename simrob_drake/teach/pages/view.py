@@ -16,7 +16,13 @@ _FRAME = "view-frame"
 
 def build(session: Session, t: Words) -> None:
     """Build the view of a session's run."""
-    place = ui.element("div").classes("pendant-view")
+    with ui.element("div").classes("pendant-view") as place:
+        opening = ui.label(t("why.opening")).classes("pendant-opening")
+
+    def tell() -> None:
+        opening.set_visibility(session.phase == "opening")
+
+    follow(session, tell, "phase")
 
     async def show() -> None:
         can = await ui.run_javascript("window.hasWebGL()", timeout=10.0)

@@ -25,6 +25,8 @@ ENTRIES = [
     {"go": {"ahead": 0.1}},
     {"act": "bow"},
     {"act": {"name": "bow", "repeat": 2}},
+    {"kick": {}},
+    {"kick": {"ball": "ball", "speed": 0.5, "foot": "left_foot"}},
     {"attach": "parcel"},
     {"attach": {"piece": "parcel", "tool": "left_hand"}},
     {"release": {"piece": "parcel", "fixed": True}},

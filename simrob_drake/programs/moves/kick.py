@@ -1,0 +1,100 @@
+"""A kick of a ball, which flies by the contact alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import ConfigDict
+
+from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.programs.gaits.kick import Kick
+from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.geometry import LeggedGeometry
+from simrob_drake.programs.legged_gait import perform, planned_gait
+from simrob_drake.programs.moves.move import Move, Outlook, Stage, naming
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.sections import Number, Positive
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.resolve import resolve
+
+
+class KickMove(Move):
+    """A foot that swings through a ball; keys beside these are parameters of the gait in place of the gait's own."""
+
+    model_config = ConfigDict(extra="allow")
+    key: ClassVar[str] = "kick"
+    title: ClassVar[str] = "Kick"
+    of_arms: ClassVar[bool] = False
+    form: ClassVar[Mapping[str, str | float | None]] = {"ball": "pieces", "speed": None}
+
+    ball: str | None = None
+    """The piece to hit in its middle, seen when the kick begins; unless given the foot swings through the air."""
+    toward: tuple[Number, Number] | None = None
+    """The place in the world to which the ball shall go [m]; where the robot looks unless given."""
+    speed: Positive | None = None
+    """Of the foot when it meets the ball [m/s]; the gait's own unless given."""
+    gait: str = Kick.usual
+    """One of the kicks of the robot's `gaits.yaml`."""
+
+    def caption(self, *, robots: bool = False) -> str:
+        """Return which ball."""
+        return f"kick {self.ball}" if self.ball else "kick"
+
+    def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
+        """Check that the robot can swing its foot so, and return the stage that aims it when its turn comes."""
+        self.swing(robot, outlook.station, {})
+        if self.ball is not None:
+            self._radius(outlook.station)
+
+        def go(robot: LeggedGeometry) -> SimulationResult:
+            with naming(name):
+                motion = self.swing(robot, robot.cell.config, self.aim(robot))
+            return replace(perform(robot, motion), did=self.caption())
+
+        return go
+
+    def swing(self, robot: LeggedGeometry, station: StationConfig, aim: Mapping[str, Any]) -> JointMotion:
+        """Plan the kick through the point of an aim.
+
+        Raises:
+            InvalidParameter: a speed at which a joint would turn faster than its motor does without load.
+            SimrobError: as :meth:`simrob_drake.LeggedRobot.act`.
+        """
+        own = {} if self.speed is None else {"speed": self.speed}
+        motion = planned_gait(robot, self.gait, {**aim, **own, **(self.model_extra or {})}, station=station)
+        limits, fastest = resolve(station).robots[robot.name].speed_limits, np.abs(motion.velocities).max(axis=0)
+        worst = int((fastest / limits).argmax())
+        if fastest[worst] > limits[worst]:
+            raise InvalidParameter(
+                "speed of the kick", "the gait's" if self.speed is None else f"{self.speed:g} m/s",
+                f"slower: {robot.axes[worst]} would turn at {fastest[worst]:.2f} rad/s, and can at {limits[worst]:.2f}",
+            )  # fmt: skip
+        return motion
+
+    def aim(self, robot: LeggedGeometry) -> dict[str, Any]:
+        """Return foot, point and direction of the gait for where robot and ball are now; nothing without a ball."""
+        if self.ball is None:
+            return {}
+        walker, cell = Walker.of(robot.model), robot.cell
+        return Kick.of(walker, self.gait, self.model_extra or {}).aimed(
+            walker,
+            robot.base_pose.GetAsMatrix4(),
+            robot.position,
+            ball=cell.frame(self.ball).translation()[:2],
+            radius=self._radius(cell.config),
+            toward=None if self.toward is None else np.array(self.toward),
+        )
+
+    def _radius(self, station: StationConfig) -> float:
+        """Return the radius of the ball [m]."""
+        name = str(self.ball)
+        one_of("piece", name, station.pieces)
+        piece = resolve(station).pieces[name]
+        radii = [shape.sphere for shape in piece.model.shapes if shape.sphere is not None]
+        if not piece.free or len(radii) != 1:
+            raise InvalidParameter("ball", name, "a free piece whose shape is a sphere")
+        return radii[0]

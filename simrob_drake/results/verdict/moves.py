@@ -1,0 +1,135 @@
+"""What became of each move that a run was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simrob_drake.results.verdict.judge import AT_LIMIT, torque_shares
+from simrob_drake.results.verdict.verdict import in_words
+
+if TYPE_CHECKING:
+    from simrob_drake.results.record.run import AskedMove, RecordedRun
+    from simrob_drake.stations.solver_config import VerdictConfig
+
+_LOOKS = 41  # at a move, for what comes near
+_SOON = 1e-6  # s
+
+
+@dataclass(frozen=True)
+class MoveVerdict:
+    """What was asked of a move against what became of it.
+
+    Attributes:
+        move: what it is called, such as ``move 3 (move_l)``.
+        robot: whose it is.
+        begin, end: when it began, and when it ended or was stopped [s].
+        reached: it went to its end, and that was near enough to its target.
+        position_error, orientation_error: how far the tool ended from its target [m, rad].
+        following_error: how far the tool was from where it should have been at most [m].
+        torque_time: for how long an axis was at its limit of torque, of the axis that was so longest [s].
+        speed, asked_speed: the largest of the tool, and the one that was asked for [m/s]; None if none was.
+        distance, nearest: the closest that the robot and what it carries came to anything else [m], and what to what;
+            None where nothing could be met. What touched at the start, or stays as far, does not count.
+        warnings: what passes its bound, in words.
+    """
+
+    move: str
+    robot: str
+    begin: float
+    end: float
+    reached: bool
+    position_error: float
+    orientation_error: float
+    following_error: float
+    torque_time: float
+    speed: float
+    asked_speed: float | None
+    distance: float | None
+    nearest: str
+    warnings: tuple[str, ...] = ()
+
+    def later(self, begin: float) -> MoveVerdict:
+        """Return it as of a run that begins so late [s]."""
+        return replace(self, begin=self.begin + begin, end=self.end + begin)
+
+    def summary(self) -> dict[str, Any]:
+        """Return it for ``summary.json``."""
+        return {key: value for key, value in asdict(self).items() if key != "warnings"}
+
+
+def judge_move(run: RecordedRun, asked: AskedMove) -> MoveVerdict:
+    """Return what became of a move that a run was asked for, from its samples."""
+    last = min(int(np.searchsorted(run.times, asked.duration - _SOON)), len(run.times) - 1)
+    times, rows = run.times[: last + 1], slice(0, last + 1)
+    tool, should = (asked.tool(run.axes(signal, asked.robot)[rows]) for signal in ("q", "q_ref"))
+    target = asked.tool(asked.end[np.newaxis])[0]
+    places = tool[:, :3, 3]
+    speeds = np.linalg.norm(np.gradient(places, times, axis=0), axis=1) if last else np.zeros(1)
+    cosine = (np.trace(tool[-1, :3, :3].T @ target[:3, :3]) - 1) / 2
+    at_limit = torque_shares(run, run.plant.robots[asked.robot])[rows] > AT_LIMIT
+    distance, nearest = asked.approach(run.positions_at(np.linspace(0.0, times[-1], _LOOKS)))
+    stopped = run.stop_time < asked.duration - _SOON
+    bound = run.config.verdict.move_end
+    position_error = float(np.linalg.norm(places[-1] - target[:3, 3]))
+    whose = f" of {asked.robot}" if len(run.plant.robots) > 1 else ""
+    found = MoveVerdict(
+        move=f"{asked.place} ({asked.kind or 'move'}{whose})",
+        robot=asked.robot,
+        begin=0.0,
+        end=min(asked.duration, run.stop_time),
+        reached=not stopped and (bound == "none" or position_error <= bound),
+        position_error=position_error,
+        orientation_error=float(np.arccos(np.clip(cosine, -1.0, 1.0))),
+        following_error=float(np.linalg.norm(places - should[:, :3, 3], axis=1).max()),
+        torque_time=float(at_limit.mean(axis=0).max() * times[-1]),
+        speed=float(speeds.max()),
+        asked_speed=asked.speed,
+        distance=distance if np.isfinite(distance) else None,
+        nearest=nearest,
+    )
+    return replace(found, warnings=tuple(_warnings(found, run.config.verdict, stopped=stopped)))
+
+
+def _warnings(found: MoveVerdict, bounds: VerdictConfig, *, stopped: bool) -> Iterator[str]:
+    """Yield what passes its bound; where a move that was stopped ended is no fault of it."""
+    if bounds.move_end != "none" and found.position_error > bounds.move_end and not stopped:
+        yield _sentence(found, f"ends {in_words(found.position_error, 'm')} beside its target", bounds.move_end, "m")
+    if bounds.move_following != "none" and found.following_error > bounds.move_following:
+        yield _sentence(found, f"was {in_words(found.following_error, 'm')} off its way", bounds.move_following, "m")
+    if bounds.move_speed != "none" and found.asked_speed is not None and not stopped:
+        share = found.speed / found.asked_speed
+        if share < bounds.move_speed:
+            reached = f"reaches {found.speed:.3g} of {found.asked_speed:.3g} m/s"
+            yield _sentence(found, reached, bounds.move_speed, "1")
+    if bounds.move_distance != "none" and found.distance is not None and found.distance < bounds.move_distance:
+        near = f"comes within {in_words(found.distance, 'm')}, {found.nearest}"
+        yield _sentence(found, near, bounds.move_distance, "m")
+
+
+def _sentence(found: MoveVerdict, what: str, bound: float, unit: str) -> str:
+    return f"{found.move} {what} (bound {in_words(bound, unit)})"
+
+
+def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
+    """Return headings, and a line for each move; figures with the units that users read."""
+    table = [["move", "end [s]", "reached", "beside", "following", "at torque limit", "speed of asked", "nearest"]]
+    for move in moves:
+        asked = "" if move.asked_speed is None else f" of {move.asked_speed:.3g}"
+        near = "" if move.distance is None else f"{1e3 * move.distance:z.0f} mm {move.nearest}"
+        table.append(
+            [
+                move.move,
+                f"{move.end:.2f}",
+                "yes" if move.reached else "no",
+                f"{1e3 * move.position_error:.1f} mm",
+                f"{1e3 * move.following_error:.1f} mm",
+                f"{move.torque_time:.2f} s",
+                f"{move.speed:.3g}{asked} m/s",
+                near,
+            ]
+        )
+    return table

@@ -1,0 +1,46 @@
+// The picture of blocks: zoomed by buttons, by + - 0 and by the wheel with Ctrl, moved by dragging; values stand on wires.
+window.blocks = (() => {
+  const box = (target) => target.closest(".block-picture");
+  const zoom = (target, factor, { clientX, clientY } = {}) => { // 0 fits all of it
+    const place = box(target);
+    const svg = place.querySelector("svg");
+    if (!svg) return;
+    const { left, top, width, height } = svg.getBoundingClientRect();
+    const [own, tall] = [+svg.getAttribute("width"), +svg.getAttribute("height")];
+    const room = document.fullscreenElement ? innerHeight : 0.6 * innerHeight;
+    const to = factor ? (factor * width) / own : Math.min(place.clientWidth / own, room / tall);
+    const x = clientX ?? left + width / 2;
+    const y = clientY ?? top + height / 2;
+    const by = (Math.min(Math.max(to, 0.1), 6) * own) / width;
+    place.style.setProperty("--zoom", (width / own) * by);
+    place.classList.add("zoomed");
+    place.scrollBy((x - left) * (by - 1), (y - top) * (by - 1));
+  };
+  const wheel = (event) => {
+    if (!event.ctrlKey) return; // else the page scrolls
+    event.preventDefault();
+    zoom(event.target, Math.exp(-event.deltaY / 400), event);
+  };
+  const key = (event) => {
+    const factor = { "+": 1.25, "-": 0.8, 0: 0 }[event.key];
+    if (factor !== undefined) zoom(event.target, factor);
+  };
+  const choose = (event, emit) => {
+    const found = event.target.closest("[data-block], [data-wire]");
+    if (!found || (event.type === "keydown" && event.key !== "Enter" && event.key !== " ")) return;
+    event.preventDefault();
+    emit(found.dataset.block ?? "", found.dataset.wire ?? "");
+  };
+  const enlarge = ({ target }) => (document.fullscreenElement ? document.exitFullscreen() : box(target).requestFullscreen());
+  const drag = (event) => {
+    if (event.buttons !== 1 || event.target.closest("button")) return;
+    box(event.target).scrollBy(-event.movementX, -event.movementY);
+  };
+  const values = (texts) => {
+    for (const [wire, text] of Object.entries(texts)) {
+      const place = document.querySelector(`.block-picture [data-value="${wire}"]`);
+      if (place) place.textContent = text;
+    }
+  };
+  return { zoom, wheel, key, choose, enlarge, drag, values };
+})();

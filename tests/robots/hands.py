@@ -1,0 +1,52 @@
+"""Hands of boxes on a gantry, as URDF texts, on which grasps, gains and first stations are tried."""
+
+from collections.abc import Mapping
+
+LINK = """<link name="{name}"><inertial><origin xyz="{com}"/><mass value="{mass}"/>
+  <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial>{shapes}</link>"""
+BOX = """<collision><origin xyz="{at}" rpy="{turn}"/><geometry><box size="{size}"/></geometry></collision>"""
+JOINT = """<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
+  <origin xyz="{at}" rpy="{turn}"/><axis xyz="{axis}"/>
+  <limit lower="{low}" upper="{high}" effort="{effort}" velocity="2"/>{more}</joint>"""
+PAD = {"stalk": ("0.02 0.01 0.06", "0 {side}0.013 0.03"), "pad": ("0.02 0.01 0.02", "0 {side}0.005 0.07")}
+
+
+def box(size: str, at: str = "0 0 0", turn: str = "0 0 0") -> str:
+    """Return a box that collides."""
+    return BOX.format(size=size, at=at, turn=turn)
+
+
+def link(name: str, *shapes: str, mass: float = 0.1, com: str = "0 0 0") -> str:
+    """Return a link that weighs something."""
+    return LINK.format(name=name, shapes="".join(shapes), mass=mass, inertia=mass * 1e-3, com=com)
+
+
+def joint(name: str, parent: str, child: str, **own: object) -> str:
+    """Return a joint, sliding along x by up to 0.5 m unless told otherwise."""
+    usual: Mapping[str, object] = {
+        "kind": "prismatic", "at": "0 0 0", "turn": "0 0 0", "axis": "1 0 0", "low": -0.5, "high": 0.5, "effort": 200,
+        "more": "",
+    }  # fmt: skip
+    return JOINT.format(name=name, parent=parent, child=child, **{**usual, **own})
+
+
+def finger(side: str, *, follows: str = "", effort: float = 20, y: str = "") -> str:
+    """Return a finger that slides by 40 mm: its stalk stands back 8 mm behind the face of its pad, 60 to 80 mm out."""
+    sign = "" if side == "left" else "-"
+    shapes = [box(size, at.format(side=sign)) for size, at in PAD.values()]
+    more = f'<mimic joint="{follows}"/>' if follows else ""
+    moves = {"axis": f"0 {sign}1 0", "low": 0, "high": 0.04, "effort": effort, "more": more}
+    return link(side, *shapes, mass=0.05, com=f"0 {sign}0.01 0.03") + joint(f"{side}_slide", "palm", side, **moves)
+
+
+def gantry(*fingers: str, turn: str = "3.14159265358979 0 0") -> str:
+    """Return a robot that carries a palm along x and z, its fingers down; those follow each other unless given."""
+    parts = [
+        link("base", box("0.1 0.1 0.1", "0 0 0.65"), mass=5),
+        link("carriage", mass=2),
+        link("palm", box("0.06 0.12 0.04", "0 0 -0.02"), mass=0.5),
+        joint("along", "base", "carriage", at="0 0 0.4"),
+        joint("lift", "carriage", "palm", axis="0 0 1", turn=turn, low=-0.3, high=0.35, at="0 0 0"),
+    ]
+    hand = fingers or (finger("left"), finger("right", follows="left_slide"))
+    return f'<robot name="gantry">{"".join([*parts, *hand])}</robot>'
