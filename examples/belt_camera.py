@@ -19,7 +19,7 @@ from simrob_drake.programs.plan import Plan
 
 Array = npt.NDArray[np.float64]
 
-STATION = Path(__file__).with_suffix(".yaml")
+STATION = Path(__file__).parent / "stations" / "belt_camera.yaml"
 PARTS, APART = 4, 0.06  # how many, and at least so far from each other along the belt [m]
 TOP, EDGE = 0.16, 0.05  # height of the belt, and how far from its middle parts lie at most [m]
 MIDDLE = 0.37  # x of the belt's middle [m]

@@ -1,8 +1,8 @@
 """What README and docs say is so: their scripts, stations, commands and links.
 
 Every block of Python is a script of its own. Every block of YAML tells in its first line what it is: ``station.yaml``,
-``robot.yaml``, ``piece.yaml``, ``program.yaml``, ``study.yaml`` or ``task.yaml``, or what is changed in a station of
-the package: ``# irb120_dynamic.yaml, changed``. The commands of a block run one after the other.
+``robot.yaml``, ``piece.yaml``, ``program.yaml``, ``study.yaml``, ``task.yaml`` or ``lesson.yaml``, or what is changed
+in a station of the package: ``# irb120_dynamic.yaml, changed``. The commands of a block run one after the other.
 """
 
 import re
@@ -21,6 +21,7 @@ from simrob_drake.results.animation.robot_view import RobotView
 from simrob_drake.robots.catalog import load_robot_file, robot_names
 from simrob_drake.robots.pieces import described_piece, weighed
 from simrob_drake.stations.checks import check_station
+from simrob_drake.teach.tours import tours
 from simrob_drake.tuning.study import Study
 from simrob_drake.yaml_files import parse_yaml
 
@@ -111,6 +112,7 @@ LOADERS: dict[str, Callable] = {
     "study.yaml": Study.read,
     "task.yaml": task_of,
     "signals.yaml": Signals.load,
+    "lesson.yaml": lambda file: tours(file.parent)[-1].steps,
 }
 
 

@@ -276,7 +276,7 @@ def test_the_window_shows_moves_and_draws_the_way_of_the_tool(kinematic):
     assert url.startswith("http://127.0.0.1:")
     kinematic.move_abs_j([0.2, 0, 0, 0, 1.5, 0], duration=0.2)
     window = kinematic.cell._window
-    (told,) = json.loads(window._window.news({"scene": 1, "poses": 0})[len("data:") :])[-1:]
+    (told,) = json.loads(window._window.news({"scene": 1, "poses": 0}).partition(b"data: ")[2])[-1:]
     assert b"/drake/tool_path/robot/0" in base64.b64decode(told)
     assert urllib.request.urlopen(url, timeout=5).status == 200
     kinematic.attach("weight", pose=[0.0] * 6)
