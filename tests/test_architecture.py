@@ -71,10 +71,11 @@ def place(module: str) -> int:
     return ROAD.index("base" if room in BASE else room)
 
 
+@cache
 def imported(file: Path) -> set[str]:
-    tree = parsed(file)
-    froms = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
-    plain = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    nodes = list(ast.walk(parsed(file)))
+    froms = {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module}
+    plain = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
     return froms | plain
 
 

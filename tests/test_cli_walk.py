@@ -79,6 +79,7 @@ def test_an_unknown_act_is_answered_with_those_that_there_are(capsys):
     assert "there is no act of humanoid 'walk'; known: bow, crouch" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_walk_can_be_watched(tmp_path, capsys):
     arguments = ["walk", "roid1_dynamic", "--steps", "2", "--live", "--no-recording", "--out", "r"]
     assert run_command(arguments) == 0

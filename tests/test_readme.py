@@ -30,6 +30,9 @@ READMES = sorted(ROOT.glob("README*.md"))
 TEXTS = [*READMES, ROOT / "CONTRIBUTING.md", *sorted(ROOT.glob("docs/**/*.md"))]
 PAGES = {str(page.relative_to(ROOT)): page.read_text() for page in TEXTS}
 
+LONG = ("README.md 2",)
+"""The command line in one block, half a minute of it."""
+
 each_page = pytest.mark.parametrize("page", PAGES)
 each_readme = pytest.mark.parametrize("page", [page.name for page in READMES])
 
@@ -45,8 +48,8 @@ def fenced(language):
 
 
 def marks_of(name):
-    """Blocks of Spanish pages are those of their English twins, but for words: they run with the long."""
-    return [pytest.mark.long] if name.startswith(("README.es", "docs/es/")) else []
+    """What takes long runs with the long; so do blocks of Spanish pages, which are those of their English twins."""
+    return [pytest.mark.long] if name.startswith(("README.es", "docs/es/")) or name in LONG else []
 
 
 @pytest.fixture

@@ -48,10 +48,11 @@ def names(tree: ast.AST) -> Iterator[tuple[str, int]]:
                 yield name, getattr(node, "lineno", 0)
 
 
-def words(name: str) -> set[str]:
+@cache
+def words(name: str) -> frozenset[str]:
     """Return which words of the list a name has."""
     parts = f"_{name.strip('_').lower()}_"
-    return {word for word in INSTEAD if f"_{word}_" in parts}
+    return frozenset(word for word in INSTEAD if f"_{word}_" in parts)
 
 
 def found(module: str) -> list[str]:

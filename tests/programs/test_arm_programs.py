@@ -171,7 +171,7 @@ def everything(arm, form=list):
 
 
 class TestFiles:
-    @pytest.mark.parametrize("mode", ["kinematic", "dynamic"])
+    @pytest.mark.parametrize("mode", ["kinematic", pytest.param("dynamic", marks=pytest.mark.long)])
     def test_a_script_and_its_file_give_equal_signals(self, mode, tmp_path, request):
         arm = request.getfixturevalue(mode)
         arm.wait(0.05)  # it begins in a state

@@ -77,7 +77,8 @@ def test_a_robot_with_a_tool_has_three_pictures(result, tmp_path):
         assert 0.01 < (picture[:, :, :3].min(axis=2) < 0.9).mean() < 0.5  # neither blank nor black
 
 
-@pytest.mark.parametrize("kind", ["svg", pytest.param("pdf", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["svg", "pdf"])
 def test_plots_are_lines_where_that_is_asked_for_and_the_same_twice(kind, result, tmp_path):
     first, second = (save_plots(result, tmp_path / folder, kind) for folder in "ab")
     assert [file.name for file in first] == [f"position.{kind}", f"torque.{kind}", f"tcp.{kind}"]

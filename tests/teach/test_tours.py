@@ -81,6 +81,7 @@ def follow(tour, session, *deeds):
         progress.go(1)
 
 
+@pytest.mark.long
 def test_an_arm_moves(session):
     mass, limit = ("pieces.load.mass", 5), ("servo.torque_limit", 10)
     follow(LESSONS[0], session, ["play"], [mass], ["play"], [limit, "play"])
@@ -91,6 +92,7 @@ def test_a_controller_does_away_with_an_error(session):
     follow(LESSONS[1], session, ["play"], [*stiff, "play"], [*integral, "play"])
 
 
+@pytest.mark.long
 def test_contact_and_force(session):
     hard = [("monitors.stop", None), ("monitors.hard", {"kind": "force_limit", "limit": 40})]
     follow(LESSONS[2], session, ["play"], [("contact.stiffness", 20000), "play"], ["play"], [*hard, "play"])

@@ -49,6 +49,7 @@ def in_sight(page, *names):
     return [name for name, (right, bottom) in ends.items() if right > SIZE["width"] or bottom > SIZE["height"]]
 
 
+@pytest.mark.long
 def test_all_that_teaches_is_in_sight_and_files_are_dropped_on_the_page(page, humanoid):
     opened(page, humanoid)
     assert in_sight(page, "2. Test", "3. Add", "4. Simulate", "Discard move", "Robots and stations") == []
