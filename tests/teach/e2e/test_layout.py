@@ -83,5 +83,8 @@ def test_axe_finds_nothing_serious(page, humanoid, theme):
         tab.click()
         page.mouse.move(5, 5)
         expect(page.locator(".q-tooltip")).to_have_count(0)
-        found = page.evaluate("axe.run(document, { resultTypes: ['violations'], iframes: false })")["violations"]
+        # the library's own bar is there for moments, while something is asked of the server
+        found = page.evaluate(
+            "axe.run({ exclude: ['.q-loading-bar'] }, { resultTypes: ['violations'], iframes: false })"
+        )["violations"]
         assert json.dumps([one["nodes"] for one in found if one["impact"] in BAD]) == "[]"
