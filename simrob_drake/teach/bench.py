@@ -305,7 +305,7 @@ class Bench:
         rows = np.linspace(0, len(result.times) - 1, min(len(result.times), _ROWS)).round().astype(int)
         times, places = begun + result.times[rows], {name: place for place, name in enumerate(result.names)}
         return {
-            signal: (times, result.values[np.ix_(rows, [places[name] for name in columns])].astype(np.float32))
+            signal: (times, result.values[rows][:, [places[name] for name in columns]].astype(np.float32))
             for signal, columns in self._columns.items()
             if places.keys() >= set(columns)
         }
