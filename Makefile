@@ -16,11 +16,14 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: $(READY)  ## run the main job and print where its recording is
 	$(BIN)/simrob demo
 
+# A worker that dies is not replaced: pytest-xdist 3.8 may wait for the work of the new one for ever (its issue 1378).
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --max-worker-restart 0
+
 test: $(TOOLS)  ## run all tests, or those of TESTS=...
-	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile $(TESTS)
+	$(PYTEST) $(TESTS)
 
 test-long: $(TOOLS)  ## run those tests that take long or repeat themselves
-	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --timeout 1200 -m long $(TESTS)
+	$(PYTEST) --timeout 1200 -m long $(TESTS)
 
 lint: $(TOOLS)
 	$(BIN)/ruff check .

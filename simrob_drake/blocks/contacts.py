@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -89,6 +89,21 @@ class Contacts:
 
 
 _NOTHING = np.zeros(3)
+
+
+def pressing(results: ContactResults | Contacts) -> Iterator[tuple[GeometryId, GeometryId]]:
+    """Yield the pairs of shapes that press on each other, without a look at each face as in :meth:`Contacts.of`."""
+    if isinstance(results, Contacts):
+        yield from (pair for pair, force in zip(results.pairs, results.forces, strict=True) if force.any())
+        return
+    for index in range(results.num_point_pair_contacts()):
+        point = results.point_pair_contact_info(index)
+        if point.contact_force().any():
+            yield point.point_pair().id_B, point.point_pair().id_A
+    for index in range(results.num_hydroelastic_contacts()):
+        info = results.hydroelastic_contact_info(index)
+        if info.F_Ac_W().translational().any():
+            yield info.contact_surface().id_M(), info.contact_surface().id_N()
 
 
 class ContactReader(Block):

@@ -14,7 +14,7 @@ from simrob_drake.errors import one_of
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.state import State
-from simrob_drake.results.record.touch import Touch
+from simrob_drake.results.record.touch import Event, Touch, onsets
 from simrob_drake.signals import Panel, Signal
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.poses import VELOCITY_NAMES
@@ -157,6 +157,11 @@ class RecordedRun:
     def touch(self) -> Touch:
         """What touched what, at samples of the run."""
         return Touch.of(self.config, self.plant, self.times, self.positions_at, self.context)
+
+    @cached_property
+    def onsets(self) -> list[Event]:
+        """When bodies began to touch that were apart, in words."""
+        return [] if self.contacts_at is None else list(onsets(self.plant, self.step_times, self.contacts_at))
 
     @property
     def units(self) -> dict[str, str]:

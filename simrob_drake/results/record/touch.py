@@ -1,12 +1,12 @@
-"""How deep bodies were in each other, and how far feet slid: by positions alone, at sampled moments of a run.
+"""When bodies began to touch; how deep they were in each other, and how far feet slid, by positions at sampled moments.
 
-Shapes are asked for points of overlap, whatever the contact model is: a surface of pressure is as deep as its bodies
-are in each other.
+For depths, shapes are asked for points of overlap, whatever the contact model is: a surface of pressure is as deep as
+its bodies are in each other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
@@ -14,8 +14,10 @@ from operator import attrgetter
 import numpy as np
 import numpy.typing as npt
 from pydrake.geometry import GeometryId, QueryObject
+from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context
 
+from simrob_drake.blocks.contacts import pressing
 from simrob_drake.frames import Vector
 from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.site import StationPlant, StationRobot
@@ -24,6 +26,34 @@ from simrob_drake.stations.config import StationConfig
 
 FASTEST = 50.0
 """How often it is looked what touches, at most [Hz]: a look takes some 50 µs, half as much as a robot that stands."""
+
+
+_LOOKS = 4000  # at most so many steps of a run are asked what touches what
+_APART = 0.1  # s that two bodies are apart before they touch again: what trembles touches once
+
+Event = tuple[float, str]
+"""When [s], and what in a few words."""
+
+
+def onsets(
+    station: StationPlant, step_times: Vector, contacts_at: Callable[[Vector], Iterator[ContactResults]]
+) -> Iterator[Event]:
+    """Yield when bodies begin to touch that were apart, but for those that touch from the start."""
+    steps = step_times[:: -(-len(step_times) // _LOOKS)]
+    touched: dict[frozenset[str], float] = {}
+    before: set[frozenset[str]] = set()
+    for time, results in zip(steps.tolist(), contacts_at(steps), strict=True):
+        pairs = {frozenset(_body(station, shape) for shape in pair) for pair in pressing(results)}
+        for pair in sorted(pairs - before, key=sorted):
+            if time > 0 and time - touched.get(pair, -np.inf) > _APART:
+                yield time, f"{' on '.join(sorted(pair - {'world'}))} touches"
+        touched |= dict.fromkeys(pairs, time)
+        before = pairs
+
+
+def _body(station: StationPlant, shape: GeometryId) -> str:
+    frame = station.scene_graph.model_inspector().GetFrameId(shape)
+    return str(station.plant.GetBodyFromFrameId(frame).name())
 
 
 @dataclass(frozen=True)
