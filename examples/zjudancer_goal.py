@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import sys
 from math import degrees
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from simrob_drake import LeggedRobot, load_station
-from simrob_drake.yaml_files import read_yaml
 
 Vector = npt.NDArray[np.float64]
 WIDTH, FAR = 0.6, 0.7  # of the goal, and from the ball to it [m]
@@ -25,7 +23,6 @@ NEAR = np.array([0.015, 0.015, 3.0])  # how exactly: ahead, to the side [m], tur
 STEP = np.array([0.06, 0.02, 5.0])  # the most that a step goes ahead and to the side [m], and turns [deg]
 LOOKS, STEPS = 8, 6  # most looks in all, and most steps between two
 RADIUS = 0.0335  # of the ball [m]
-MOTORS = Path(__file__).parent / "loops" / "zjudancer_on_motors.yaml"
 
 
 def places(seed: int) -> tuple[Vector, Vector, Vector]:
@@ -47,7 +44,7 @@ def robot_before(ball: Vector, goal: Vector, way: Vector) -> LeggedRobot:
     }
     pieces["ball"] = {"model": "tennis_ball", "free": True, "pose": [*ball, RADIUS, 0, 0, 0], "contact": surface}
     feet = {"robot.feet": "soles", "contact.model": "hydroelastic_with_fallback"}  # their flat front aims best
-    motors = read_yaml(MOTORS)["servo"]["motor"]
+    motors = load_station("zjudancer_walking").servo.motor
     return LeggedRobot(load_station("zjudancer_dynamic", {**feet, "servo.motor": motors, "pieces": pieces}))
 
 

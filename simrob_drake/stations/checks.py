@@ -269,7 +269,7 @@ def _motor_findings(robot: StationRobot) -> list[Finding]:
             stall, speed = motor.line
             text = f"{stall:.3g} {unit.effort} at rest, {speed:.3g} {unit.si}/s without load"
             text += f", {motor.peak_torque:g} {unit.effort} by its current" if motor.peak_torque else ""
-            text += f", {motor.rated_torque:g} {unit.effort} for ever" if motor.rated_torque else ""
+            text += f", {motor.rated_torque:g} {unit.effort} continuously" if motor.rated_torque else ""
             kinds.setdefault(f"{text} ({motor.source or 'figures of the station'})", []).append(axis)
     return [Finding("note", f"motors of {robot.name}", f"{listed(axes)}: {text}") for text, axes in kinds.items()]
 
@@ -277,7 +277,7 @@ def _motor_findings(robot: StationRobot) -> list[Finding]:
 def _for_ever(robot: StationRobot, axis: int, torque: float) -> str:
     """Return a warning where a torque is more than a motor may give for ever; empty otherwise."""
     rated, unit = rated_torques(robot.motors)[axis], robot.model.units[axis].effort
-    return f"; its motor gets too warm: it may give {rated:g} {unit} for ever" if abs(torque) > rated else ""
+    return f"; its motor gets too warm: it may give {rated:g} {unit} continuously" if abs(torque) > rated else ""
 
 
 def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Reference | None) -> list[Finding]:

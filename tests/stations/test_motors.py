@@ -171,8 +171,8 @@ def test_peaks_and_heat_are_told(joint: Path) -> None:
 def test_check_tells_motors_and_what_warms_them(joint: Path) -> None:
     config = load_station(joint, {"gravity": 9.8, "robot.base": [0, 0, 1, 0, 0, 1.5707963], "servo.motor": "mx_28"})
     found = "\n".join(f"{finding.subject}: {finding.text}" for finding in check_station(config))
-    assert "motors of robot: joint_1: 3.1 N·m at rest, 7.02 rad/s without load, 0.62 N·m for ever (e-manual" in found
-    assert "its motor gets too warm: it may give 0.62 N·m for ever" in found
+    assert "motors of robot: joint_1: 3.1 N·m at rest, 7.02 rad/s without load, 0.62 N·m continuously (" in found
+    assert "its motor gets too warm: it may give 0.62 N·m continuously" in found
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,6 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.files import diagrams_root
 from simrob_drake.folders import alone_in
-from simrob_drake.robots.catalog import load_robot
 from simrob_drake.sections import validated
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.tuning import study_folder
@@ -29,7 +28,6 @@ from simrob_drake.tuning.rollout import measures
 from simrob_drake.tuning.search import Enough, search
 from simrob_drake.tuning.study import Method, Study
 from simrob_drake.tuning.study_folder import PROOF, TRIALS, StudyFolder, winner_of
-from simrob_drake.walking.parameters import load_walking
 from tests.tuning.here import Here
 
 PENDULUM = {
@@ -155,13 +153,14 @@ def test_seeds_may_draw_robots_and_floors_and_places_of_a_list_may_vary():
     vary = {f"{EDGE}.1": {"low": 0, "high": 0.02}}
     study = Study(**{**PENDULUM, **changed, "station": "roid1_walking", "vary": vary})
     thought = load_station("roid1_walking")
+    own = thought.controllers["walk"].gait["feedback"]
     for case in study.cases({f"{EDGE}.1": 0.004}, study.search):
         config = case.scene().config
         told = drawn(thought, case.seed)
         assert config.robots["robot"].mass_factors == told["robot.mass_factors"]
         assert config.contact.friction.static == told["contact.friction"]["static"]
         measured = config.controllers["walk"].walking(resolve(config).robots["robot"])
-        assert measured.feedback.zmp_limit == (load_walking(load_robot("roid1")).feedback.zmp_limit[0], 0.004)
+        assert measured.feedback.zmp_limit == (own["zmp_limit"][0], 0.004)
     with pytest.raises(SimrobError, match=r"feedback.zmp_limit"):
         load_station("roid1_walking", {f"{EDGE}.2": 0.004})
 

@@ -253,7 +253,10 @@ def test_the_same_again_and_from_the_middle() -> None:
         ({"controllers.walk.gait": {"step_tyme": 0.3}}, "step_time"),
         ({"controllers.walk.gait": {"foothold": {"inner": 0.3}}}, "beyond foothold.inner"),
         ({"controllers.walk.gait": {"groups": [["right_foot"], ["left_fot"]]}}, "left_foot"),
-        ({"robot.model": "irb120", "robot.base": [0, 0, 0, 0, 0, 0], "robot.initial_deg": 0}, "feet of its own"),
+        (
+            {"robot.model": "irb120", "robot.base": [0] * 6, "robot.initial_deg": 0, "servo.motor": None},
+            "feet of its own",
+        ),
     ],
 )
 def test_what_cannot_be_is_told(settings: dict[str, Any], told: str) -> None:
