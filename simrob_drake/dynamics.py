@@ -6,8 +6,6 @@ are the torques of the motors: inertia with that of their rotors, centrifugal an
 Coulomb friction. Drake computes M, C v, g and Jacobians.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
@@ -78,7 +76,7 @@ class Dynamics:
             plant.SetPositions(self._context, positions)
 
     @classmethod
-    def of_robot(cls, robot: str | Path | RobotModel, tool: str | None = None) -> Dynamics:
+    def of_robot(cls, robot: str | Path | RobotModel, tool: str | None = None) -> "Dynamics":
         """Return the dynamics of a robot alone.
 
         Args:

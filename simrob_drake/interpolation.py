@@ -3,8 +3,6 @@
 Every function takes the part of the way, 0 at the start and 1 at the end, as a number or as an array of k of them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,7 +69,7 @@ class Arc:
     angle: float
 
     @classmethod
-    def through(cls, start: npt.ArrayLike, middle: npt.ArrayLike, end: npt.ArrayLike, name: str = "the arc") -> Arc:
+    def through(cls, start: npt.ArrayLike, middle: npt.ArrayLike, end: npt.ArrayLike, name: str = "the arc") -> "Arc":
         """Return the arc from ``start`` through ``middle`` to ``end``, each (3,) [m]; messages call it ``name``.
 
         Raises:

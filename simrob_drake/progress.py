@@ -1,7 +1,5 @@
 """What long work says of itself, on the error stream and only where somebody watches: a bar, and notes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from time import monotonic
@@ -22,7 +20,7 @@ def note(text: str, *, shown: bool) -> None:
         console.print(text, soft_wrap=True)
 
 
-def _console() -> Console:
+def _console() -> "Console":
     from rich.console import Console
 
     return Console(stderr=True, markup=False, emoji=False, highlight=False)

@@ -1,7 +1,5 @@
 """What touches what, made once for all that look at it, with what force, and the distances between shapes."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -40,7 +38,7 @@ class Contacts:
     normals: Vector
 
     @classmethod
-    def of(cls, results: ContactResults | Contacts) -> Contacts:
+    def of(cls, results: "ContactResults | Contacts") -> "Contacts":
         """Return the contacts of Drake's contact results; those of another engine are contacts already."""
         if isinstance(results, Contacts):
             return results
@@ -64,7 +62,7 @@ class Contacts:
         return cls(pairs, *np.array(rows).reshape(-1, 4, 3).transpose(1, 0, 2))
 
     @classmethod
-    def together(cls, moments: Sequence[Contacts]) -> Contacts:
+    def together(cls, moments: "Sequence[Contacts]") -> "Contacts":
         """Return the contacts of several moments, one behind the other."""
         arrays = ([getattr(each, name) for each in moments] for name in ("points", "forces", "moments", "normals"))
         return cls([pair for each in moments for pair in each.pairs], *map(np.vstack, arrays))

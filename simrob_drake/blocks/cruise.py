@@ -8,8 +8,6 @@ where a trapezoid has no jerk time a / j. On a way too short for the acceleratio
 for the speed, v is what fits: :math:`v\,T_r = L`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -63,7 +61,7 @@ class TimeLaw:
         ways = np.concatenate([self.at(times, piece) for piece, times in enumerate(looks)])
         return np.asarray(np.interp(parts, ways / ways[-1], np.concatenate(looks)))
 
-    def slower(self, factor: float) -> TimeLaw:
+    def slower(self, factor: float) -> "TimeLaw":
         """Return the same motion in ``factor`` times the time."""
         powers = factor ** -np.arange(self.coefficients.shape[1], dtype=float)
         return TimeLaw(self.breaks * factor, self.coefficients * powers)

@@ -1,7 +1,5 @@
 """A station in other engines: ``simrob export`` writes it as MJCF, ``simrob compare`` holds their runs together."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """What `simrob import` and `simrob check` do with a Simulink model, `simrob fmu`, and `simrob serve`."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from contextlib import suppress
@@ -211,21 +209,21 @@ def serve(
         listening.serve_forever()
 
 
-def _stepped(station: str, settings: list[str] | None, step: float | None) -> StationConfig:
+def _stepped(station: str, settings: list[str] | None, step: float | None) -> "StationConfig":
     from simrob_drake.simulink.stepping.station import with_fixed_steps
 
     config = station_from(station, settings)
     return config if step is None else with_fixed_steps(config, step)
 
 
-def _tell(model: SimulinkModel) -> None:
+def _tell(model: "SimulinkModel") -> None:
     joints = len(model.bodies.links)
     counts = f"{len(model.expanded.nodes)} blocks, {len(model.bodies.bodies)} bodies, {joints} joints"
     console.print(report_table(model.report))
     say(f"{model.path.name}: {counts}; {model.report.summary()}")
 
 
-def compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
+def compare_with_log(config: "StationConfig", log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
     """Hold logged signals of the original against a station's, in numbers and pictures."""
     from simrob_drake.simulink.logs import NUMBERS, compare, read_log, save_differences
 

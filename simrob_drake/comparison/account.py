@@ -9,8 +9,6 @@ It is one figure for a quantity and a run: of its largest component at its worst
 method for uniform reporting of grid refinement studies, J. Fluids Eng. 116 (1994).)
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -68,7 +66,7 @@ class Account:
     ended: str = ""
 
     @classmethod
-    def of(cls, name: str, fine: SimulationResult, coarse: SimulationResult) -> Account:
+    def of(cls, name: str, fine: SimulationResult, coarse: SimulationResult) -> "Account":
         """Return the account of two runs."""
         exact, rough = quantities(fine), quantities(coarse)
         common = together(fine.times, coarse.times)
@@ -230,7 +228,7 @@ def _title(what: Quantity) -> str:
     return f"{f'{whose}: ' if whose else ''}{words} [{what.unit}]"
 
 
-def _draw(axes: Axes, first: Account, other: Account, what: Quantity, error: float, colour: str) -> None:
+def _draw(axes: "Axes", first: Account, other: Account, what: Quantity, error: float, colour: str) -> None:
     common = together(first.times, other.times)
     distances = apart(first.values[what][:common], other.values[what][:common])
     least = max(error, float(distances.max())) * _SMALLEST  # a logarithm knows no zero

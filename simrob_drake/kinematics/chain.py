@@ -1,7 +1,5 @@
 """Joints given by their screws, what they carry in many postures at once, and the chain of them from base to tool."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -159,7 +157,7 @@ class Chain(Screws):
         return f"<Chain of {len(self.names)} axes: {', '.join(self.names)}>"
 
     @classmethod
-    def of_robot(cls, model: RobotModel, tool: str | None = None) -> Chain:
+    def of_robot(cls, model: RobotModel, tool: str | None = None) -> "Chain":
         """Return the chain from a robot's root link to one of its tools, the first unless named.
 
         Raises:
@@ -187,7 +185,7 @@ class Chain(Screws):
         tool: Frame,
         signs: npt.ArrayLike | None = None,
         names: Sequence[str] | None = None,
-    ) -> Chain:
+    ) -> "Chain":
         """Extract the chain between two frames of a finalized plant.
 
         Args:
@@ -232,7 +230,7 @@ class Chain(Screws):
             in_plant=ChainInPlant(plant, tuple(joints), in_plant, base, tool, np.eye(4)),
         )
 
-    def with_tool(self, pose: Targets) -> Chain:
+    def with_tool(self, pose: Targets) -> "Chain":
         """Return the chain to another tool centre point, given as one pose in this chain's tool frame."""
         matrix = one_pose(pose, "tool")
         return replace(self, home=self.home @ matrix, in_plant=replace(self.in_plant, tcp=self.in_plant.tcp @ matrix))

@@ -7,8 +7,6 @@ three steps has two answers: shoulder, elbow and wrist. (The subproblems of Pade
 A Mathematical Introduction to Robotic Manipulation, 1994, §3.3.)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -58,7 +56,7 @@ class SixAxisArm:
     home: Vector  # pose of the tool at zero, shape (4, 4)
 
     @classmethod
-    def of(cls, chain: Chain) -> SixAxisArm:
+    def of(cls, chain: Chain) -> "SixAxisArm":
         """Recognise the geometry in a chain.
 
         Raises:

@@ -1,7 +1,5 @@
 """What solvers of inverse kinematics have in common: how they are asked, what they give back, and why there is none."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -75,7 +73,7 @@ class Solutions:
         reached: np.ndarray[Any, np.dtype[np.bool_]],
         iterations: np.ndarray[Any, np.dtype[np.int64]],
         why: Callable[[int], str],
-    ) -> Solutions:
+    ) -> "Solutions":
         """Return solutions with these errors (k, 6); ``why`` tells of a row that is not reached what is in the way."""
         return cls(
             positions=positions,
@@ -87,7 +85,7 @@ class Solutions:
         )
 
     @classmethod
-    def joined(cls, parts: Sequence[Solutions]) -> Solutions:
+    def joined(cls, parts: "Sequence[Solutions]") -> "Solutions":
         """Return the solutions of one batch from those of its pieces, in order."""
         arrays = [field.name for field in fields(cls)[:-1]]
         whole: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}

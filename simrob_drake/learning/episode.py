@@ -1,7 +1,5 @@
 """A station with a policy's place that is stepped one control period at a time: built once, begun often."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

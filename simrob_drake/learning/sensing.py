@@ -1,7 +1,5 @@
 """What a policy may observe and ask for, as spaces of Gymnasium; and what encoders and IMUs of k robots tell it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 

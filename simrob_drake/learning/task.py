@@ -1,7 +1,5 @@
 """What is to be learnt, as a YAML file says it: a station with a policy's place, rewards, and what is random."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -140,7 +138,7 @@ class Task(Strict):
             one_of(f"key of the task, for grows.{key}", name, known if number else _GROWING)
             section = section[name] if isinstance(section, dict) else getattr(section, name)
 
-    def at(self, steps: float, returned: float) -> Task:
+    def at(self, steps: float, returned: float) -> "Task":
         """Return the task as it stands after so many steps, at a mean return."""
         task = self
         for key, growth in self.grows.items():

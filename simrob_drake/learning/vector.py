@@ -4,8 +4,6 @@ Each robot is stepped by itself. What the policy observes is what encoders and I
 at the same moments as in :mod:`simrob_drake.learning.environment`; rewards are of what is true.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal

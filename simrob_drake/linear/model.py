@@ -1,7 +1,5 @@
 r"""A linear model with names: x' = A x + B u, y = C x + D u, all of them differences from where it was made."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -117,7 +115,7 @@ class LinearModel:
         resolvents = 2j * np.pi * found[:, np.newaxis, np.newaxis] * np.eye(len(self.A)) - self.A
         return np.asarray(self.C @ np.linalg.solve(resolvents, self.B.astype(complex)) + self.D)
 
-    def part(self, *, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> LinearModel:
+    def part(self, *, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> "LinearModel":
         """Return the model between some of its ports.
 
         Args:
@@ -183,7 +181,7 @@ def _places(kind: str, names: Sequence[str] | None, known: tuple[str, ...]) -> l
     return places
 
 
-def bode_figure(model: LinearModel, pairs: Sequence[tuple[str, str]] | None = None) -> Figure:
+def bode_figure(model: LinearModel, pairs: Sequence[tuple[str, str]] | None = None) -> "Figure":
     """Draw magnitude [dB] and phase [deg] over frequency [Hz].
 
     Args:

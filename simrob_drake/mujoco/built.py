@@ -1,7 +1,5 @@
 """A station that is built in MuJoCo: what MJCF cannot say of one, its model, its controls, and what it tells."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -163,7 +161,7 @@ class BuiltStation:
         integrator: str | None = None,
         seen: bool = False,
         moved_by_torque: bool = True,
-    ) -> BuiltStation:
+    ) -> "BuiltStation":
         """Build a station; the arguments are those of :func:`~simrob_drake.stations.mujoco.model.mujoco_model`.
 
         Raises:

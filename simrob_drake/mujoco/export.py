@@ -1,7 +1,5 @@
 """Write a station as an MJCF file that MuJoCo loads by itself, with its meshes and controls beside."""
 
-from __future__ import annotations
-
 import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path

@@ -3,8 +3,6 @@
 Steps are made in C from the first to the last, of many runs on several threads; what they tell is read afterwards.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter

@@ -3,8 +3,6 @@
 Everything that asks how high something is over the ground, or which way is up from it, asks here.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 

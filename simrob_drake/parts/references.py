@@ -1,7 +1,5 @@
 """What a robot is asked to do over time: the kinds of reference that a station file can name."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from itertools import pairwise
 from pathlib import Path
@@ -106,7 +104,7 @@ class Ramp(ToOnePosture):
     """How long the speed grows at the start, and falls at the end [s]; at once unless given."""
 
     @model_validator(mode="after")
-    def _blends_apart(self) -> Ramp:
+    def _blends_apart(self) -> "Ramp":
         if self.blend and not self.blend < self.duration / 2:
             raise ValueError(f"blend, {self.blend:g} s, must be less than half of the duration, {self.duration:g} s")
         return self
@@ -202,7 +200,7 @@ class Sequence(ReferenceSection):
     """Postures and their times, which rise."""
 
     @model_validator(mode="after")
-    def _sorted(self) -> Sequence:
+    def _sorted(self) -> "Sequence":
         times = [target.time for target in self.targets]
         if any(later - earlier < SHORTEST for earlier, later in pairwise(times)):
             raise ValueError(f"the times of a sequence rise from target to target, by {SHORTEST:g} s or more")

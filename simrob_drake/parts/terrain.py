@@ -1,7 +1,5 @@
 """Uneven ground: a field of boxes on the way from the world's origin, the same for the same seed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import groupby
@@ -83,7 +81,7 @@ class Terrain(Strict):
     """What comes behind it; none unless given."""
 
     @model_validator(mode="after")
-    def _fits(self) -> Terrain:
+    def _fits(self) -> "Terrain":
         if self.kind == "grid" and self.file is None:
             raise ValueError("file is missing, which has the heights of a grid")
         if self.kind != "grid" and self.file is not None:

@@ -1,7 +1,5 @@
 """Program an arm in the words of RAPID: SimRob's class Kin, later Cin."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import wraps
@@ -60,11 +58,11 @@ class Planner(Planning):
         return f"<Planner of {self.robot}: {self.chain!r}>"
 
 
-def _running(plan: Callable[Concatenate[Planning, P], Plan]) -> Callable[Concatenate[Arm, P], SimulationResult]:
+def _running(plan: Callable[Concatenate[Planning, P], Plan]) -> "Callable[Concatenate[Arm, P], SimulationResult]":
     """Return the method of an arm that runs what ``plan`` plans."""
 
     @wraps(plan)
-    def run(arm: Arm, /, *targets: P.args, **how: P.kwargs) -> SimulationResult:
+    def run(arm: "Arm", /, *targets: P.args, **how: P.kwargs) -> SimulationResult:
         return arm.cell.run(plan(arm.plan, *targets, **how))
 
     describe(run, plan)
@@ -94,7 +92,7 @@ class Arm(ArmGeometry):
 
     def __init__(
         self,
-        station: Workcell | StationLike,
+        station: "Workcell | StationLike",
         robot: str | None = None,
         tool: str | PoseLike | None = None,
         *,

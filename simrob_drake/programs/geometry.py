@@ -1,7 +1,5 @@
 """Where the robots of a station and their tools are, and which postures bring tools elsewhere: of arms, and of legs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Program a legged robot by joint angles: SimRob's class Hum."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -46,7 +44,7 @@ class LeggedRobot(LeggedGeometry):
         runs: what the last move or program was made of, in order.
     """
 
-    def __init__(self, station: Workcell | StationLike, robot: str | None = None) -> None:
+    def __init__(self, station: "Workcell | StationLike", robot: str | None = None) -> None:
         """Take a robot of a station.
 
         Args:

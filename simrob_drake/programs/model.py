@@ -3,8 +3,6 @@
 Pieces change hands in it (SimRob's PegarEn): another parent, the same place in the world.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from functools import cached_property
 
@@ -65,17 +63,17 @@ class StationModel(PosedStation):
         self._offsets: dict[str, Vector] = {}
 
     @cached_property
-    def colliding(self) -> StationModel:
+    def colliding(self) -> "StationModel":
         """The same station with the shapes that collide."""
         return StationModel(self.config, collision=True)
 
     @cached_property
-    def whole(self) -> StationModel:
+    def whole(self) -> "StationModel":
         """The same station, links of one robot colliding with each other, too."""
         return StationModel(self.config, itself=True)
 
     @cached_property
-    def rigid(self) -> StationModel:
+    def rigid(self) -> "StationModel":
         """The same station, its free pieces fixed where they begin; itself if there are none."""
         free = {name: self.config.pieces[name] for name in self.config.free_pieces}
         fixed = {name: piece.model_copy(update={"free": False, "parent": WORLD}) for name, piece in free.items()}

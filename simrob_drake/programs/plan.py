@@ -1,7 +1,5 @@
 """A move that is planned, and whether a robot can do it: joint limits, speeds, accelerations, collisions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -85,7 +83,7 @@ class Plan:
         even = look_times(self.duration, self.points * len(self.arrivals))
         return np.union1d(even, np.concatenate([stretch.times for stretch in self.stretches]))
 
-    def of_axes(self, robot: str, axes: slice) -> Plan:
+    def of_axes(self, robot: str, axes: slice) -> "Plan":
         """Return the motion of some axes, those of one of several robots that move together."""
         return replace(self, robot=robot, stretches=tuple(stretch.of_axes(axes) for stretch in self.stretches))
 

@@ -7,8 +7,6 @@ The part of the way at a part of the time is that of :func:`~simrob_drake.blocks
 cruises; what depends on it smoothly is interpolated.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -273,12 +271,12 @@ class Stretch:
     postures: Vector
     ends: tuple[Slopes, Slopes] | None = None
 
-    def of_axes(self, axes: slice) -> Stretch:
+    def of_axes(self, axes: slice) -> "Stretch":
         """Return the motion of some of the axes."""
         ends = None if self.ends is None else tuple((speed[axes], push[axes]) for speed, push in self.ends)
         return Stretch(self.times, self.postures[:, axes], cast(tuple[Slopes, Slopes] | None, ends))
 
-    def at(self, begin: float, factor: float = 1.0) -> Stretch:
+    def at(self, begin: float, factor: float = 1.0) -> "Stretch":
         """Return the same motion later by ``begin`` [s], its times multiplied by ``factor``."""
         ends = None
         if self.ends is not None:

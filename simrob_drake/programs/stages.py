@@ -4,8 +4,6 @@ Moves of joints that follow each other are one run, each walk and act is one, an
 of a program is checked before the first stage runs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

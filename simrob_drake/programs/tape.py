@@ -1,7 +1,5 @@
 """What a workcell recorded: what ran and what came of it, and what was taken, let go and changed in between."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby, pairwise

@@ -4,8 +4,6 @@ Runs are cut at a grid of time, and where something happens, so that each can be
 last bit.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """What a robot's controller does with RAPID's instructions: moves of a program, one after the other, each looked at."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise

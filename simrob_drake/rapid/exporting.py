@@ -1,7 +1,5 @@
 """Programs in RAPID and URScript: first as controllers take them, moves to one target each, then in words."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -74,7 +72,7 @@ class ExportedProgram:
     remarks: list[str] = field(default_factory=list)  # what cannot be said in other languages
 
     @classmethod
-    def of(cls, program: Program, cell: Workcell, file: str = "") -> ExportedProgram:
+    def of(cls, program: Program, cell: Workcell, file: str = "") -> "ExportedProgram":
         """Return the steps of a program; the cell goes on to its end without a run.
 
         Args:

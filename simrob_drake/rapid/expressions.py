@@ -1,7 +1,5 @@
 """The data and the expressions of RAPID: what they are at any time, and where data are kept."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -41,7 +39,7 @@ class Location:
 class Call:
     """A call with its arguments, those in order and the optional ones by name in lower case, switches as None."""
 
-    task: Expressions
+    task: "Expressions"
     name: str
     node: Node
     arguments: tuple[Node, ...]

@@ -1,7 +1,5 @@
 """A RAPID program as a program of this package: what its main procedure does, move by move."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """RAPID, done statement by statement: data, arithmetic, loops and routines; what moves is left to instructions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 

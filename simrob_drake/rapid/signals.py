@@ -1,7 +1,5 @@
 """The signals of a controller, as a table says what they do and what they are: `--io table.yaml`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -56,7 +54,7 @@ class Signals:
         self._set: dict[str, float] = {}
 
     @classmethod
-    def load(cls, file: Path | str) -> Signals:
+    def load(cls, file: Path | str) -> "Signals":
         """Return the signals of a table.
 
         Raises:

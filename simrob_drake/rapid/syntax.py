@@ -1,7 +1,5 @@
 """RAPID modules as trees of syntax, by the grammar in `rapid.lark`, and what they declare: types, data, routines."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -147,8 +145,8 @@ class Datum:
 
     kind: str
     dimensions: int = 0
-    first: Callable[[], Value] | None = None
-    held: Value | None = None
+    first: "Callable[[], Value] | None" = None
+    held: "Value | None" = None
     constant: bool = False
 
     @property
@@ -182,7 +180,7 @@ class Routine:
     """A procedure, or a function if it gives something."""
 
     name: str
-    scope: Scope
+    scope: "Scope"
     parameters: tuple[RoutineParameter, ...]
     body: Node
     gives: str = ""

@@ -1,7 +1,5 @@
 """The data of RAPID: numbers, texts, records, arrays; and poses among them as transforms [m] and back [mm]."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +22,7 @@ class RecordValue:
     """A value of a record type, with its components by name in lower case."""
 
     kind: str
-    parts: dict[str, Value]
+    parts: "dict[str, Value]"
 
     def __getitem__(self, path: str) -> Any:
         """Return a component, or one of a component: ``record["trans.x"]``."""

@@ -1,7 +1,5 @@
 """The axes of a robot: their order, names and units, and how values are laid out over them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
@@ -45,7 +43,7 @@ class AxisMap:
     num_velocities: int
 
     @classmethod
-    def of_joints(cls, plant: MultibodyPlant, joints: Sequence[Joint], signs: npt.ArrayLike | None = None) -> AxisMap:
+    def of_joints(cls, plant: MultibodyPlant, joints: Sequence[Joint], signs: npt.ArrayLike | None = None) -> "AxisMap":
         """Return the map of one-axis joints, one an axis, of a finalized plant; signs (n,) are all 1 unless given.
 
         Raises:

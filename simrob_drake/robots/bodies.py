@@ -9,8 +9,6 @@ Fingers are joints that follow one other (``mimic``), or at least two that slide
 at that end of their way at which their links' centres of mass are nearer to each other.
 """
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
@@ -86,12 +84,12 @@ class _Inertia:
     com: Vector
     moments: Vector
 
-    def seen_from(self, parent: RigidTransform) -> _Inertia:
+    def seen_from(self, parent: RigidTransform) -> "_Inertia":
         """Return the same inertia in the parent's frame, in which the link has the pose ``parent``."""
         turn = parent.rotation().matrix()
         return _Inertia(self.mass, parent @ self.com, turn @ self.moments @ turn.T)
 
-    def __add__(self, other: _Inertia) -> _Inertia:
+    def __add__(self, other: "_Inertia") -> "_Inertia":
         mass = self.mass + other.mass
         com = (self.mass * self.com + other.mass * other.com) / mass
         return _Inertia(mass, com, self._about(com) + other._about(com))
@@ -183,7 +181,7 @@ class Gripper(Strict):
     """Largest force of each finger [N, or N·m of one that turns]; what its motor has unless given."""
 
     @model_validator(mode="after")
-    def _opens(self) -> Gripper:
+    def _opens(self) -> "Gripper":
         if still := [axis for axis, (closed, opened) in self.axes.items() if closed == opened]:
             raise ValueError(f"{', '.join(still)} must be open elsewhere than closed")
         return self

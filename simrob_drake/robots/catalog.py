@@ -1,7 +1,5 @@
 """The robots that a station can name: folders of ``models/`` with a ``robot.yaml``, such a file, or any clean URDF."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cached_property
 from os.path import isfile
@@ -124,7 +122,7 @@ class RobotModel(Strict):
         )
 
     @model_validator(mode="after")
-    def _one_origin(self) -> RobotModel:
+    def _one_origin(self) -> "RobotModel":
         if (self.urdf is None) == (self.dh is None):
             raise ValueError("a robot has either a urdf or a dh table")
         if self.urdf is not None and not self.urdf_path.resolve().is_relative_to(self.folder.resolve()):
@@ -167,7 +165,7 @@ class RobotModel(Strict):
         vector = self.axis_vector(values, key, np.nan)
         return {joint: value for joint, value in zip(joints, vector.tolist(), strict=True) if np.isfinite(value)}
 
-    def with_drives(self, drives: Drives) -> RobotModel:
+    def with_drives(self, drives: Drives) -> "RobotModel":
         """Return the robot with other figures of its drives, as far as they are given."""
         changes = drives.model_dump(exclude_unset=True)
         for key, values in changes.items():

@@ -3,8 +3,6 @@
 It looks like an arm: a drum at each joint, tubes between them, a foot and a flange.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -63,7 +61,7 @@ class DhRow(Strict):
     """About the centre of mass [kg m²]; that of the generated shape, with the link's mass, unless given."""
 
     @model_validator(mode="after")
-    def _fitting(self) -> DhRow:
+    def _fitting(self) -> "DhRow":
         revolute = self.type == "revolute"
         own, other = ("limit_deg", "limit") if revolute else ("limit", "limit_deg")
         spared = "velocity" if revolute else "velocity_deg"

@@ -4,8 +4,6 @@ Spheres are contact proxies: point contact pushes once for each pair of shapes, 
 A box is one shape, and lies flat in hydroelastic contact alone.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -47,7 +45,7 @@ class FootContact(Strict):
     """Static and dynamic coefficient; those of the contacts in the Simulink library."""
 
     @model_validator(mode="after")
-    def _one_kind(self) -> FootContact:
+    def _one_kind(self) -> "FootContact":
         if bool(self.points) == bool(self.boxes):
             raise ValueError("feet are either spheres about points, or boxes")
         return self
@@ -85,7 +83,7 @@ class Feet(Strict):
     """The kinds by name."""
 
     @model_validator(mode="after")
-    def _default_is_one(self) -> Feet:
+    def _default_is_one(self) -> "Feet":
         if self.default not in self.contacts:
             raise ValueError(f"default '{self.default}' is none of {', '.join(self.contacts)}")
         return self

@@ -5,8 +5,6 @@ tell how far their faces are apart, over a grid across it; they meet where they 
 than wide the outermost square counts.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import Joint, RigidBody

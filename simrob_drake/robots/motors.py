@@ -14,8 +14,6 @@ the current :math:`I_s` at the stall on the voltage U, that leaves the no-load s
 :math:`\tau_s / (1 + R I_s / U)`.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -90,7 +88,7 @@ class Motor(Strict):
         return share * left * self.stall_torque, share * self.no_load_speed
 
     @property
-    def at_output(self) -> Motor:
+    def at_output(self) -> "Motor":
         """The same motor, its torques behind its gear."""
         torques = {key: getattr(self, key) for key in ("stall_torque", "peak_torque", "rated_torque")}
         own = {key: self.gear_efficiency * value for key, value in torques.items() if value is not None}

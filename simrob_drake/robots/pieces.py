@@ -1,7 +1,5 @@
 """Work objects, tools and loads: rigid bodies with mass, named frames, colour and shapes, perhaps filled evenly."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -169,7 +167,7 @@ class PieceShape(Strict):
         return Solid(pose, mesh_file(str(self.mesh), folder), self.scale)
 
     @model_validator(mode="after")
-    def _exactly_one(self) -> PieceShape:
+    def _exactly_one(self) -> "PieceShape":
         if sum(kind is not None for kind in (self.box, self.cylinder, self.sphere, self.mesh)) != 1:
             raise ValueError("a shape has exactly one of box, cylinder, sphere and mesh")
         return self
@@ -222,7 +220,7 @@ class PieceModel(Strict):
     """What it is made of: what is seen of it, and what touches others."""
 
     @model_validator(mode="after")
-    def _consistent(self) -> PieceModel:
+    def _consistent(self) -> "PieceModel":
         if self.density is not None and "mass" in self.model_fields_set:
             raise ValueError("a piece has either a mass or a density")
         series = [entry.series for entry in self.frames.values() if isinstance(entry, FrameSeries)]

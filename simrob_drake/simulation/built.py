@@ -1,7 +1,5 @@
 """The diagrams of a station: built when they are needed, and used again for other references and pushes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from math import degrees
@@ -181,7 +179,7 @@ class ByHand:
         return tuple(self._rows)
 
 
-def _row(name: str, time: float, command: Sequence[float]) -> Commanded:
+def _row(name: str, time: float, command: Sequence[float]) -> "Commanded":
     from simrob_drake.walking.commands import Commanded  # loaded where a walk is commanded: most stations have none
 
     values = numbers(command)

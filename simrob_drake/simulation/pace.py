@@ -1,7 +1,5 @@
 """How a run gets on: whether its solver creeps, or hardly gets on, with what holds it up; shorter steps in flight."""
 
-from __future__ import annotations
-
 import warnings
 import weakref
 from collections import Counter, deque

@@ -1,7 +1,5 @@
 """Run a station: reference in, result out, however the run ends."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
@@ -186,7 +184,7 @@ class Runner:
         return self._playing(self.config, {}, self._started(self.config, None), watched=watched).whole.ports
 
     @drake_asserts()
-    def fork(self, at: float, *, reference: ReferencesLike = None, duration: float | None = None) -> Fork:
+    def fork(self, at: float, *, reference: ReferencesLike = None, duration: float | None = None) -> "Fork":
         """Run the station up to a moment, from which runs with other pushes go on.
 
         Args:

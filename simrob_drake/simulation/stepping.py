@@ -1,7 +1,5 @@
 """Step a station from edge to edge, and tell how a run ended."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What can be said of a station before it runs: torques, what touches and comes near, what its solver makes of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How a robot that is held may begin and move at first: clear of floor and self, and so that its motors hold it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A station that is put into configurations, and never stepped: how near its robots come to what, how they stand."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ All values are SI units and radians, except where a name ends in ``_deg``: that 
 slides. A value "per axis" is one number for all axes, a list in axis order, or a mapping by axis name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -113,7 +111,7 @@ class ServoConfig(Renamed):
         return self.law == "computed_torque" or self.feedforward == "inverse_dynamics"
 
     @model_validator(mode="after")
-    def _fits_together(self) -> ServoConfig:
+    def _fits_together(self) -> "ServoConfig":
         if self.admittance_gain > 0 and self.realization == "implicit":
             raise ValueError("admittance_gain needs realization per_joint or vector: implicit hides the servo's torque")
         if self.law != "pid" and self.realization == "implicit":
@@ -180,7 +178,7 @@ class RobotConfig(Renamed):
     """This robot's end stops, in place of the station's."""
 
     @model_validator(mode="after")
-    def _one_origin(self) -> RobotConfig:
+    def _one_origin(self) -> "RobotConfig":
         if (self.model is None) == (self.urdf is None):
             raise ValueError("a robot has either a model or a urdf")
         if self.urdf is None and self.import_options is not None:
@@ -224,13 +222,13 @@ class PieceConfig(Strict):
     """What its surface is made of and how it meets others, in place of the station's `contact`."""
 
     @model_validator(mode="after")
-    def _free_of_parents(self) -> PieceConfig:
+    def _free_of_parents(self) -> "PieceConfig":
         if self.free and self.parent not in (None, "world"):
             raise ValueError(f"a free piece hangs on nothing, so its parent is world and not {self.parent}")
         return self
 
     @model_validator(mode="after")
-    def _one_source(self) -> PieceConfig:
+    def _one_source(self) -> "PieceConfig":
         if self.mesh is not None and self.model is not None:
             raise ValueError("a piece has either a model or a mesh")
         if self.scale is not None and self.mesh is None:
@@ -322,7 +320,7 @@ class StationConfig(Renamed):
     __str__ = __repr__
 
     @model_validator(mode="after")
-    def _can_be_computed(self) -> StationConfig:
+    def _can_be_computed(self) -> "StationConfig":
         check_effort(self)
         return self
 

@@ -1,7 +1,5 @@
 """How a station's time advances, what happens where things touch, and what bounds its verdict has."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -109,7 +107,7 @@ class Friction(Strict):
     """Coefficient while they slide; not above the static one."""
 
     @model_validator(mode="after")
-    def _dynamic_is_less(self) -> Friction:
+    def _dynamic_is_less(self) -> "Friction":
         if self.dynamic > self.static:
             raise ValueError(f"dynamic friction ({self.dynamic:g}) is not more than static friction ({self.static:g})")
         return self

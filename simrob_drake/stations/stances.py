@@ -1,7 +1,5 @@
 """Postures in which a robot with a free base may stand on its legs, found by geometry and statics."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Give a simulator the solver of a station, and say before a run what it cannot take: steps, servos, stops."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Shapes to collide with: the convex hull of a mesh, or the tightest box around it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -98,7 +96,7 @@ def _thick(points: Vector) -> tuple[Vector, float]:
 
 
 @heard_afterwards()
-def _convex(points: Vector) -> ConvexHull:
+def _convex(points: Vector) -> "ConvexHull":
     from scipy.spatial import ConvexHull, QhullError  # slow to load, and only imports of meshes need it
 
     try:

@@ -1,7 +1,5 @@
 """The meshes of one robot: found, read, scaled and mended, each file once; and written as OBJ, each content once."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from dataclasses import dataclass, field, replace
@@ -45,7 +43,7 @@ class Mesh:
     changes: list[str]  # what was mended, in words
     remarks: list[str]  # what is worth knowing, in words
 
-    def remembered(self) -> Mesh:
+    def remembered(self) -> "Mesh":
         """Return what is worth keeping when the mesh is written: not its content, and its remarks are told."""
         return replace(self, parts=[], original=None if self.original is None else b"", remarks=[])
 

@@ -5,8 +5,6 @@ an argument with, and the names of files and folders that stand where a path hol
 ``$(find arms)/config/$(arg type)/limits.yaml``.
 """
 
-from __future__ import annotations
-
 import ast
 import fnmatch
 import html
@@ -77,7 +75,7 @@ def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport
     return str(end["urdf"])
 
 
-def _missing(problem: str, offers: Outline) -> str | None:
+def _missing(problem: str, offers: "Outline") -> str | None:
     """Return the argument that was asked for before its declaration, if that gives a plain value."""
     found = _UNDEFINED.match(problem)
     default = offers.arguments.get(found[1]) if found else None

@@ -12,8 +12,6 @@ at its threshold b and as far as it can at :math:`e_1`; so a trunk or an arm tha
     \Delta q_i = a_i \,\mathrm{sign}(e)\, \mathrm{clip}\Bigl(\frac{|e| - b}{e_1 - b}, 0, 1\Bigr) .
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -140,7 +138,7 @@ class Strategy(Strict):
     """The least time back [s]."""
 
     @model_validator(mode="after")
-    def _grows(self) -> Strategy:
+    def _grows(self) -> "Strategy":
         if self.full <= self.beyond:
             raise ValueError(f"full, {self.full:g} m, must be beyond the {self.beyond:g} m that are let be")
         if not any(self.moves_deg.values()):
@@ -162,7 +160,7 @@ class Balance(LoopSection):
     """Those that it may take, by name: the first that is called for, and then the strategies rest."""
 
     @model_validator(mode="after")
-    def _acts(self) -> Balance:
+    def _acts(self) -> "Balance":
         if not self.strategies and not self.steps:
             raise ValueError("balance needs strategies or steps: nothing would move")
         return self

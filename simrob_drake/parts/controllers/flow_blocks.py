@@ -1,7 +1,5 @@
 """Blocks of a signal flow that remember nothing: what all blocks share, and each with its equation."""
 
-from __future__ import annotations
-
 import math
 import operator
 from bisect import bisect_right
@@ -87,7 +85,7 @@ class FlowBlock(Strict):
         return self.of if isinstance(self.of, tuple) else (self.of,)
 
     @property
-    def law(self) -> FlowBlock:
+    def law(self) -> "FlowBlock":
         """The block that computes it: itself, or one that is the same."""
         return self
 
@@ -145,7 +143,7 @@ class Bounded(FlowBlock):
     """The largest value; none unless given."""
 
     @model_validator(mode="after")
-    def _ordered(self) -> Bounded:
+    def _ordered(self) -> "Bounded":
         if self.lower is not None and self.upper is not None and self.lower > self.upper:
             raise ValueError(f"lower ({self.lower:g}) is above upper ({self.upper:g})")
         return self
@@ -222,7 +220,7 @@ class Lookup(FlowBlock):
     """Keep the last value beyond the points."""
 
     @model_validator(mode="after")
-    def _rising(self) -> Lookup:
+    def _rising(self) -> "Lookup":
         if len(self.values) != len(self.points) or any(np.diff(self.points) <= 0):
             raise ValueError("points must rise, and values be as many")
         return self

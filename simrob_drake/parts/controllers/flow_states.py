@@ -1,7 +1,5 @@
 """Blocks of a signal flow that remember: integrators, linear systems, delays, the PID controller."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Sequence
 from functools import cached_property
@@ -65,7 +63,7 @@ class StateSpace(FlowBlock):
     """State at the start; 0 unless given."""
 
     @model_validator(mode="after")
-    def _fits(self) -> StateSpace:
+    def _fits(self) -> "StateSpace":
         states, inputs, outputs = len(self.A), len(self.inputs), len(self.C)
         shapes = {"A": (states, states), "B": (states, inputs), "C": (outputs, states), "D": (outputs, inputs)}
         for name, (rows, columns) in shapes.items():
@@ -110,7 +108,7 @@ class TransferFunction(FlowBlock):
     """Coefficients, of the highest power first."""
 
     @model_validator(mode="after")
-    def _proper(self) -> TransferFunction:
+    def _proper(self) -> "TransferFunction":
         if not self.denominator[0]:
             raise ValueError("denominator begins with 0: its first coefficient is that of the highest power")
         if len(np.trim_zeros(self.numerator, "f")) > len(self.denominator):

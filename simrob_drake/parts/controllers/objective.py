@@ -4,8 +4,6 @@ The thesis's automatic control with an objective (p. 102 to 107): no joint angle
 An axis of weight :math:`w_i` moves by :math:`\Delta q_i = w_i u`, with the u of a :class:`PiLaw`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -135,7 +133,7 @@ class Objective(LoopSection):
     """How long they take [s]."""
 
     @model_validator(mode="after")
-    def _can_act(self) -> Objective:
+    def _can_act(self) -> "Objective":
         if self.target == []:
             raise ValueError("target is an empty list: nothing is asked for")
         if not any(self.weights.values()):

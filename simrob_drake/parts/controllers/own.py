@@ -1,7 +1,5 @@
 """A user's own block in a station, wired by the names of its ports, and what outputs of controllers become."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import re
@@ -103,7 +101,7 @@ class OwnController(Strict):
         return block
 
     @classmethod
-    def of(cls, block: LeafSystem) -> OwnController:
+    def of(cls, block: LeafSystem) -> "OwnController":
         """Return the section that stands for a block that was given in Python.
 
         What its constructor takes is known if the block has a mapping ``parameters``.

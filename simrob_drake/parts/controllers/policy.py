@@ -6,8 +6,6 @@ within ±1, moves the axes from their reference,
 .. math:: a_k = \mathrm{clip}(\pi(o_k), -1, 1), \qquad \Delta q_i = s_i \, a_{k,i} .
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -117,7 +115,7 @@ class Policy(LoopSection):
     """Figures that say what is wanted, such as a place."""
 
     @model_validator(mode="after")
-    def _observes_goal_and_clock(self) -> Policy:
+    def _observes_goal_and_clock(self) -> "Policy":
         for name in ("clock", "goal"):
             if bool(getattr(self, name)) != (name in self.observes):
                 raise ValueError(f"{name} goes with '{name}' among what it observes")
@@ -137,7 +135,7 @@ class Policy(LoopSection):
         moves = dict(self.moves_deg) if isinstance(self.moves_deg, dict) else self.moves_deg
         return robot.model.user_units * robot.model.axis_vector(moves, "moves_deg")
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> LearntPolicy:
+    def block(self, key: str, robot: StationRobot, site: Site) -> "LearntPolicy":
         """Return the loop."""
         for output in self._outputs:
             if output not in site.outputs:

@@ -1,7 +1,5 @@
 """Loops that take postures: cell by cell as the robot has reached the last, or a protective one once it falls."""
 
-from __future__ import annotations
-
 import math
 import operator
 import weakref
@@ -240,7 +238,7 @@ class FallGuard(LoopSection):
     """How long all must be well again before it lets go [s]; never unless given."""
 
     @model_validator(mode="after")
-    def _some_bound(self) -> FallGuard:
+    def _some_bound(self) -> "FallGuard":
         if self.height is None and self.tilt_deg is None and self.capture_point is None:
             raise ValueError("a fall guard needs a threshold: height, tilt_deg or capture_point")
         return self

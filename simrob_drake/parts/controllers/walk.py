@@ -1,7 +1,5 @@
 """A loop that walks: from commands, and what the robot does, to the reference of its legs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from types import MappingProxyType
@@ -54,7 +52,7 @@ class Walk(LoopSection):
     """Refuse commands that the legs cannot follow, as `max_speed` of the gait says; they are clipped otherwise."""
 
     @model_validator(mode="after")
-    def _in_order(self) -> Walk:
+    def _in_order(self) -> "Walk":
         times = [command.time for command in self.commands]
         if times != sorted(times):
             raise ValueError(f"the times of commands must rise, and are {times}")
@@ -112,7 +110,7 @@ class Walk(LoopSection):
                 found.append(f"{name}, {value:g} {unit}, is clipped to {limit:g} {unit}")
         return found
 
-    def commanded(self, rows: Sequence[Commanded]) -> Walk:
+    def commanded(self, rows: Sequence[Commanded]) -> "Walk":
         """Return it with commands in place of those from the first of their times on."""
         before = [row for row in self.commands if rows and row.time < rows[0].time]
         return self.model_copy(update={"commands": (*before, *rows)}) if rows else self

@@ -1,7 +1,5 @@
 """What collision shapes feel: how near another thing is, and the force with which it presses."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from typing import Literal
 
@@ -94,7 +92,7 @@ class Force(ShapeSensor):
         return any(errors)
 
     @model_validator(mode="after")
-    def _samples_to_err(self) -> Force:
+    def _samples_to_err(self) -> "Force":
         if self._errs and self.rate is None:
             raise ValueError("a force sensor with noise, a resolution or a delay samples: it needs a rate")
         return self

@@ -1,7 +1,5 @@
 """A robot as its gaits are planned for it: its skeleton, its feet, and the parameters of its gaits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,7 +27,7 @@ class Walker:
     """Whether it carries something or stands on a slope, which its gaits are not made for."""
 
     @classmethod
-    def of(cls, robot: str | RobotModel | Walker) -> Walker:
+    def of(cls, robot: "str | RobotModel | Walker") -> "Walker":
         """Return what planners know of a robot, which has a ``gaits.yaml`` beside its ``robot.yaml``.
 
         Args:

@@ -1,7 +1,5 @@
 """A walk by a command, in steps that are made while it goes and answer what disturbs it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -48,7 +46,7 @@ class GoMove(Move):
     """Refuse what the legs cannot follow."""
 
     @classmethod
-    def at(cls, ahead: float, sideways: float, turn: float, *, duration: float, strict: bool) -> GoMove:
+    def at(cls, ahead: float, sideways: float, turn: float, *, duration: float, strict: bool) -> "GoMove":
         """Return a walk at speeds [m/s] and a turn [rad/s], as a user gave them.
 
         Raises:

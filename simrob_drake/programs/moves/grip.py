@@ -1,7 +1,5 @@
 """Fingers that close on a piece, which they hold by friction alone, or open."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """Axes that go to their targets at the same time (SimRob's TestMove and AddMove)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 

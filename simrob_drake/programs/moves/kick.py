@@ -1,7 +1,5 @@
 """A kick of a ball, which flies by the contact alone."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar

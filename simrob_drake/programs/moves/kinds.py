@@ -1,7 +1,5 @@
 """All kinds of moves; a new one is a file beside this and a name in the list."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 

@@ -1,7 +1,5 @@
 """What moves of an arm's tool or axes have in common: targets, and how they are done."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Annotated, Any, ClassVar, Self, cast
 

@@ -1,7 +1,5 @@
 """A line of a program: what all kinds of moves declare, and how a program's file holds them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass

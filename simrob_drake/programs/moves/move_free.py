@@ -1,7 +1,5 @@
 """A move of an arm around obstacles, or of several at once, with what they carry."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Where to look at a run from, and when: from which side, how near, beside a robot that walks, frame by frame."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -39,7 +37,7 @@ class Camera:
     eye: Vector
     target: Vector
 
-    def moved(self, way: Vector) -> Camera:
+    def moved(self, way: Vector) -> "Camera":
         """Return the camera with eye and target moved by the same way, shape (3,) [m]."""
         return Camera(self.eye + way, self.target + way)
 

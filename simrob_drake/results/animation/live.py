@@ -1,7 +1,5 @@
 """A browser window that shows a station while it is simulated, run after run, and by which its walks are commanded."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from math import radians
@@ -96,7 +94,9 @@ class LiveView:
         url: where to look; it listens on this computer only.
     """
 
-    def __init__(self, config: StationConfig, state: State | None = None, *, steering: Steering | None = None) -> None:
+    def __init__(
+        self, config: StationConfig, state: State | None = None, *, steering: "Steering | None" = None
+    ) -> None:
         """Open the window, with the station that will be run in a state, or at its initial posture.
 
         Args:

@@ -1,7 +1,5 @@
 """The states of a run at its accepted steps, and between them."""
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -39,7 +37,7 @@ class Recorder:
         self,
         simulator: Simulator,
         *watchers: Callable[[Context], None],
-        look: Callable[[StateHistory], bool] | None = None,
+        look: "Callable[[StateHistory], bool] | None" = None,
         pace: Callable[[Context], None] | None = None,
     ) -> None:
         """Begin to record, with the state that the simulator starts from.
@@ -116,14 +114,14 @@ class Recorder:
         ends = zip(self._states, self._sizes, strict=True)
         return all(_is_sane(np.array(states[len(states) - size :])).all() for states, size in ends)
 
-    def history(self, count: int | None = None) -> StateHistory:
+    def history(self, count: int | None = None) -> "StateHistory":
         """Return what was recorded so far, up to the last sane state; its first ``count`` steps where that is given."""
         whole = self._rows(slice(0, count))
         sane = np.all([_sane(values) for values in (whole.continuous, *whole.discrete)], axis=0)
         kept = len(sane) if sane.all() else max(int(np.argmin(sane)), 1)
         return whole if kept == len(whole.times) else self._rows(slice(0, kept))
 
-    def _rows(self, rows: slice) -> StateHistory:
+    def _rows(self, rows: slice) -> "StateHistory":
         first, last, _ = rows.indices(len(self.times))
         everything = last - first == len(self.times)  # of which there shall be no second copy
         continuous, discrete = (
@@ -178,7 +176,7 @@ class StateHistory:
         """The time of the last state [s]."""
         return float(self.times[-1])
 
-    def at(self, times: Vector, plant: PlantSlice | None, rates: Rates | None) -> StateHistory:
+    def at(self, times: Vector, plant: PlantSlice | None, rates: Rates | None) -> "StateHistory":
         """Return the states at ``times``, exact at step ends.
 
         Positions of the plant follow a cubic Hermite spline on the joint rates, the rest of the continuous state a
@@ -209,7 +207,7 @@ class StateHistory:
             states[knots] = _hermite(part, low[knots], high[knots], *slopes)
         return StateHistory(times, states, [group[after] for group in self.discrete], self._values_at(after))
 
-    def steps(self, times: Vector) -> StateHistory:
+    def steps(self, times: Vector) -> "StateHistory":
         """Return the steps that hold ``times`` (k,): the states at their ends, with the times of their starts."""
         end = self._after(times)
         begins, groups = self.times[np.maximum(end - 1, 0)], [group[end] for group in self.discrete]
@@ -234,7 +232,7 @@ class StateHistory:
         for index, value in enumerate(self.abstract[row] if self.abstract else []):
             context.get_mutable_abstract_state(index).SetFrom(value)
 
-    def joined(self, later: StateHistory) -> StateHistory:
+    def joined(self, later: "StateHistory") -> "StateHistory":
         """Return these states, as far as they come before the first of ``later``, and those after them."""
         kept = self.times < later.times[0]
         return StateHistory(
@@ -244,7 +242,7 @@ class StateHistory:
             [*self.abstract[: int(kept.sum())], *later.abstract],
         )
 
-    def last(self) -> StateHistory:
+    def last(self) -> "StateHistory":
         """Return the last state alone."""
         discrete = [group[-1:] for group in self.discrete]
         return StateHistory(self.times[-1:], self.continuous[-1:], discrete, self.abstract[-1:])

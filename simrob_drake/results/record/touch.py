@@ -4,8 +4,6 @@ Shapes are asked for points of overlap, whatever the contact model is: a surface
 are in each other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -71,7 +69,7 @@ class Touch:
         samples: Vector,
         positions_at: Callable[[Vector], Iterable[Vector]],
         context_of: Callable[[], Context] | None,
-    ) -> Touch:
+    ) -> "Touch":
         """Look at a run, at its samples or some of them; parameters are as those of a recorded run."""
         every = int(np.ceil(config.sample_rate / FASTEST))
         times, rate = samples[::every], config.sample_rate / every

@@ -1,7 +1,5 @@
 """What became of each move that a run was asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -52,7 +50,7 @@ class MoveVerdict:
     nearest: str
     warnings: tuple[str, ...] = ()
 
-    def later(self, begin: float) -> MoveVerdict:
+    def later(self, begin: float) -> "MoveVerdict":
         """Return it as of a run that begins so late [s]."""
         return replace(self, begin=self.begin + begin, end=self.end + begin)
 
@@ -61,7 +59,7 @@ class MoveVerdict:
         return {key: value for key, value in asdict(self).items() if key != "warnings"}
 
 
-def judge_move(run: RecordedRun, asked: AskedMove) -> MoveVerdict:
+def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     """Return what became of a move that a run was asked for, from its samples."""
     last = min(int(np.searchsorted(run.times, asked.duration - _SOON)), len(run.times) - 1)
     times, rows = run.times[: last + 1], slice(0, last + 1)
@@ -94,7 +92,7 @@ def judge_move(run: RecordedRun, asked: AskedMove) -> MoveVerdict:
     return replace(found, warnings=tuple(_warnings(found, run.config.verdict, stopped=stopped)))
 
 
-def _warnings(found: MoveVerdict, bounds: VerdictConfig, *, stopped: bool) -> Iterator[str]:
+def _warnings(found: MoveVerdict, bounds: "VerdictConfig", *, stopped: bool) -> Iterator[str]:
     """Yield what passes its bound; where a move that was stopped ended is no fault of it."""
     if bounds.move_end != "none" and found.position_error > bounds.move_end and not stopped:
         yield _sentence(found, f"ends {in_words(found.position_error, 'm')} beside its target", bounds.move_end, "m")

@@ -1,7 +1,5 @@
 """Criteria by which runs are judged, and the verdict on a run: its figures, what passes a bound, and both in words."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -69,11 +67,11 @@ class Criterion:
     unit: str
     title: str
     sentence: str
-    measure: Callable[[RecordedRun], Measured | None]
+    measure: "Callable[[RecordedRun], Measured | None]"
     per_time: bool = False
     least: bool = False
 
-    def entries(self, run: RecordedRun) -> list[MeasuredValue]:
+    def entries(self, run: "RecordedRun") -> list[MeasuredValue]:
         """Return what it finds in a run, of each subject."""
         found = self.measure(run)
         if found is None:

@@ -1,7 +1,5 @@
 """Between a station's plant and its MuJoCo model: positions and velocities, and what bodies and joints are called."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -73,7 +71,7 @@ class Coordinates:
         return self.there[self.nq :] - self.nq
 
     @classmethod
-    def of(cls, plant: MultibodyPlant, model: mujoco.MjModel, names: Names) -> Coordinates:
+    def of(cls, plant: MultibodyPlant, model: mujoco.MjModel, names: Names) -> "Coordinates":
         """Return those of a finalized plant and the model that was made of it."""
         nq, free = plant.num_positions(), []
         there = np.zeros(nq + plant.num_velocities(), np.intp)

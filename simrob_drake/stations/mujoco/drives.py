@@ -1,7 +1,5 @@
 """What moves a MuJoCo model, and what it tells: servos, forces and sensors of a station, as MJCF has them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal

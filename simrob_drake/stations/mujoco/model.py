@@ -37,8 +37,6 @@ Here :math:`b_t d = d / h` and ``impratio`` = 1/d, so that a load f slides with 
 step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal

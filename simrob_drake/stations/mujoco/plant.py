@@ -1,7 +1,5 @@
 """The block that stands where a station's plant stands, with the same ports, and is stepped by MuJoCo."""
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -13,8 +13,6 @@ contacts stay as they are: MuJoCo softens each by what its bodies feel of the se
 stiffer one.
 """
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import numpy.typing as npt

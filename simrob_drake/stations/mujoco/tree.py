@@ -1,7 +1,5 @@
 """The bodies, joints and shapes of a station's plant, as MJCF has them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco
