@@ -46,15 +46,13 @@ RunOctave = Annotated[
     bool, typer.Option("--octave", help="Run a Simulink model's own MATLAB code in GNU Octave: for models you trust.")
 ]
 Servos = Annotated[
-    bool,
-    typer.Option("--servos", help="Let laws of a Simulink model that come to a PID be servos, not a signal flow."),
+    bool, typer.Option("--servos", help="Let laws of a Simulink model that come to a PID be servos, not a signal flow.")
 ]
 ContactLaw = Annotated[
     bool, typer.Option("--contact-law", help="Let spheres of a Simulink model touch planes by Simscape's own law.")
 ]
 Step = Annotated[
-    float | None,
-    typer.Option(help="Take steps of this length [s], the fastest way at a given communication step."),
+    float | None, typer.Option(help="Take steps of this length [s], the fastest way at a given communication step.")
 ]
 ModelSettings = Annotated[
     list[str] | None,

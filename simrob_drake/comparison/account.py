@@ -171,12 +171,7 @@ _HEADINGS = ("engine", "quantity", "unit", "largest", "at", "error", "within")
 
 
 def save_comparison(
-    accounts: list[Account],
-    found: list[Difference],
-    folder: Path | str,
-    *,
-    station: str = "",
-    force: bool = False,
+    accounts: list[Account], found: list[Difference], folder: Path | str, *, station: str = "", force: bool = False
 ) -> None:
     """Write ``engines.csv`` and ``engines.png``, in whose title the station's name stands.
 

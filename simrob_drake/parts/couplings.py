@@ -391,8 +391,7 @@ class Spring(BetweenPoints):
 
 
 KINDS = Kinds(
-    __name__,
-    {"gear": "Gear", "ball": "Ball", "rod": "Rod", "weld": "Weld", "hinge": "Hinge", "spring": "Spring"},
+    __name__, {"gear": "Gear", "ball": "Ball", "rod": "Rod", "weld": "Weld", "hinge": "Hinge", "spring": "Spring"}
 )
 CouplingConfig = Annotated[CouplingSection, KINDS]
 Couplings = Annotated[dict[str, CouplingConfig], KINDS.names_are_kinds]

@@ -116,13 +116,7 @@ class LeggedRobot(LeggedGeometry):
         return self._perform_moves(step_moves(self.model, self.worn_feet, move_time), store=True)[-1]
 
     def walk(
-        self,
-        steps: int,
-        amplitude: float = 1.0,
-        gait: str | None = None,
-        *,
-        store: bool = False,
-        **changes: Any,
+        self, steps: int, amplitude: float = 1.0, gait: str | None = None, *, store: bool = False, **changes: Any
     ) -> SimulationResult:
         """Walk from the last state (Marcha).
 

@@ -206,12 +206,7 @@ def shown(value: float, revolute: bool) -> str:
 
 
 def check_collisions(
-    model: StationModel,
-    robots: Mapping[str, Vector],
-    times: Vector,
-    named: Naming,
-    *,
-    touch: float = TOUCH,
+    model: StationModel, robots: Mapping[str, Vector], times: Vector, named: Naming, *, touch: float = TOUCH
 ) -> None:
     """Check that robots touch nothing on their way, and what they carry neither.
 

@@ -187,11 +187,7 @@ def recorded(
 
 
 def run_entry(
-    plans: Sequence[Plan],
-    duration: float | None,
-    frame: Callable[[WorkObject], RigidTransform],
-    *,
-    several: bool,
+    plans: Sequence[Plan], duration: float | None, frame: Callable[[WorkObject], RigidTransform], *, several: bool
 ) -> Entry | None:
     """Return what a program's file has of planned moves that are run at the same time; None if no file can say it.
 

@@ -151,10 +151,7 @@ class Slow:
 
 
 def _reached(
-    simulator: Simulator,
-    config: StationConfig,
-    step: float,
-    look: Callable[[Context], object] = lambda context: None,
+    simulator: Simulator, config: StationConfig, step: float, look: Callable[[Context], object] = lambda context: None
 ) -> float:
     """Return how far a simulator gets in the time of a trial [s]; it begins with steps of a length [s]."""
     apply_solver(simulator, config)

@@ -124,10 +124,7 @@ class Run:
             context=None if self.config.mode == "kinematic" else lambda: sampler.looked_at,
             shortened=self.stepper.shortened,
             final_state=State.of(
-                self.whole.diagram,
-                ports,
-                sampler.context_at(sampler.history.end),
-                tolerant=outcome.ending == FAILED,
+                self.whole.diagram, ports, sampler.context_at(sampler.history.end), tolerant=outcome.ending == FAILED
             ),
             **known,
         )

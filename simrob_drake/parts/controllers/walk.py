@@ -297,11 +297,7 @@ class WalkingLoop(SampledBlock):
         time = _READY * math.sqrt(np.abs(end - begun).max() / (math.pi / 4))
         ready = min(memory["ready"][0] + self.period / max(time, self.period), 1.0)
         target = begun + eased(ready) * (end - begun)
-        return {
-            "target": target,
-            "offset_velocity": (target - memory["target"]) / self.period,
-            "ready": ready,
-        }
+        return {"target": target, "offset_velocity": (target - memory["target"]) / self.period, "ready": ready}
 
 
 _READ = ("position", "velocity", "base_pose", "base_velocity")

@@ -17,14 +17,7 @@ from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.parts.sensors.sensor import (
-    ShapeSensor,
-    axis_names,
-    check_contact,
-    normal,
-    sampled,
-    sensor_label,
-)
+from simrob_drake.parts.sensors.sensor import ShapeSensor, axis_names, check_contact, normal, sampled, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, check_frame, frame_of, shapes_of
 from simrob_drake.sections import Integer, NotNegative

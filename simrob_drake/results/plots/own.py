@@ -27,13 +27,7 @@ _PLAIN: dict[str, Any] = {"frameon": False, "fontsize": 9}
 
 
 def panels(
-    title: str,
-    rows: int = 1,
-    columns: int = 1,
-    *,
-    size: tuple[float, float],
-    titles: Sequence[str] = (),
-    **how: Any,
+    title: str, rows: int = 1, columns: int = 1, *, size: tuple[float, float], titles: Sequence[str] = (), **how: Any
 ) -> tuple[Figure, npt.NDArray[Any]]:
     """Return a figure with a title, and its empty frames, shape (rows, columns).
 

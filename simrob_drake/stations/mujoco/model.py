@@ -291,12 +291,7 @@ def _soften(
 
 
 def _soften_joints(
-    spec: mujoco.MjSpec,
-    model: mujoco.MjModel,
-    station: ResolvedStation,
-    plant: StationPlant,
-    names: Names,
-    step: float,
+    spec: mujoco.MjSpec, model: mujoco.MjModel, station: ResolvedStation, plant: StationPlant, names: Names, step: float
 ) -> None:
     for robot in plant.robots.values():
         for joint, most in zip(robot.joints, robot.model.friction, strict=True):

@@ -11,14 +11,7 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
-from pydrake.systems.framework import (
-    Context,
-    DiscreteValues,
-    EventStatus,
-    InputPort,
-    OutputPort,
-    ValueProducer,
-)
+from pydrake.systems.framework import Context, DiscreteValues, EventStatus, InputPort, OutputPort, ValueProducer
 
 from simrob_drake.blocks.block import Block
 from simrob_drake.blocks.contacts import Contacts
