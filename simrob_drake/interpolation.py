@@ -54,19 +54,12 @@ def stacked(places: Vector, turns: Vector) -> Vector:
 
 @dataclass(frozen=True)
 class Arc:
-    """A part of a circle, from a first point through a second one to a third.
+    """A part of a circle, from a first point through a second one to a third."""
 
-    Attributes:
-        centre: of the circle, shape (3,) [m].
-        first: from the centre to the first point, shape (3,) [m].
-        across: at a right angle to it in the plane of the circle, towards the motion, as long, shape (3,) [m].
-        angle: of the whole arc, more than 0 and less than 2π [rad].
-    """
-
-    centre: Vector
-    first: Vector
-    across: Vector
-    angle: float
+    centre: Vector  # of the circle, shape (3,) [m]
+    first: Vector  # from the centre to the first point, shape (3,) [m]
+    across: Vector  # at a right angle to it in the plane of the circle, towards the motion, as long, shape (3,) [m]
+    angle: float  # of the whole arc, more than 0 and less than 2π [rad]
 
     @classmethod
     def through(cls, start: npt.ArrayLike, middle: npt.ArrayLike, end: npt.ArrayLike, name: str = "the arc") -> "Arc":

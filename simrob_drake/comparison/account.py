@@ -49,21 +49,13 @@ Values = Mapping[Quantity, Vector]
 
 @dataclass(frozen=True)
 class Account:
-    """What an engine tells of a run.
+    """What an engine tells of a run."""
 
-    Attributes:
-        name: of the engine.
-        times: of the samples, shape (m,) [s].
-        values: of the finer run.
-        errors: how far off they may be, by quantity.
-        ended: how the finer run ended, in words.
-    """
-
-    name: str
-    times: Vector
-    values: Values
-    errors: Mapping[Quantity, float] = field(default_factory=dict)
-    ended: str = ""
+    name: str  # of the engine
+    times: Vector  # of the samples, shape (m,) [s]
+    values: Values  # of the finer run
+    errors: Mapping[Quantity, float] = field(default_factory=dict)  # how far off they may be, by quantity
+    ended: str = ""  # how the finer run ended, in words
 
     @classmethod
     def of(cls, name: str, fine: SimulationResult, coarse: SimulationResult) -> "Account":
@@ -76,21 +68,13 @@ class Account:
 
 @dataclass(frozen=True)
 class Difference:
-    """How far two accounts are apart in a quantity.
+    """How far two accounts are apart in a quantity."""
 
-    Attributes:
-        quantity: which.
-        account: whose, against the first account.
-        largest: difference of any component at any time.
-        at: when it is largest [s].
-        error: the sum of both errors.
-    """
-
-    quantity: Quantity
-    account: str
-    largest: float
-    at: float
-    error: float
+    quantity: Quantity  # which
+    account: str  # whose, against the first account
+    largest: float  # difference of any component at any time
+    at: float  # when it is largest [s]
+    error: float  # the sum of both errors
 
     @property
     def within(self) -> bool:

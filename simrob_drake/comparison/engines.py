@@ -24,15 +24,10 @@ _EXPLICIT = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3")
 
 @dataclass
 class EngineAccounts:
-    """What the engines told.
+    """What the engines told."""
 
-    Attributes:
-        accounts: Drake's with the station's own scheme first.
-        missing: why others tell nothing, by engine.
-    """
-
-    accounts: list[Account] = field(default_factory=list)
-    missing: dict[str, str] = field(default_factory=dict)
+    accounts: list[Account] = field(default_factory=list)  # Drake's with the station's own scheme first
+    missing: dict[str, str] = field(default_factory=dict)  # why others tell nothing, by engine
 
 
 def other_scheme(solver: SolverConfig) -> SolverConfig:

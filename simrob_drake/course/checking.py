@@ -30,17 +30,11 @@ class AnswerStopped(SimrobError):
 
 @dataclass(frozen=True)
 class CheckedPoint:
-    """What became of one point.
+    """What became of one point."""
 
-    Attributes:
-        name: of the point.
-        reading: what was measured; None where measuring failed.
-        problem: why it failed; empty where the answer is not written yet.
-    """
-
-    name: str
-    reading: Reading | None
-    problem: str = ""
+    name: str  # of the point
+    reading: Reading | None  # what was measured; None where measuring failed
+    problem: str = ""  # why it failed; empty where the answer is not written yet
 
     @property
     def ok(self) -> bool:

@@ -13,19 +13,12 @@ from simrob_drake.errors import InvalidParameter, quoted
 
 @dataclass(frozen=True)
 class Reading:
-    """A value that was measured on an answer.
+    """A value that was measured on an answer."""
 
-    Attributes:
-        value: what was measured, in ``unit``.
-        unit: of the value and of its bounds; empty for a plain number.
-        least: the smallest value with which the point holds.
-        most: the largest.
-    """
-
-    value: float
-    unit: str = ""
-    least: float = -inf
-    most: float = inf
+    value: float  # what was measured, in ``unit``
+    unit: str = ""  # of the value and of its bounds; empty for a plain number
+    least: float = -inf  # the smallest value with which the point holds
+    most: float = inf  # the largest
 
     @property
     def ok(self) -> bool:

@@ -32,19 +32,13 @@ class Screws:
     What a joint carries moves by the product exp(S₁q₁) ... exp(Sᵢqᵢ) of the screws from the base to it, given by axis
     and point (Lynch & Park, Modern Robotics, 2017, §4.1). Positions have shape (k, n) or (n,), in rad, or m for
     prismatic joints.
-
-    Attributes:
-        axes: unit axis of every joint at zero in the base frame, shape (n, 3).
-        points: a point on every axis at zero [m], shape (n, 3).
-        revolute: whether each joint is revolute, shape (n,).
-        order: the axes that are followed, from the base outward.
-        after: what each of these stands on: 0 the base, i what the i-th of them carries; in a row unless given.
     """
 
-    axes: Vector
-    points: Vector
-    revolute: np.ndarray[Any, np.dtype[np.bool_]]
-    order: tuple[int, ...]
+    axes: Vector  # unit axis of every joint at zero in the base frame, shape (n, 3)
+    points: Vector  # a point on every axis at zero [m], shape (n, 3)
+    revolute: np.ndarray[Any, np.dtype[np.bool_]]  # whether each joint is revolute, shape (n,)
+    order: tuple[int, ...]  # the axes that are followed, from the base outward
+    # what each of these stands on: 0 the base, i what the i-th of them carries; in a row unless given
     after: tuple[int, ...] | None = None
 
     @property

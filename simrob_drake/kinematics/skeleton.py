@@ -24,21 +24,13 @@ from simrob_drake.robots.parse import held_robot
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Skeleton(Screws):
-    """A robot whose n joints are all axes and revolute; its n + 1 bodies are those of :meth:`frames`.
+    """A robot whose n joints are all axes and revolute; its n + 1 bodies are those of :meth:`frames`."""
 
-    Attributes:
-        model: the robot.
-        masses: of the bodies, shape (n + 1,) [kg].
-        mass_points_at_zero: homogeneous, shape (n + 1, 4, 6) [m].
-        links: body and pose at zero (4, 4) of every named frame.
-        plant: the robot alone.
-    """
-
-    model: RobotModel
-    masses: Vector
-    mass_points_at_zero: Vector
-    links: dict[str, tuple[int, Vector]]
-    plant: MultibodyPlant
+    model: RobotModel  # the robot
+    masses: Vector  # of the bodies, shape (n + 1,) [kg]
+    mass_points_at_zero: Vector  # homogeneous, shape (n + 1, 4, 6) [m]
+    links: dict[str, tuple[int, Vector]]  # body and pose at zero (4, 4) of every named frame
+    plant: MultibodyPlant  # the robot alone
 
     @property
     def mass(self) -> float:

@@ -218,17 +218,11 @@ _LAST = 100  # episodes whose mean return a curriculum goes by
 
 @dataclass(frozen=True)
 class Beginning:
-    """What is drawn for an episode.
+    """What is drawn for an episode."""
 
-    Attributes:
-        start: where the axes begin, shape (n,) [rad].
-        goal: of the policy; None where the section of the policy says it.
-        pushes: in place of those of the station, by name.
-    """
-
-    start: Vector
-    goal: Vector | None
-    pushes: Mapping[str, Push]
+    start: Vector  # where the axes begin, shape (n,) [rad]
+    goal: Vector | None  # of the policy; None where the section of the policy says it
+    pushes: Mapping[str, Push]  # in place of those of the station, by name
 
 
 def beginning(

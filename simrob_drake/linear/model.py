@@ -28,15 +28,10 @@ _BEYOND = 10.0
 
 @dataclass(frozen=True)
 class Mode:
-    """A motion of its own, exp(s t): one pole, or two that are conjugate.
+    """A motion of its own, exp(s t): one pole, or two that are conjugate."""
 
-    Attributes:
-        pole: s, with the positive imaginary part [1/s].
-        mostly: the axis, or other state, that has the largest part in it.
-    """
-
-    pole: complex
-    mostly: str
+    pole: complex  # s, with the positive imaginary part [1/s]
+    mostly: str  # the axis, or other state, that has the largest part in it
 
     @property
     def frequency(self) -> float:

@@ -130,27 +130,19 @@ STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 @dataclass(frozen=True)
 class BuiltStation:
-    """A station in MuJoCo.
+    """A station in MuJoCo."""
 
-    Attributes:
-        station: what it is made of.
-        diagram, ports: the station in Drake, whose ports tell what its signals are.
-        spec, model: of MuJoCo.
-        outputs: how the model's sensors give outputs of the station, by their names.
-        columns: of the sensors in their data, by their names.
-        coordinates: between Drake's positions and velocities and MuJoCo's.
-        step: length of a step [s].
-    """
-
-    station: ResolvedStation
+    station: ResolvedStation  # what it is made of
+    # the station in Drake, whose ports tell what its signals are
     diagram: Diagram
     ports: StationPorts
+    # of MuJoCo, and the model that is made of it
     spec: mujoco.MjSpec
     model: mujoco.MjModel
-    outputs: dict[str, OutputSensors]
-    columns: dict[str, slice]
-    coordinates: Coordinates
-    step: float
+    outputs: dict[str, OutputSensors]  # how the model's sensors give outputs of the station, by their names
+    columns: dict[str, slice]  # of the sensors in their data, by their names
+    coordinates: Coordinates  # between Drake's positions and velocities and MuJoCo's
+    step: float  # length of a step [s]
 
     @classmethod
     def of(

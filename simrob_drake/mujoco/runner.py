@@ -50,25 +50,15 @@ class Stopped:
 
 @dataclass(frozen=True)
 class Stepped:
-    """A run that was stepped.
+    """A run that was stepped."""
 
-    Attributes:
-        built: the station.
-        config: as it was run.
-        references: what the robots were asked, by name.
-        states: MuJoCo's states before each step, shape (m, size).
-        sensed: what the sensors told of them, shape (m, k).
-        seconds: of wall-clock time.
-        start: where it began; None at the initial posture.
-    """
-
-    built: BuiltStation
-    config: StationConfig
-    references: Mapping[str, Reference]
-    states: Vector
-    sensed: Vector
-    seconds: float
-    start: State | None
+    built: BuiltStation  # the station
+    config: StationConfig  # as it was run
+    references: Mapping[str, Reference]  # what the robots were asked, by name
+    states: Vector  # MuJoCo's states before each step, shape (m, size)
+    sensed: Vector  # what the sensors told of them, shape (m, k)
+    seconds: float  # of wall-clock time
+    start: State | None  # where it began; None at the initial posture
 
     def result(self) -> SimulationResult:
         """Return the result: sampled, and cut where a monitor ends the run or where it ran away."""
@@ -194,17 +184,12 @@ def _between(steps: Vector, rows: Vector, times: Vector) -> Vector:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """One run that is asked for; what is None is as the station says.
+    """One run that is asked for; what is None is as the station says."""
 
-    Attributes:
-        reference: as of :func:`simrob_drake.simulate`.
-        pushes: in place of the station's, at the same places: ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
-        start: where it begins, such as the ``final_state`` of another result, also of one in Drake.
-    """
-
-    reference: ReferencesLike = None
+    reference: ReferencesLike = None  # as of :func:`simrob_drake.simulate`
+    # in place of the station's, at the same places: ``{"shove": {"start": 1, "force": [5, 0, 0]}}``
     pushes: Mapping[str, Any] | None = None
-    start: State | None = None
+    start: State | None = None  # where it begins, such as the ``final_state`` of another result, also of one in Drake
 
 
 Wanted = RunRequest
@@ -213,19 +198,12 @@ Wanted = RunRequest
 
 @dataclass(frozen=True)
 class Prepared:
-    """A run that is ready to be stepped.
+    """A run that is ready to be stepped."""
 
-    Attributes:
-        config: the station as it is run.
-        references: what its robots are asked, by name.
-        start: MuJoCo's state where it begins.
-        controls: of each step, shape (count, nu).
-    """
-
-    config: StationConfig
-    references: dict[str, Reference]
-    start: Vector
-    controls: Vector
+    config: StationConfig  # the station as it is run
+    references: dict[str, Reference]  # what its robots are asked, by name
+    start: Vector  # MuJoCo's state where it begins
+    controls: Vector  # of each step, shape (count, nu)
 
 
 class MujocoRunner:

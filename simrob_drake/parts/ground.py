@@ -19,20 +19,13 @@ _TOGETHER = 500  # points that are looked at in one go
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The ground of a station; without a floor it is the plane z = 0, which carries nothing.
+    """The ground of a station; without a floor it is the plane z = 0, which carries nothing."""
 
-    Attributes:
-        incline: angle of the floor, a plane through the world's origin [rad].
-        heading: which way it rises, counterclockwise from the world's x [rad].
-        has_floor: whether there is a floor.
-        depth: how far below the origin the plane lies that all else of the floor lies on [m].
-        boxes: further bodies to stand on: pose in the world, and half of the sides, shape (3,) [m].
-    """
-
-    incline: float = 0.0
-    heading: float = 0.0
-    has_floor: bool = True
-    depth: float = 0.0
+    incline: float = 0.0  # angle of the floor, a plane through the world's origin [rad]
+    heading: float = 0.0  # which way it rises, counterclockwise from the world's x [rad]
+    has_floor: bool = True  # whether there is a floor
+    depth: float = 0.0  # how far below the origin the plane lies that all else of the floor lies on [m]
+    # further bodies to stand on: pose in the world, and half of the sides, shape (3,) [m]
     boxes: tuple[tuple[RigidTransform, Vector], ...] = field(default=())
 
     @property

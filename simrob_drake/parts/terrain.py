@@ -26,17 +26,11 @@ _TILT = 0.25  # of rubble, at most [rad]
 
 @dataclass(frozen=True)
 class TerrainBox:
-    """A box of a terrain.
+    """A box of a terrain."""
 
-    Attributes:
-        pose: of its middle, in the frame of the floor.
-        half: of its sides, shape (3,) [m].
-        modulus: hydroelastic modulus of what is soft [Pa]; None where it is as hard as the floor.
-    """
-
-    pose: RigidTransform
-    half: Vector
-    modulus: float | None = None
+    pose: RigidTransform  # of its middle, in the frame of the floor
+    half: Vector  # of its sides, shape (3,) [m]
+    modulus: float | None = None  # hydroelastic modulus of what is soft [Pa]; None where it is as hard as the floor
 
 
 class SoftPatch(Strict):

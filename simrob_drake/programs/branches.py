@@ -22,23 +22,17 @@ from simrob_drake.results.record.run import Approach
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """One posture of an arm, held at rest.
+    """One posture of an arm, held at rest."""
 
-    Attributes:
-        posture: shape (n,) [rad or m].
-        torque: that holds it with what the arm carries, shape (n,) [N·m or N].
-        load: the largest share that is of an axis's limit, and the axis; above 1 it is more than the servo gives.
-        room: the least distance of an axis to its limits [rad or m], and the axis; below 0 it is beyond them.
-        collision: what would be in what; empty if nothing is.
-        gap: the least distance of the arm and what it carries to anything else [m], below 0 in it, and of what to
-            what; infinite with nothing around.
-    """
-
-    posture: Vector
-    torque: Vector
+    posture: Vector  # shape (n,) [rad or m]
+    torque: Vector  # that holds it with what the arm carries, shape (n,) [N·m or N]
+    # the largest share that is of an axis's limit, and the axis; above 1 it is more than the servo gives
     load: tuple[float, str]
+    # the least distance of an axis to its limits [rad or m], and the axis; below 0 it is beyond them
     room: tuple[float, str]
-    collision: str
+    collision: str  # what would be in what; empty if nothing is
+    # the least distance of the arm and what it carries to anything else [m], below 0 in it, and of what to what;
+    # infinite with nothing around
     gap: tuple[float, str, str]
 
     @classmethod

@@ -45,22 +45,15 @@ def metres(chain: Chain, carried: Vector = _NOTHING) -> Vector:
 
 @dataclass
 class Search:
-    """A search for a way of robots that move together, each number (n,) being of all their axes in turn.
+    """A search for a way of robots that move together, each number (n,) being of all their axes in turn."""
 
-    Attributes:
-        space: what is free.
-        lower, upper: limits of the axes.
-        scale: how many metres a radian counts, see :func:`metres`.
-        seed: two searches with the same one find the same, if they have the time.
-        seconds: how long it may take.
-    """
-
-    space: FreeSpace
+    space: FreeSpace  # what is free
+    # limits of the axes
     lower: Vector
     upper: Vector
-    scale: Vector
-    seed: int
-    seconds: float
+    scale: Vector  # how many metres a radian counts, see :func:`metres`
+    seed: int  # two searches with the same one find the same, if they have the time
+    seconds: float  # how long it may take
 
     def path(self, goals: Vector) -> Vector:
         """Return the corners (k, n) of a way of straight lines to one of several free goals (m, n), the nearest first.

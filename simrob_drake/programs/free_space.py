@@ -29,16 +29,11 @@ class FreeSpace:
 
     Shapes of different owners may be 1 mm in each other, links of one robot 5 mm: meshes count as convex hulls, which
     are rough. Links that are made so may lie in each other, and what does at the start may be so much deeper.
-
-    Attributes:
-        model: of the station with the shapes of all links, its robots where they stand.
-        start: where the robots that move begin, (n,) each, by name.
-        met: how often each thing was in the way.
     """
 
-    model: StationModel
-    start: Mapping[str, Vector]
-    met: Counter[str] = field(default_factory=Counter)
+    model: StationModel  # of the station with the shapes of all links, its robots where they stand
+    start: Mapping[str, Vector]  # where the robots that move begin, (n,) each, by name
+    met: Counter[str] = field(default_factory=Counter)  # how often each thing was in the way
     _pairs: dict[tuple[GeometryId, GeometryId], tuple[Bodies, float]] = field(default_factory=dict)
     _begun: Mapping[Bodies, float] = field(default_factory=dict)
     _owners: dict[str, str] = field(default_factory=dict)

@@ -31,15 +31,10 @@ _TRIES, _ENOUGH = 6, 1 + 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Motors:
-    """What the motors of robots that move together can do, with what these carry.
+    """What the motors of robots that move together can do, with what these carry."""
 
-    Attributes:
-        model: of the station, with nothing free in it.
-        robots: that move, in turn.
-    """
-
-    model: StationModel
-    robots: Sequence[str]
+    model: StationModel  # of the station, with nothing free in it
+    robots: Sequence[str]  # that move, in turn
 
     def fastest(self, segment: Segment, speed: float | None) -> tuple[Stretch, Vector]:
         """Return the motion along a segment from rest to rest, and when it passes its targets, shape (k,) [s].

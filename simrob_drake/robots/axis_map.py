@@ -153,20 +153,13 @@ PositiveAxisValues = Annotated[AxisValues, every_axis(lambda value: value > 0, "
 
 @dataclass(frozen=True)
 class AxisUnit:
-    """In what an axis is measured.
+    """In what an axis is measured."""
 
-    Attributes:
-        size: of a user's unit of position in SI.
-        name: of the user's unit, and ``si`` of the one that Drake has.
-        effort: unit of its torque or force.
-        digits: how its positions are written.
-    """
-
-    size: float
-    name: str
+    size: float  # of a user's unit of position in SI
+    name: str  # of the user's unit, and ``si`` of the one that Drake has
     si: str
-    effort: str
-    digits: str
+    effort: str  # unit of its torque or force
+    digits: str  # how its positions are written
 
     def shown(self, position: float) -> str:
         """Return a position [rad or m] in the user's unit: "110.0 deg"."""

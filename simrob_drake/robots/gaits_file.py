@@ -26,17 +26,11 @@ class _Head(BaseModel):
 
 @dataclass(frozen=True)
 class GaitsFile:
-    """A robot's gaits as their file has them; each section is checked by those who know it.
+    """A robot's gaits as their file has them; each section is checked by those who know it."""
 
-    Attributes:
-        file: where they stand.
-        facing_deg: where the robot looks while its root is not turned, counterclockwise from the world's x [deg].
-        content: all of the file.
-    """
-
-    file: Path
-    facing_deg: float
-    content: Mapping[str, Any]
+    file: Path  # where they stand
+    facing_deg: float  # where the robot looks while its root is not turned, counterclockwise from the world's x [deg]
+    content: Mapping[str, Any]  # all of the file
 
     @property
     def sections(self) -> list[str]:

@@ -76,20 +76,14 @@ def held_robot(model: RobotModel, element: ET.Element | None = None) -> tuple[Mu
 
 @dataclass(frozen=True)
 class LoneRobot:
-    """A robot's finalized plant, in a diagram that is still open.
+    """A robot's finalized plant, in a diagram that is still open."""
 
-    Attributes:
-        builder: owns plant and scene graph; keep it as long as them.
-        joints: of the axes, in order.
-        axes: where they stand in the plant, and their senses.
-    """
-
-    builder: DiagramBuilder
+    builder: DiagramBuilder  # owns plant and scene graph; keep it as long as them
     plant: MultibodyPlant
     scene_graph: SceneGraph
     instance: ModelInstanceIndex
-    joints: list[Joint]
-    axes: AxisMap
+    joints: list[Joint]  # of the axes, in order
+    axes: AxisMap  # where they stand in the plant, and their senses
 
     def origins(self) -> Vector:
         """Return where the links are at the default posture, shape (m, 3) [m]."""

@@ -50,17 +50,11 @@ _NOTHING = 1e-12
 
 @dataclass(frozen=True)
 class SolidInertia:
-    """What follows from a body's form alone.
+    """What follows from a body's form alone."""
 
-    Attributes:
-        volume: [m³], positive.
-        centre: of mass, shape (3,) [m].
-        moments: about the centre, for a density of 1 kg/m³: Ixx Iyy Izz Ixy Ixz Iyz, shape (6,) [m⁵].
-    """
-
-    volume: float
-    centre: Vector
-    moments: Vector
+    volume: float  # [m³], positive
+    centre: Vector  # of mass, shape (3,) [m]
+    moments: Vector  # about the centre, for a density of 1 kg/m³: Ixx Iyy Izz Ixy Ixz Iyz, shape (6,) [m⁵]
 
 
 def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:

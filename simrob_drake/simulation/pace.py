@@ -48,22 +48,14 @@ class Slow:
 
     Its state is stepped for a moment without a suspect. Trials have contexts of their own and leave the run as it is.
     Blocks of the user's own may remember more than Drake knows of, so that a run with such is only looked at.
-
-    Attributes:
-        config: the station.
-        built: what is stepped.
-        context: where it is.
-        step: mean length of its last steps [s].
-        cost: of each, by a clock [s].
-        own_blocks: whether there are blocks of the user's own.
     """
 
-    config: StationConfig
-    built: ClosedStation
-    context: Context
-    step: float
-    cost: float
-    own_blocks: bool
+    config: StationConfig  # the station
+    built: ClosedStation  # what is stepped
+    context: Context  # where it is
+    step: float  # mean length of its last steps [s]
+    cost: float  # of each, by a clock [s]
+    own_blocks: bool  # whether there are blocks of the user's own
 
     def cause(self) -> str:
         """Return what holds it up and what to set, in words."""

@@ -33,19 +33,12 @@ _FAULTS = {  # how a comment tells them of home, and with their figures
 
 @dataclass(frozen=True)
 class Start:
-    """How a robot begins.
+    """How a robot begins."""
 
-    Attributes:
-        posture: of its axes, shape (n,) [rad or m].
-        target: where its first move leads, shape (n,).
-        height: of its root over the floor [m].
-        remarks: what was looked at, and what is wrong, in words, a line each.
-    """
-
-    posture: Vector
-    target: Vector
-    height: float
-    remarks: tuple[str, ...]
+    posture: Vector  # of its axes, shape (n,) [rad or m]
+    target: Vector  # where its first move leads, shape (n,)
+    height: float  # of its root over the floor [m]
+    remarks: tuple[str, ...]  # what was looked at, and what is wrong, in words, a line each
 
 
 class ClearStart:

@@ -31,26 +31,18 @@ _EVEN = 1e-4  # weight of sharing the load evenly, where there are more contacts
 
 @dataclass(frozen=True)
 class Standing:
-    """A robot on the ground, at rest.
+    """A robot on the ground, at rest."""
 
-    Attributes:
-        mass: of the robot with what it carries [kg].
-        gap: height of the lowest point over the ground [m]; negative if it lies deeper.
-        contacts: how many points carry.
-        margin: distance of the centre of mass, seen from above, from the border of the support area [m]; negative
-            outside of it, and zero where the points span no area.
-        height: of the centre of mass over the lowest point [m].
-        torque: what the joints hold against gravity, shape (n,) [N·m].
-        ends: of each link that carries, by its name, how far from its joint it does, as part of its length: 1 at its
-            farthest point, near 0 at a knee; 1 of the root, which hangs on no joint.
-    """
-
-    mass: float
-    gap: float
-    contacts: int
+    mass: float  # of the robot with what it carries [kg]
+    gap: float  # height of the lowest point over the ground [m]; negative if it lies deeper
+    contacts: int  # how many points carry
+    # distance of the centre of mass, seen from above, from the border of the support area [m]; negative outside of it,
+    # and zero where the points span no area
     margin: float
-    height: float
-    torque: Vector
+    height: float  # of the centre of mass over the lowest point [m]
+    torque: Vector  # what the joints hold against gravity, shape (n,) [N·m]
+    # of each link that carries, by its name, how far from its joint it does, as part of its length: 1 at its farthest
+    # point, near 0 at a knee; 1 of the root, which hangs on no joint
     ends: Mapping[str, float]
 
 
@@ -231,17 +223,11 @@ _RANDOM, _MOSTLY = 24, 0.9  # postures of chance, and in which part of them shap
 
 @dataclass(frozen=True)
 class Overlap:
-    """Two bodies that lie in each other.
+    """Two bodies that lie in each other."""
 
-    Attributes:
-        depth: of the deepest pair of their shapes [m]; through thin shapes it is too large.
-        bodies: their names, in alphabetical order.
-        robot: whose links, or pieces in hand, both are; empty if they are of two owners.
-    """
-
-    depth: float
-    bodies: tuple[str, str]
-    robot: str
+    depth: float  # of the deepest pair of their shapes [m]; through thin shapes it is too large
+    bodies: tuple[str, str]  # their names, in alphabetical order
+    robot: str  # whose links, or pieces in hand, both are; empty if they are of two owners
 
 
 class Clearance(PosedStation):

@@ -36,18 +36,13 @@ _LOOKS = 500
 
 @dataclass(frozen=True)
 class ClosedStation:
-    """A diagram that holds a station whose inputs all have sources.
+    """A diagram that holds a station whose inputs all have sources."""
 
-    Attributes:
-        diagram: that can be run.
-        ports: of the station.
-        references: what each robot is asked, by name; those that a block asks are left out.
-        players: the sources of those that are trajectories, by robot.
-    """
-
-    diagram: Diagram
-    ports: StationPorts
+    diagram: Diagram  # that can be run
+    ports: StationPorts  # of the station
+    # what each robot is asked, by name; those that a block asks are left out
     references: dict[str, Reference] = field(default_factory=dict)
+    # the sources of those that are trajectories, by robot
     players: Mapping[str, TrajectorySource] = field(default_factory=dict)
 
     def play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:

@@ -20,21 +20,13 @@ _ROUND = 0.3  # a foot whose middle is so near to its joint, by its size, is a w
 
 @dataclass(frozen=True)
 class Leg:
-    """A chain of axes from the root to a foot.
+    """A chain of axes from the root to a foot."""
 
-    Attributes:
-        axes: their numbers, from the root outward.
-        links: that they move, in this order; the first is the hip.
-        foot: the link at its end.
-        point: with which it stands, in the foot [m].
-        normal: of its sole, outward, in the foot; None for a tip or a ball.
-    """
-
-    axes: list[int]
-    links: list[RigidBody]
-    foot: RigidBody
-    point: Vector
-    normal: Vector | None
+    axes: list[int]  # their numbers, from the root outward
+    links: list[RigidBody]  # that they move, in this order; the first is the hip
+    foot: RigidBody  # the link at its end
+    point: Vector  # with which it stands, in the foot [m]
+    normal: Vector | None  # of its sole, outward, in the foot; None for a tip or a ball
 
 
 def put_upright(clearance: Clearance, robot: StationRobot, posture: Vector, height: float = 0.0) -> None:
@@ -147,19 +139,12 @@ _SHIFTS = 3  # how often the feet are put under the centre of mass
 
 @dataclass(frozen=True)
 class Stance:
-    """A robot as it may stand.
+    """A robot as it may stand."""
 
-    Attributes:
-        posture: of its axes, shape (n,) [rad or m].
-        height: of its root over the floor [m].
-        standing: what it stands on, and what that takes.
-        how: in words.
-    """
-
-    posture: Vector
-    height: float
-    standing: Standing
-    how: str
+    posture: Vector  # of its axes, shape (n,) [rad or m]
+    height: float  # of its root over the floor [m]
+    standing: Standing  # what it stands on, and what that takes
+    how: str  # in words
 
 
 class Stances:

@@ -122,15 +122,10 @@ def _period(scene: Scene) -> float:
 
 @dataclass(frozen=True)
 class PushTrial(WalkTrial):
-    """Pushes in all directions at one moment [s].
+    """Pushes in all directions at one moment [s]."""
 
-    Attributes:
-        spec: the map that they belong to.
-        moment: when they begin.
-    """
-
-    spec: PushMap
-    moment: float
+    spec: PushMap  # the map that they belong to
+    moment: float  # when they begin
 
     @property
     def own_columns(self) -> list[Row]:

@@ -105,26 +105,16 @@ class Margin(Strict):
 
 @dataclass(frozen=True)
 class Case(Trial):
-    """A run to be made.
+    """A run to be made."""
 
-    Attributes:
-        station: a name or a file.
-        overrides: what is changed in it, in its robot's gait or in the program; see
-            :mod:`simrob_drake.tuning.scene`.
-        shown: what the table tells of the case, by column.
-        seed: the seed of its noise.
-        drawn: whether it is of that seed's robot and floor, too: of its posture, masses and friction.
-        allow_code: whether the station may name Python code.
-        margin: what is asked beside the run, if anything; the run itself is then without that push.
-    """
-
-    station: str
+    station: str  # a name or a file
+    # what is changed in it, in its robot's gait or in the program; see :mod:`simrob_drake.tuning.scene`
     overrides: Mapping[str, Any]
-    shown: Mapping[str, Any] = field(default_factory=dict)
-    seed: int = 0
-    drawn: bool = False
-    allow_code: bool = False
-    margin: Margin | None = None
+    shown: Mapping[str, Any] = field(default_factory=dict)  # what the table tells of the case, by column
+    seed: int = 0  # the seed of its noise
+    drawn: bool = False  # whether it is of that seed's robot and floor, too: of its posture, masses and friction
+    allow_code: bool = False  # whether the station may name Python code
+    margin: Margin | None = None  # what is asked beside the run, if anything; the run itself is then without that push
 
     def scene(self) -> Scene:
         """Return what is run.

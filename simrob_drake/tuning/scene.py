@@ -75,21 +75,13 @@ _STEPS = 12  # of a gait, unless told
 
 @dataclass(frozen=True)
 class Scene:
-    """A station, and what is done in it.
+    """A station, and what is done in it."""
 
-    Attributes:
-        config: the station.
-        motion: the gait that its robot goes, if any.
-        program: what is done, if any.
-        gait_keys: what was asked of the gait, by its keys.
-        engine: in which it is run.
-    """
-
-    config: StationConfig
-    motion: JointMotion | None = None
-    program: Program | None = None
-    gait_keys: Mapping[str, Any] = field(default_factory=dict)
-    engine: str = DRAKE
+    config: StationConfig  # the station
+    motion: JointMotion | None = None  # the gait that its robot goes, if any
+    program: Program | None = None  # what is done, if any
+    gait_keys: Mapping[str, Any] = field(default_factory=dict)  # what was asked of the gait, by its keys
+    engine: str = DRAKE  # in which it is run
 
     @classmethod
     def of(

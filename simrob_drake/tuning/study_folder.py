@@ -236,17 +236,11 @@ def _in_order(workers: Engine, groups: Sequence[Sequence[Trial]]) -> Iterator[li
 
 @dataclass(frozen=True)
 class Race(Trial):
-    """All runs of one set of figures.
+    """All runs of one set of figures."""
 
-    Attributes:
-        study: what tells what they cost.
-        cases: the runs, in order.
-        least: what the best of the trials before its batch costs; so a search that goes on is the same again.
-    """
-
-    study: Study
-    cases: tuple[Case, ...]
-    least: float = inf
+    study: Study  # what tells what they cost
+    cases: tuple[Case, ...]  # the runs, in order
+    least: float = inf  # what the best of the trials before its batch costs; so a search that goes on is the same again
 
     @property
     def columns(self) -> list[Row]:

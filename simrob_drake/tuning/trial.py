@@ -36,13 +36,9 @@ class Record(Strict):
 
 @dataclass(frozen=True)
 class Trial(ABC):
-    """One of many trials.
+    """One of many trials."""
 
-    Attributes:
-        number: from 1.
-    """
-
-    number: int
+    number: int  # from 1
 
     @property
     @abstractmethod

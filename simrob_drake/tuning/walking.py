@@ -139,19 +139,12 @@ def gait_of(scene: Scene) -> Any:
 
 @dataclass(frozen=True)
 class WalkTrial(Trial):
-    """A trial of a robot that walks.
+    """A trial of a robot that walks."""
 
-    Attributes:
-        settings: the name of those it is made with.
-        changes: what these are.
-        seed: of its draw, if any.
-        allow_code: whether the station may name Python code.
-    """
-
-    settings: str
-    changes: Change
-    seed: int | None
-    allow_code: bool
+    settings: str  # the name of those it is made with
+    changes: Change  # what these are
+    seed: int | None  # of its draw, if any
+    allow_code: bool  # whether the station may name Python code
 
     @property
     def columns(self) -> list[Row]:
@@ -166,23 +159,14 @@ class WalkTrial(Trial):
 
 @dataclass(frozen=True)
 class Subject:
-    """A robot on its feet.
+    """A robot on its feet."""
 
-    Attributes:
-        name: in the station.
-        root: the link that it is held by in other stations.
-        mass: with what it carries [kg].
-        heading: where it looks at the start, counterclockwise from the world's x [rad].
-        ahead: its forward direction, level, along the axes of what is pushed, shape (3,).
-        left: likewise to its left.
-    """
-
-    name: str
-    root: str
-    mass: float
-    heading: float
-    ahead: Vector
-    left: Vector
+    name: str  # in the station
+    root: str  # the link that it is held by in other stations
+    mass: float  # with what it carries [kg]
+    heading: float  # where it looks at the start, counterclockwise from the world's x [rad]
+    ahead: Vector  # its forward direction, level, along the axes of what is pushed, shape (3,)
+    left: Vector  # likewise to its left
 
     def along(self, turn: float) -> Vector:
         """Return the way at an angle from ahead to the left [rad], along the axes of what is pushed, shape (3,)."""

@@ -39,24 +39,15 @@ class PiLaw:
     .. math:: u = \mathrm{clip}\bigl(k_p e + x\bigr), \qquad \dot x = k_i e,
 
     where x stands still while u is at its limit, or at its fastest, and e would drive it on.
-
-    Attributes:
-        period: between samples [s].
-        targets: values of the quantity, one after the other.
-        hold: how long each is asked for, from when its ramp ends [s].
-        speed: of what is asked for, on its way there [1/s].
-        gains: kp [rad per unit] and ki [rad/s per unit].
-        limit: how far it moves [rad].
-        fastest: how fast [rad/s].
     """
 
-    period: float
-    targets: Sequence[float]
-    hold: float = math.inf
-    speed: float = math.inf
-    gains: tuple[float, float]
-    limit: float
-    fastest: float
+    period: float  # between samples [s]
+    targets: Sequence[float]  # values of the quantity, one after the other
+    hold: float = math.inf  # how long each is asked for, from when its ramp ends [s]
+    speed: float = math.inf  # of what is asked for, on its way there [1/s]
+    gains: tuple[float, float]  # kp [rad per unit] and ki [rad/s per unit]
+    limit: float  # how far it moves [rad]
+    fastest: float  # how fast [rad/s]
 
     def next(self, measured: Any, memory: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
         """Return the memory after a sample, by names, and the target: of numbers or of expressions alike."""

@@ -36,19 +36,12 @@ _SENSES: dict[Direction, tuple[float, float, float]] = {
 
 @dataclass(frozen=True)
 class Balanced:
-    """How far a robot is from standing as at the start: ahead and to the left.
+    """How far a robot is from standing as at the start: ahead and to the left."""
 
-    Attributes:
-        com: its centre of mass, from where its feet had it at the start, shape (2,) [m].
-        speed: of that over the floor, shape (2,) [m/s].
-        omega: how fast it would tip, sqrt(g/h) with the height h of the centre of mass [1/s].
-        lifted: how high each foot is above the lowest, shape (feet,) [m].
-    """
-
-    com: Vector
-    speed: Vector
-    omega: float
-    lifted: Vector
+    com: Vector  # its centre of mass, from where its feet had it at the start, shape (2,) [m]
+    speed: Vector  # of that over the floor, shape (2,) [m/s]
+    omega: float  # how fast it would tip, sqrt(g/h) with the height h of the centre of mass [1/s]
+    lifted: Vector  # how high each foot is above the lowest, shape (feet,) [m]
 
     def error(self, measures: Direction, lead: float | None = None) -> float:
         """Return how far it errs in a direction, the velocity counting for ``lead`` seconds, 1/ω unless given [m]."""
@@ -145,19 +138,12 @@ def rotation_of(quaternion: Vector) -> RotationMatrix:
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """Revolute joints in a row, from the root outward.
+    """Revolute joints in a row, from the root outward."""
 
-    Attributes:
-        axes: their places among the robot's axes, shape (k,).
-        turns: their directions at zero in the root's frame, shape (k, 3).
-        points: points on them at zero [m], shape (k, 3).
-        end: the point at its end at zero, shape (3,) [m].
-    """
-
-    axes: list[int]
-    turns: Vector
-    points: Vector
-    end: Vector
+    axes: list[int]  # their places among the robot's axes, shape (k,)
+    turns: Vector  # their directions at zero in the root's frame, shape (k, 3)
+    points: Vector  # points on them at zero [m], shape (k, 3)
+    end: Vector  # the point at its end at zero, shape (3,) [m]
 
     @cached_property
     def _crossing(self) -> list[tuple[int, Vector, Vector, Vector]]:

@@ -84,15 +84,10 @@ class ArmStation(Protocol):
 
 @dataclass
 class Outlook:
-    """What is known of a station before a move of a program that is only looked at.
+    """What is known of a station before a move of a program that is only looked at."""
 
-    Attributes:
-        station: as it will be.
-        changed: whether earlier moves changed it, so that what depends on it is to be planned anew.
-    """
-
-    station: StationConfig
-    changed: bool = False
+    station: StationConfig  # as it will be
+    changed: bool = False  # whether earlier moves changed it, so that what depends on it is to be planned anew
 
 
 class Move(Strict):

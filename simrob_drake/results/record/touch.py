@@ -47,19 +47,13 @@ class Slide:
 
 @dataclass(frozen=True)
 class Touch:
-    """What touched what in a run.
+    """What touched what in a run."""
 
-    Attributes:
-        times: when it was looked, shape (m,) [s].
-        rate: how often [Hz].
-        depths: how deep two bodies were in each other [m] and when [s], by their names; of the deepest of each moment.
-        slides: of each foot, by robot and link.
-    """
-
-    times: Vector
-    rate: float
+    times: Vector  # when it was looked, shape (m,) [s]
+    rate: float  # how often [Hz]
+    # how deep two bodies were in each other [m] and when [s], by their names; of the deepest of each moment
     depths: dict[tuple[str, str], tuple[float, float]] = field(default_factory=dict)
-    slides: dict[tuple[str, str], Slide] = field(default_factory=dict)
+    slides: dict[tuple[str, str], Slide] = field(default_factory=dict)  # of each foot, by robot and link
 
     @classmethod
     def of(

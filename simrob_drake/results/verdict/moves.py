@@ -19,36 +19,27 @@ _SOON = 1e-6  # s
 
 @dataclass(frozen=True)
 class MoveVerdict:
-    """What was asked of a move against what became of it.
+    """What was asked of a move against what became of it."""
 
-    Attributes:
-        move: what it is called, such as ``move 3 (move_l)``.
-        robot: whose it is.
-        begin, end: when it began, and when it ended or was stopped [s].
-        reached: it went to its end, and that was near enough to its target.
-        position_error, orientation_error: how far the tool ended from its target [m, rad].
-        following_error: how far the tool was from where it should have been at most [m].
-        torque_time: for how long an axis was at its limit of torque, of the axis that was so longest [s].
-        speed, asked_speed: the largest of the tool, and the one that was asked for [m/s]; None if none was.
-        distance, nearest: the closest that the robot and what it carries came to anything else [m], and what to what;
-            None where nothing could be met. What touched at the start, or stays as far, does not count.
-        warnings: what passes its bound, in words.
-    """
-
-    move: str
-    robot: str
+    move: str  # what it is called, such as ``move 3 (move_l)``
+    robot: str  # whose it is
+    # when it began, and when it ended or was stopped [s]
     begin: float
     end: float
-    reached: bool
+    reached: bool  # it went to its end, and that was near enough to its target
+    # how far the tool ended from its target [m, rad]
     position_error: float
     orientation_error: float
-    following_error: float
-    torque_time: float
+    following_error: float  # how far the tool was from where it should have been at most [m]
+    torque_time: float  # for how long an axis was at its limit of torque, of the axis that was so longest [s]
+    # the largest of the tool, and the one that was asked for [m/s]; None if none was
     speed: float
     asked_speed: float | None
+    # the closest that the robot and what it carries came to anything else [m], and what to what; None where nothing
+    # could be met. What touched at the start, or stays as far, does not count
     distance: float | None
     nearest: str
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  # what passes its bound, in words
 
     def later(self, begin: float) -> "MoveVerdict":
         """Return it as of a run that begins so late [s]."""

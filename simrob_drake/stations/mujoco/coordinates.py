@@ -52,17 +52,12 @@ class Coordinates:
     """Where the coordinates of a plant are in those of a model; each time positions, then velocities (nq + nv).
 
     A free body's angular velocity is about its own axes in MuJoCo, about the world's in Drake.
-
-    Attributes:
-        nq: how many of them are positions.
-        there: of each of the plant's coordinates, its place in MuJoCo's, shape (nq + nv,).
-        back: of each of MuJoCo's, its place in the plant's, shape (nq + nv,).
-        free: of each free body the places of quaternion (4) and angular velocity (3) in MuJoCo's.
     """
 
-    nq: int
-    there: Places
-    back: Places
+    nq: int  # how many of them are positions
+    there: Places  # of each of the plant's coordinates, its place in MuJoCo's, shape (nq + nv,)
+    back: Places  # of each of MuJoCo's, its place in the plant's, shape (nq + nv,)
+    # of each free body the places of quaternion (4) and angular velocity (3) in MuJoCo's
     free: tuple[tuple[slice, slice], ...]
 
     @property

@@ -85,15 +85,11 @@ _FAR = 1e3  # m, of distances
 
 @dataclass(frozen=True)
 class OutputSensors:
-    """How the sensors of a model give an output.
+    """How the sensors of a model give an output."""
 
-    Attributes:
-        names: of the sensors, in order.
-        kind: how their values become the output's: ``row``, side by side; ``pose``, one whose quaternion has a sense;
-            ``sum`` of vectors; ``least`` of numbers.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the sensors, in order
+    # how their values become the output's: ``row``, side by side; ``pose``, one whose quaternion has a sense; ``sum``
+    # of vectors; ``least`` of numbers
     kind: Literal["row", "pose", "sum", "least"] = "row"
 
     def of(self, columns: Mapping[str, slice], data: Vector) -> Vector:

@@ -164,19 +164,12 @@ _STICK = 1.0
 
 @dataclass(frozen=True)
 class MujocoModel:
-    """A station in MuJoCo.
+    """A station in MuJoCo."""
 
-    Attributes:
-        spec: of the model, with the figures for its step.
-        model: compiled.
-        outputs: how the model's sensors give outputs of the station, by their names.
-        shapes: of the plant, by the names of the model's geoms.
-    """
-
-    spec: mujoco.MjSpec
-    model: mujoco.MjModel
-    outputs: Mapping[str, OutputSensors]
-    shapes: Mapping[str, GeometryId]
+    spec: mujoco.MjSpec  # of the model, with the figures for its step
+    model: mujoco.MjModel  # compiled
+    outputs: Mapping[str, OutputSensors]  # how the model's sensors give outputs of the station, by their names
+    shapes: Mapping[str, GeometryId]  # of the plant, by the names of the model's geoms
 
 
 Driver = Literal["controls", "diagram", "motion"]

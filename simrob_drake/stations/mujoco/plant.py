@@ -29,17 +29,11 @@ _NOT_YET = np.inf
 
 
 class Step(NamedTuple):
-    """What a step does.
+    """What a step does."""
 
-    Attributes:
-        state: positions and velocities of the plant at its end, shape (nq + nv,).
-        warm: accelerations with which MuJoCo's solver begins the next one, shape (nv,).
-        torque: of each motor, shape (m,) [N·m or N].
-    """
-
-    state: Vector
-    warm: Vector
-    torque: Vector
+    state: Vector  # positions and velocities of the plant at its end, shape (nq + nv,)
+    warm: Vector  # accelerations with which MuJoCo's solver begins the next one, shape (nv,)
+    torque: Vector  # of each motor, shape (m,) [N·m or N]
 
 
 class MujocoPlant(Block):
