@@ -36,20 +36,12 @@ def drake_asserts() -> Iterator[None]:
 
 
 def number(value: object, name: str) -> float:
-    """Return a number.
-
-    Raises:
-        InvalidParameter: anything else, what is not finite too.
-    """
+    """Return a number; raises InvalidParameter: anything else, what is not finite too."""
     return _between(value, name, -1e308, 1e308, "a number")
 
 
 def positive(value: object, name: str, unit: str) -> float:
-    """Return a positive number.
-
-    Raises:
-        InvalidParameter: anything else.
-    """
+    """Return a positive number; raises InvalidParameter: anything else."""
     return _between(value, name, 1e-308, 1e308, f"a positive number [{unit}]")
 
 
@@ -71,11 +63,7 @@ def _between(value: object, name: str, least: float, most: float, expected: str)
 
 
 def whole(value: object, name: str, least: int, most: int) -> int:
-    """Return a whole number within bounds.
-
-    Raises:
-        InvalidParameter: anything else.
-    """
+    """Return a whole number within bounds; raises InvalidParameter: anything else."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
         raise InvalidParameter(name, quoted(value), f"a whole number, {least} to {most}")
     return int(value)
@@ -91,11 +79,7 @@ def truth(value: object, name: str) -> bool:
 
 
 def instance(value: object, name: str, kind: type[Kind] | tuple[type[Kind], ...], expected: str) -> Kind:
-    """Return an object of a kind.
-
-    Raises:
-        InvalidParameter: one of another kind.
-    """
+    """Return an object of a kind; raises InvalidParameter: one of another kind."""
     if not isinstance(value, kind):
         raise InvalidParameter(name, quoted(value), expected)
     return value

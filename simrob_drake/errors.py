@@ -93,11 +93,7 @@ def _located(where: Path | str, what: str, problem: str) -> str:
 
 
 def one_of(kind: str, name: object, known: Iterable[str]) -> str:
-    """Return a name that is one of the known ones.
-
-    Raises:
-        UnknownName: it is not, or is no text.
-    """
+    """Return a name that is one of the known ones; raises UnknownName: it is not, or is no text."""
     names = list(known)
     if not isinstance(name, str) or name not in names:
         raise UnknownName(kind, name, names)

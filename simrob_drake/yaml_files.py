@@ -68,11 +68,7 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
 
 
 def parse_yaml(text: str, where: Path | str) -> Any:
-    """Return the value that a YAML text stands for.
-
-    Raises:
-        InvalidConfig: the text is not YAML.
-    """
+    """Return the value that a YAML text stands for; raises InvalidConfig: the text is not YAML."""
     try:
         return deepcopy(_parsed(text))
     except (yaml.YAMLError, ValueError) as problem:

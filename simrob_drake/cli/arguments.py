@@ -113,11 +113,7 @@ def refuse_import(why: str, options: ImportOptions | None) -> None:
 
 
 def check_file(file: Path, *, force: bool) -> None:
-    """Check that a file may be written.
-
-    Raises:
-        OutputError: it exists and is not to be replaced.
-    """
+    """Check that a file may be written; raises OutputError: it exists and is not to be replaced."""
     if file.exists() and not force:
         raise OutputError(f"{file} exists already; choose another file or replace it with --force")
 

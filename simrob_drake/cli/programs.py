@@ -78,11 +78,7 @@ def _called(result: SimulationResult, lines: Mapping[int, str]) -> SimulationRes
 
 
 def own_program(config: StationConfig) -> Program:
-    """Return the program that a station carries.
-
-    Raises:
-        InvalidConfig: it has none, or a damaged one.
-    """
+    """Return the program that a station carries; raises InvalidConfig: it has none, or a damaged one."""
     from simrob_drake.programs.whole_program import carried_program
 
     if (program := carried_program(config)) is None:

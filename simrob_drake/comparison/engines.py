@@ -129,11 +129,7 @@ def _torques(dynamics: Dynamics, run: SimulationResult, robot: str, every: int) 
 
 
 def _whole(result: SimulationResult) -> SimulationResult:
-    """Return a run that did not diverge.
-
-    Raises:
-        SimrobError: it did.
-    """
+    """Return a run that did not diverge; raises SimrobError: it did."""
     if result.ending in ("completed", "monitor"):
         return result
     raise SimrobError(result.message)

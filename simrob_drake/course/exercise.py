@@ -52,11 +52,7 @@ class ExerciseFolder:
     """
 
     def __init__(self, folder: Path) -> None:
-        """Read the description of an exercise.
-
-        Raises:
-            InvalidConfig: it cannot be read, or an entry cannot be.
-        """
+        """Read the description of an exercise; raises InvalidConfig: it cannot be read, or an entry cannot be."""
         file = folder / EXERCISE_FILE
         self.folder, self.exercise = folder, validated(Exercise, read_yaml(file), file)
 

@@ -80,11 +80,7 @@ def numbers(answer: ModuleType, name: str, *arguments: Any, shape: tuple[int, ..
 
 
 def value_of(answer: ModuleType, name: str, *arguments: Any) -> Any:
-    """Return what a function of an answer gives.
-
-    Raises:
-        InvalidParameter: the answer has no such function.
-    """
+    """Return what a function of an answer gives; raises InvalidParameter: the answer has no such function."""
     function = getattr(answer, name, None)
     if not callable(function):
         raise InvalidParameter(f"{name} of the answer", "missing" if function is None else "no function", "a function")

@@ -215,11 +215,7 @@ class Border:
         return self._packages[name]
 
     def readable(self, path: Path) -> Path:
-        """Return a path without symbolic links, if it may be read.
-
-        Raises:
-            OutsideBorder: it may not.
-        """
+        """Return a path without symbolic links, if it may be read; raises OutsideBorder: it may not."""
         found = resolved(path)
         self.package(manifest_name(package_root(found)))  # what its package's name may be used for, its path may, too
         packages = [folder for folder in self._packages.values() if folder is not None]

@@ -57,11 +57,7 @@ class SixAxisArm:
 
     @classmethod
     def of(cls, chain: Chain) -> "SixAxisArm":
-        """Recognise the geometry in a chain.
-
-        Raises:
-            NoClosedForm: what it lacks.
-        """
+        """Recognise the geometry in a chain; raises NoClosedForm: what it lacks."""
         order = list(chain.order)
         if len(order) != 6 or not chain.revolute[order].all():
             raise NoClosedForm(f"it has {len(order)} moving axes, and the form is for six revolute ones")

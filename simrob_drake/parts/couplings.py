@@ -76,11 +76,7 @@ class CouplingSection(Strict, ABC):
         return 0.0
 
     def check_start(self, key: str, plant: StationPlant, context: Context) -> None:
-        """Check that the station starts in a posture that it allows.
-
-        Raises:
-            InvalidParameter: it does not.
-        """
+        """Check that the station starts in a posture that it allows; raises InvalidParameter: it does not."""
         if (gap := self.gap(plant, context)) > _CLOSED:
             raise InvalidParameter(key, f"{gap:.4g} m (or rad) off at the start", f"at most {_CLOSED:g} off")
 

@@ -39,11 +39,7 @@ class FreeSpace:
     _owners: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Allow what touches at the start.
-
-        Raises:
-            StartInCollision: a robot that begins deep in something else.
-        """
+        """Allow what touches at the start; raises StartInCollision: a robot that begins deep in something else."""
         self._ends = np.cumsum([len(posture) for posture in self.start.values()])[:-1]
         self._begun = {bodies: depth for depth, bodies in reversed(self.hits(self.posture, _AT_ALL))}
         deep = [(depth, bodies) for bodies, depth in self._begun.items() if depth > ROUGH and not self._of_one(bodies)]

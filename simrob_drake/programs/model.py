@@ -313,11 +313,7 @@ def _with_tools(model: StationModel, new: StationConfig, piece: str) -> StationC
 
 
 def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
-    """Return one posture (n,).
-
-    Raises:
-        InvalidParameter: another shape, or numbers that are not finite.
-    """
+    """Return one posture (n,); raises InvalidParameter: another shape, or numbers that are not finite."""
     found = finite(values)
     if found.shape != (axes,):
         raise InvalidParameter(name, values, f"a posture of {axes} axes, finite numbers [rad]")

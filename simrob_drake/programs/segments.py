@@ -47,11 +47,7 @@ class Way:
 
 
 def zone_size(zone: object) -> float:
-    """Return how far from a target a zone begins [m]; 0 for ``fine``.
-
-    Raises:
-        InvalidParameter: no zone.
-    """
+    """Return how far from a target a zone begins [m]; 0 for ``fine``; raises InvalidParameter: no zone."""
     if not isinstance(zone, str):
         size = positive(zone, "zone", "m")
         if size < _SMALLEST:

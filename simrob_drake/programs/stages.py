@@ -85,11 +85,7 @@ def stages_of_program(robot: LeggedGeometry, program: Program, station: StationC
 
 
 def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
-    """Return the moves of a program for a robot with legs.
-
-    Raises:
-        InvalidParameter: one for arms.
-    """
+    """Return the moves of a program for a robot with legs; raises InvalidParameter: one for arms."""
     for number, move in enumerate(program.moves):
         if not move.of_legs:
             expected = f"one of {', '.join(LEG_KINDS)}: the others are for arms"
@@ -98,11 +94,7 @@ def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
 
 
 def check_program(robot: LeggedGeometry, program: Program, station: StationConfig, file: str = "") -> None:
-    """Check that a robot can do all of a program, moves and references.
-
-    Raises:
-        SimrobError: as :func:`stages_of`.
-    """
+    """Check that a robot can do all of a program, moves and references; raises SimrobError: as :func:`stages_of`."""
     _check_references(robot, program, file)
     stages_of(robot, leg_moves(program, file), station, file)
 
@@ -110,11 +102,7 @@ def check_program(robot: LeggedGeometry, program: Program, station: StationConfi
 def check_takes_time(
     moves: Sequence[Move], name: str = "the program", expected: str = "one with moves: add_move() stores them"
 ) -> None:
-    """Check that a program to be run does something that takes time.
-
-    Raises:
-        InvalidParameter: it does not.
-    """
+    """Check that a program to be run does something that takes time; raises InvalidParameter: it does not."""
     if not any(move.takes_time for move in moves):
         state = "without a move that takes time" if moves else "empty"
         raise InvalidParameter(name, state, expected)

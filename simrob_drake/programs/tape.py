@@ -93,11 +93,7 @@ class Tape:
         return [take.run() for take in self.takes]
 
     def check_some(self) -> None:
-        """Check that something was recorded.
-
-        Raises:
-            InvalidParameter: nothing.
-        """
+        """Check that something was recorded; raises InvalidParameter: nothing."""
         if not self.entries:
             raise InvalidParameter("the recording", "empty", "begun with record() before the moves")
 

@@ -77,11 +77,7 @@ def profile_of(how: How) -> Profile:
 
 
 def speed_of(how: How) -> float:
-    """Return the speed of a move that has one [m/s].
-
-    Raises:
-        InvalidParameter: none that a tool can have.
-    """
+    """Return the speed of a move that has one [m/s]; raises InvalidParameter: none that a tool can have."""
     speed = positive(how["speed"], "speed", "m/s")
     if speed > _FASTEST:
         expected = f"at most {_FASTEST:g} m/s; were these mm/s? Then it is {speed / 1e3:g}"

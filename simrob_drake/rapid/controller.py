@@ -122,11 +122,7 @@ class Controller:
         return _numbers(frame)
 
     def take_tool(self, tool: RecordValue) -> None:
-        """Use the tool centre point of a tool.
-
-        Raises:
-            WrongType: a tool that the robot does not hold.
-        """
+        """Use the tool centre point of a tool; raises WrongType: a tool that the robot does not hold."""
         if not tool["robhold"]:
             raise WrongType("a tool that stands still, which is not done,")
         desired, whose = transform_of(tool["tframe"]), self.robot if self._named else None

@@ -51,11 +51,7 @@ class Call:
         return len(self.arguments)
 
     def argument(self, index: int) -> Node:
-        """Return an argument as it is written.
-
-        Raises:
-            WrongType: so many are not given.
-        """
+        """Return an argument as it is written; raises WrongType: so many are not given."""
         if index >= len(self.arguments):
             raise WrongType(f"{self.name} with {self.count} arguments, of which {index + 1} or more are needed,")
         return self.arguments[index]

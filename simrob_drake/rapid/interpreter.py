@@ -54,11 +54,7 @@ class Interpreter(Expressions):
         self._cycles, self._depth, self._done = cycles, 0, 0
 
     def run(self, main: str = "main") -> None:
-        """Do a procedure of the program.
-
-        Raises:
-            RapidError: something that cannot be; names the file and the line.
-        """
+        """Do a procedure of the program; raises RapidError: something that cannot be; names the file and the line."""
         self.remarks += self._faults
         routine = self._scope.find(main)
         if not isinstance(routine, Routine):

@@ -151,11 +151,7 @@ class Datum:
 
     @property
     def value(self) -> Any:
-        """What it holds.
-
-        Raises:
-            WrongType: its first value depends on itself.
-        """
+        """What it holds; raises WrongType: its first value depends on itself."""
         if self.held is None:
             if self.first is None:
                 raise WrongType("data whose value depends on itself")

@@ -147,11 +147,7 @@ def place_of(pos: RecordValue) -> Vector:
 
 
 def rotation_of(orient: RecordValue) -> RotationMatrix:
-    """Return the rotation of an ``orient``.
-
-    Raises:
-        WrongType: its quaternion is all zero.
-    """
+    """Return the rotation of an ``orient``; raises WrongType: its quaternion is all zero."""
     wxyz = np.array(orient.flat(), dtype=float)
     if not np.linalg.norm(wxyz) > 0:
         raise WrongType("an orient of four zeros, which is no rotation,")

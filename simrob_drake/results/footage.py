@@ -29,11 +29,7 @@ class Footage:
     """
 
     def __init__(self, result: RecordedRun, camera: CameraSensor) -> None:
-        """Make ready to render.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
-        """
+        """Make ready to render; raises InvalidModel: a robot that cannot be built."""
         self._result, self._camera = result, camera
         config = result.config.model_copy(update={"contact": None, "sensors": {}})
         self._scene = PosedStation(config, lambda _, station: let_render(station.scene_graph))

@@ -89,11 +89,7 @@ class Feet(Strict):
         return self
 
     def kind(self, name: str | None) -> FootContact:
-        """Return a kind of feet by its name, or the default one.
-
-        Raises:
-            UnknownName: there is no such kind.
-        """
+        """Return a kind of feet by its name, or the default one; raises UnknownName: there is no such kind."""
         return self.contacts[self.default if name is None else one_of("kind of feet", name, self.contacts)]
 
 

@@ -250,11 +250,7 @@ def piece_names() -> list[str]:
 
 
 def piece_file(name: str) -> Path:
-    """Return the file of a piece of the package.
-
-    Raises:
-        UnknownName: no such piece.
-    """
+    """Return the file of a piece of the package; raises UnknownName: no such piece."""
     return models_root() / "pieces" / one_of("piece", name, piece_names()) / PIECE_FILE
 
 

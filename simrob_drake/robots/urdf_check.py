@@ -100,11 +100,7 @@ def check_urdf(root: ET.Element, path: Path) -> None:
 
 
 def check_size(root: ET.Element, refuse: Refuse) -> None:
-    """Check that a robot is none that Drake has no memory for.
-
-    Raises:
-        InvalidModel: it has too many links.
-    """
+    """Check that a robot is none that Drake has no memory for; raises InvalidModel: it has too many links."""
     count = len(root.findall("link"))
     if count > MOST_LINKS:
         raise refuse("", f"has {count} links; at most {MOST_LINKS} are taken, for memory grows with their square")

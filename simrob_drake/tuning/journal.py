@@ -48,11 +48,7 @@ class _Outcome(Strict):
 
 
 def read_spec(folder: Path, file: str, model: type[Model]) -> Model:
-    """Return what a folder was asked for.
-
-    Raises:
-        InvalidConfig: there is none, or it is damaged.
-    """
+    """Return what a folder was asked for; raises InvalidConfig: there is none, or it is damaged."""
     return validated(model, validated(_Kept, read_yaml(folder / file), folder / file).asked, folder / file)
 
 
@@ -131,11 +127,7 @@ class Journal:
                 self.records.sort(key=lambda record: record.number)
 
     def read(self) -> list[Record]:
-        """Return the records that stand in it now, whoever makes them.
-
-        Raises:
-            InvalidConfig: a line is damaged.
-        """
+        """Return the records that stand in it now, whoever makes them; raises InvalidConfig: a line is damaged."""
         return self._read()[0]
 
     def _read(self) -> tuple[list[Record], int]:

@@ -117,11 +117,7 @@ class Case(Trial):
     margin: Margin | None = None  # what is asked beside the run, if anything; the run itself is then without that push
 
     def scene(self) -> Scene:
-        """Return what is run.
-
-        Raises:
-            SimrobError: what cannot be.
-        """
+        """Return what is run; raises SimrobError: what cannot be."""
         scene = Scene.of(self.station, self.overrides, allow_code=self.allow_code)
         if not self.drawn:
             return scene

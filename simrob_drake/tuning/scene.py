@@ -148,11 +148,7 @@ class Scene:
             Runner(self.config).check(self.reference)
 
     def run(self) -> SimulationResult:
-        """Run it; what is built already is used where that can be.
-
-        Raises:
-            SimrobError: what cannot be run.
-        """
+        """Run it; what is built already is used where that can be; raises SimrobError: what cannot be run."""
         decides = self.program is not None or bool(self.config.controllers)
         config = in_mujoco(self.config) if self.engine == MUJOCO and decides else self.config
         if self.program is not None:

@@ -49,11 +49,7 @@ class Conditions(Draws):
         return distinct([*(key for case in self.cases for key in case), *self.vary])
 
     def located(self, folder: Path, border: Border) -> Self:
-        """Return them with absolute paths.
-
-        Raises:
-            InvalidConfig: one that may not be read.
-        """
+        """Return them with absolute paths; raises InvalidConfig: one that may not be read."""
         cases = [located_changes(case, folder, border) for case in self.cases]
         return self.model_copy(update={"cases": cases, "vary": located_space(self.vary, folder, border)})
 

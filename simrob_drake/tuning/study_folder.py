@@ -29,11 +29,7 @@ PLOTS = "plots"
 
 
 def winner_of(folder: Path, study: Study) -> Parameters:
-    """Return the figures that a study has found.
-
-    Raises:
-        InvalidConfig: it has not ended yet, or the file is damaged.
-    """
+    """Return the figures that a study has found; raises InvalidConfig: it has not ended yet, or the file is damaged."""
     file = folder / WINNER
     if not file.is_file():
         raise InvalidConfig(folder, "", f"has no {WINNER} yet: let simrob tune go on with it first")

@@ -73,11 +73,7 @@ def evaluate(text: str, names: Mapping[str, Any]) -> Any:
 
 
 def bounded(value: Any) -> Any:
-    """Return a value that is plain and not too large.
-
-    Raises:
-        NotAllowed: it is not.
-    """
+    """Return a value that is plain and not too large; raises NotAllowed: it is not."""
     size_of(value)
     return value
 

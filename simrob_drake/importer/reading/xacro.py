@@ -108,11 +108,7 @@ class _Files:
             return {"refused": f"{about}: {problem}"}
 
     def package(self, name: str) -> Path:
-        """Return the folder of a package.
-
-        Raises:
-            LookupError: there is none that may be read.
-        """
+        """Return the folder of a package; raises LookupError: there is none that may be read."""
         folder = self.border.package(name)
         if folder is None:
             raise LookupError(unknown_package(name))

@@ -174,11 +174,7 @@ class _Shapes:
         return made
 
     def _rewrite_collision(self, link: ET.Element, element: ET.Element, where: str, report: ImportReport) -> None:
-        """Rewrite a collision shape if it is a mesh.
-
-        Raises:
-            UnreadableMesh: it can't be had.
-        """
+        """Rewrite a collision shape if it is a mesh; raises UnreadableMesh: it can't be had."""
         mesh = element.find("geometry/mesh")
         if mesh is None:
             return

@@ -81,11 +81,7 @@ class RobotWriter:
         self._origins: dict[str, RigidTransform] = {}  # of the links of the URDF in the model
 
     def written(self) -> ET.Element:
-        """Return the ``robot`` element.
-
-        Raises:
-            InvalidModel: frames that name none, or a joint that is none.
-        """
+        """Return the ``robot`` element; raises InvalidModel: frames that name none, or a joint that is none."""
         static = text_at(self.model, "static") in ("1", "true")
         held = static or any(WORLD in (edge.parent, edge.child) for edge in self._edges)
         if held:

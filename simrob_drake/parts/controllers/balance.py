@@ -173,11 +173,7 @@ class Balance(LoopSection):
         return [robot.axes[index] for index in dict.fromkeys(found)]
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot stands on feet.
-
-        Raises:
-            SimrobError: it does not, or what every loop checks.
-        """
+        """Check that the robot stands on feet; raises SimrobError: it does not, or what every loop checks."""
         super().check(key, station)
         robot = self.on_feet(key, station)
         assert robot.feet is not None  # on_feet() has asked

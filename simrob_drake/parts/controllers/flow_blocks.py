@@ -100,11 +100,7 @@ class FlowBlock(Strict):
         return ()
 
     def check(self, key: str) -> None:
-        """Check how many inputs it has.
-
-        Raises:
-            InvalidParameter: too few or too many.
-        """
+        """Check how many inputs it has; raises InvalidParameter: too few or too many."""
         fewest, most = self.takes
         if not fewest <= len(self.inputs) <= most:
             expected = f"{fewest} inputs" if fewest == most else f"{fewest} inputs or more"

@@ -94,11 +94,7 @@ class LoopSection(Strict):
         self.axes(robot)
 
     def on_feet(self, key: str, station: Surroundings) -> ResolvedRobot:
-        """Return whom it drives.
-
-        Raises:
-            SimrobError: no such robot, or one that does not stand on feet of its own.
-        """
+        """Return whom it drives; raises SimrobError: no such robot, or one that does not stand on feet of its own."""
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
             raise InvalidParameter(key, f"{self.kind} of {robot.name}", "of a robot that stands on feet of its own")
@@ -149,11 +145,7 @@ class LoopSection(Strict):
 
 
 def check_force_is_read(section: LoopSection, key: str) -> None:
-    """Check that a loop on a force says which sensor tells it.
-
-    Raises:
-        InvalidParameter: it does not.
-    """
+    """Check that a loop on a force says which sensor tells it; raises InvalidParameter: it does not."""
     if "force" not in section.reads:
         raise InvalidParameter(f"{key}.reads", section.reads, "with a force sensor: reads: {force: <sensor>}")
 

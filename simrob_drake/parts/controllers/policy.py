@@ -223,11 +223,7 @@ class LearntPolicy(SampledBlock):
             context.SetDiscreteState(self._reported[name], values)
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return how far the axes are to be moved now.
-
-        Raises:
-            BlockFails: the law gives no action.
-        """
+        """Return how far the axes are to be moved now; raises BlockFails: the law gives no action."""
         action = memory["action"] if self.law is None else self._action(self.law, self._observation(memory, read))
         action = np.clip(action, -1.0, 1.0)
         return {"offset": self._matrix @ action, "action": action, "count": memory["count"] + 1}

@@ -62,11 +62,7 @@ def quasi_static_limits() -> dict[str, float]:
 
 
 def force_limit(limit: float | str) -> float:
-    """Return a limit [N]: a number as it is, a body region's from the table.
-
-    Raises:
-        UnknownName: no such region.
-    """
+    """Return a limit [N]: a number as it is, a body region's from the table; raises UnknownName: no such region."""
     regions = quasi_static_limits()
     return regions[one_of("body region", limit, regions)] if isinstance(limit, str) else limit
 

@@ -26,11 +26,7 @@ class Sensor(Strict, ABC):
 
     @abstractmethod
     def check(self, key: str, station: Surroundings) -> None:
-        """Check the section before anything is built.
-
-        Raises:
-            SimrobError: what is wrong with it.
-        """
+        """Check the section before anything is built; raises SimrobError: what is wrong with it."""
 
     @abstractmethod
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:

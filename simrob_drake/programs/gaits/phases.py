@@ -32,11 +32,7 @@ class Phase:
     hold: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the times.
-
-        Raises:
-            InvalidParameter: a phase without duration, or with more in it than it lasts.
-        """
+        """Check the times; raises InvalidParameter: a phase without duration, or with more in it than it lasts."""
         if not self.duration > 0:
             raise InvalidParameter("duration of a phase", self.duration, "positive [s]")
         if self.transfer > self.duration + 1e-9 or self.delay + self.rest + self.hold >= self.duration:
@@ -112,11 +108,7 @@ def samples(duration: float) -> Vector:
 
 
 def check_steps(steps: int) -> None:
-    """Check that a gait goes some steps.
-
-    Raises:
-        InvalidParameter: it does not, or more than are planned at once.
-    """
+    """Check that a gait goes some steps; raises InvalidParameter: it does not, or more than are planned at once."""
     whole(steps, "steps", 1, _MOST_STEPS)
 
 

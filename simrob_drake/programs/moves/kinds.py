@@ -72,11 +72,7 @@ def move_from(
 
 
 def check_move(content: Mapping[str, Any]) -> Move:
-    """Return the move that a mapping of a program's file is.
-
-    Raises:
-        InvalidConfig: what is no move; names the key.
-    """
+    """Return the move that a mapping of a program's file is; raises InvalidConfig: what is no move; names the key."""
     kind = kind_of(content, KINDS.values())
     if kind is None:
         key = next(iter(content), "")

@@ -210,11 +210,7 @@ def read_move(kind: type[Move], content: Mapping[str, Any], where: str) -> Move:
 
 
 def checked(kind: type[Kind], /, **content: Any) -> Kind:
-    """Return a move of what a user gave in Python.
-
-    Raises:
-        InvalidParameter: the first value that cannot be.
-    """
+    """Return a move of what a user gave in Python; raises InvalidParameter: the first value that cannot be."""
     try:
         return kind.model_validate(plain(content))
     except ValidationError as problem:

@@ -91,11 +91,7 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
 
 
 def check_frames(frames: Frames) -> None:
-    """Check how many frames a strip shall have.
-
-    Raises:
-        InvalidParameter: fewer than two.
-    """
+    """Check how many frames a strip shall have; raises InvalidParameter: fewer than two."""
     if frames != "events" and (not isinstance(frames, int) or frames < 2):
         raise InvalidParameter("frames", frames, 'at least 2, or "events"')
 
@@ -283,11 +279,7 @@ class Still:
     """
 
     def __init__(self, config: StationConfig) -> None:
-        """Set the camera up.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
-        """
+        """Set the camera up; raises InvalidModel: a robot that cannot be built."""
         around = np.array([[-_AROUND, -_AROUND, 0.0], [_AROUND, _AROUND, 0.0]])
         config = with_floor_under(config, around)
         self._scene = scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()))
