@@ -21,11 +21,7 @@ class DrakeRefused(SimrobError):
 
 @contextmanager
 def drake_asserts() -> Iterator[None]:
-    """Tell of Drake's failed assertions, which reach Python as SystemExit, as errors; also as a decorator.
-
-    Raises:
-        DrakeRefused: one failed.
-    """
+    """Tell of Drake's failed assertions, a SystemExit in Python, as errors; a decorator, too; raises DrakeRefused."""
     try:
         yield
     except SystemExit as problem:
@@ -46,11 +42,7 @@ def positive(value: object, name: str, unit: str) -> float:
 
 
 def seconds(value: object, name: str = "duration") -> float:
-    """Return a duration [s].
-
-    Raises:
-        InvalidParameter: anything else than a positive number that is neither too small nor too large for one.
-    """
+    """Return a duration [s]; raises InvalidParameter: not positive, too small or too large for one."""
     return _between(value, name, SHORTEST, LONGEST, f"a positive time [s], {SHORTEST:g} to {LONGEST:g}")
 
 
@@ -70,11 +62,7 @@ def whole(value: object, name: str, least: int, most: int) -> int:
 
 
 def truth(value: object, name: str) -> bool:
-    """Return True or False.
-
-    Raises:
-        InvalidParameter: anything else; many things have no truth, or not the one that was meant.
-    """
+    """Return True or False; raises InvalidParameter: anything else, as many things have no truth, or not that meant."""
     return bool(instance(value, name, (bool, np.bool_), "True or False"))
 
 

@@ -253,11 +253,7 @@ _DRAWN: Mapping[str, Callable[[float, float], Values]] = {
 
 
 def _section(text: str) -> Values:
-    """Return the section that a line says.
-
-    Raises:
-        ValueError: anything else, or an empty range; the message says what it must be.
-    """
+    """Return the section that a line says; raises ValueError: anything else or an empty range, with what it must be."""
     kind, *numbers = text.split(":")
     if kind not in _GRIDS and kind not in _DRAWN:
         return {"values": _listed(text)}

@@ -136,11 +136,7 @@ def read_matrix(file: Path) -> NDArray[np.float64]:
 
 
 def column_names(file: Path) -> list[str]:
-    """Return the names in the first line that is not empty.
-
-    Raises:
-        InvalidConfig: the file cannot be read, or holds nothing.
-    """
+    """Return the names in the first line that is not empty; raises InvalidConfig: no file to read, or an empty one."""
     return _header(_rows(file), file)[1]
 
 

@@ -132,11 +132,7 @@ def replaced_at_once(file: Path) -> Iterator[Path]:
 
 
 def written_at_once(file: Path, text: str) -> None:
-    """Write a text file, all of it or nothing, and the folders that lead to it.
-
-    Raises:
-        OutputError: the disk does not take it.
-    """
+    """Write a text file, all of it or nothing, and the folders to it; raises OutputError: the disk does not take it."""
     with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
     with replaced_at_once(file) as work:
@@ -145,11 +141,7 @@ def written_at_once(file: Path, text: str) -> None:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Work in a folder that is there, and let no other process do so at the same time.
-
-    Raises:
-        OutputError: another one does.
-    """
+    """Work in a folder that is there, and let no other process; raises OutputError: another one does."""
     with writing(folder):
         lock = os.open(folder, os.O_RDONLY)
     try:

@@ -86,11 +86,7 @@ def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -
 
 
 def point(values: npt.ArrayLike, name: str = "point") -> Vector:
-    """Return three finite numbers as an array (3,) [m].
-
-    Raises:
-        InvalidParameter: anything else; the message calls it ``name``.
-    """
+    """Return three finite numbers as an array (3,) [m]; raises InvalidParameter: anything else, called ``name``."""
     place = finite(values)
     if place.shape != (3,):
         raise InvalidParameter(name, values, "three finite numbers [x y z] in m")
@@ -98,11 +94,7 @@ def point(values: npt.ArrayLike, name: str = "point") -> Vector:
 
 
 def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:
-    """Turn a pose vector [x y z Rz Ry Rx], shape (6,) [m, rad], into a transform.
-
-    Raises:
-        InvalidParameter: the pose has not six finite numbers.
-    """
+    """Turn a pose [x y z Rz Ry Rx], shape (6,) [m, rad], into a transform; raises InvalidParameter: no six numbers."""
     values = finite(pose)
     if values.shape != (POSE_SIZE,):
         raise InvalidParameter("pose", pose, "six finite numbers [x y z Rz Ry Rx] in m and rad")

@@ -63,11 +63,7 @@ class Arc:
 
     @classmethod
     def through(cls, start: npt.ArrayLike, middle: npt.ArrayLike, end: npt.ArrayLike, name: str = "the arc") -> "Arc":
-        """Return the arc from ``start`` through ``middle`` to ``end``, each (3,) [m]; messages call it ``name``.
-
-        Raises:
-            InvalidParameter: points that coincide or lie on one line.
-        """
+        """Return the arc through three points (3,) [m]; raises InvalidParameter, with ``name``: on one line."""
         a, b, c = point(start, "start"), point(middle, "middle"), point(end, "end")
         to_b, to_c = b - a, c - a
         normal = np.cross(to_b, to_c)

@@ -60,11 +60,7 @@ def _file_name(name: str) -> str:
 
 
 def check_plain(name: str) -> None:
-    """Check a name that becomes one of ports, columns and files.
-
-    Raises:
-        ValueError: it has other letters, or too many.
-    """
+    """Check a name that becomes one of ports, columns and files; raises ValueError: other letters, or too many."""
     if not name.isidentifier() or len(name) > _LONGEST_PART:
         rule = f"at most {_LONGEST_PART} letters, digits and _, no digit first"
         raise ValueError(f"'{shortened(name)}' is no plain name ({rule})")
@@ -167,11 +163,7 @@ class Renamed(Strict):
 
 
 def validated(model: type[Model], content: dict[str, Any], where: Path | str) -> Model:
-    """Return ``content`` as a ``model``.
-
-    Raises:
-        InvalidConfig: names ``where``, the first wrong key and what would be right.
-    """
+    """Return ``content`` as a ``model``; raises InvalidConfig: ``where``, the first wrong key, what would be right."""
     if not getattr(model, "of_any_size", False):
         _check_sizes(content, where)
     try:

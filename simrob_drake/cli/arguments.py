@@ -70,11 +70,7 @@ def _changes(one: str, option: str) -> Iterator[tuple[str, Any]]:
 
 
 def texts_by_key(texts: list[str] | None, option: str) -> Iterator[tuple[str, str]]:
-    """Yield the keys and the texts of an option that is given as ``key.path=text``.
-
-    Raises:
-        InvalidParameter: given in another form.
-    """
+    """Yield keys and texts of an option given as ``key.path=text``; raises InvalidParameter: given in another form."""
     for one in texts or []:
         key, equals, text = one.partition("=")
         if not (key.strip() and equals):
@@ -83,11 +79,7 @@ def texts_by_key(texts: list[str] | None, option: str) -> Iterator[tuple[str, st
 
 
 def is_program_file(text: str) -> bool:
-    """Tell whether an argument is the file of a program, and not the name or the file of a station.
-
-    Raises:
-        InvalidConfig: a file that cannot be read.
-    """
+    """Tell whether an argument is a program's file and no station; raises InvalidConfig: it cannot be read."""
     file = Path(text)
     return file.suffix.lower() in YAML_SUFFIXES and file.is_file() and not _PROGRAM_KEYS.isdisjoint(read_yaml(file))
 

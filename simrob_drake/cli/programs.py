@@ -87,11 +87,7 @@ def own_program(config: StationConfig) -> Program:
 
 
 def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationConfig]:
-    """Return the program of a file, and the station that it names, with what the user wants changed.
-
-    Raises:
-        InvalidConfig: a damaged program, or one that names no station.
-    """
+    """Return a file's program and the station that it names, with changes; raises InvalidConfig: damaged, or none."""
     from simrob_drake.programs.program import Program
 
     program = Program.load(file)

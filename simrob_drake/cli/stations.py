@@ -194,11 +194,7 @@ def diagram(
 
 
 def _frames(text: str | None) -> Frames:
-    """Return how many frames a strip shall have.
-
-    Raises:
-        InvalidParameter: neither a number of two or more nor "events".
-    """
+    """Return how many frames a strip shall have; raises InvalidParameter: neither two or more nor "events"."""
     if text is None or text == "events":
         return cast(Frames, text)
     if not text.isdecimal() or int(text) < 2:

@@ -47,11 +47,7 @@ def near(value: float, right: float, within: float, unit: str = "") -> Reading:
 
 
 def number(answer: ModuleType, name: str, *arguments: Any) -> float:
-    """Return the number that a function of an answer gives.
-
-    Raises:
-        InvalidParameter: the answer has no such function, or that returns no finite number.
-    """
+    """Return the number that a function of an answer gives; raises InvalidParameter: no function, no finite number."""
     return float(numbers(answer, name, *arguments, shape=())[()])
 
 

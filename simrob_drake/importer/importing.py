@@ -109,11 +109,7 @@ def examine_robot(source: Path | str, options: ImportOptions | None = None) -> I
 def write_robot(
     source: Path, work: Path, options: ImportOptions, report: ImportReport, *, isolated: bool = True
 ) -> RobotModel:
-    """Fill a folder with the clean robot, and return that; args are those of :func:`import_robot`.
-
-    Raises:
-        InvalidModel: a defect that can't be repaired.
-    """
+    """Fill a folder with the clean robot as :func:`import_robot` does; raises InvalidModel: what can't be repaired."""
     robot = _repaired(source, work, options, report)
     described = described_robot(source) if options.hand is None else None
     if described is not None and options.base == "auto":

@@ -47,11 +47,7 @@ class Screws:
         return len(self.axes)
 
     def postures(self, positions: npt.ArrayLike, name: str = "positions") -> Vector:
-        """Return postures as an array of shape (k, n).
-
-        Raises:
-            InvalidParameter: another shape than (n,) or (k, n), or numbers that are not finite.
-        """
+        """Return postures as (k, n); raises InvalidParameter: another shape than (n,) or (k, n), or not finite."""
         expected = f"{self.size} finite numbers, or rows of as many, one an axis"
         rows = numbers(positions)
         if not rows.size:

@@ -134,11 +134,7 @@ def require(solutions: Solutions, name: str = "targets") -> Vector:
 
 
 def check_search(iterations: int, tolerances: dict[str, float]) -> Vector:
-    """Check the settings of a search, and return its tolerances as an array.
-
-    Raises:
-        InvalidParameter: no step at all, or a tolerance that is not positive.
-    """
+    """Check a search's settings, return its tolerances; raises InvalidParameter: no step, or none that is positive."""
     if iterations < 1:
         raise InvalidParameter("iterations", iterations, "1 or more")
     for name, value in tolerances.items():

@@ -34,11 +34,7 @@ class PolicySensors:
     """
 
     def __init__(self, count: int, policy: Policy, config: StationConfig, robot: StationRobot, value: Value) -> None:
-        """Take the sensors that the policy names.
-
-        Raises:
-            InvalidParameter: one of another kind, or one that tells late.
-        """
+        """Take the sensors that the policy names; raises InvalidParameter: of another kind, or one that is late."""
         self._policy, self._config, self._robot, self._value = policy, config, robot, value
         self.encoders = self._section("position", Encoders) or self._section("velocity", Encoders)
         self.imu = self._section("orientation", Imu) or self._section("angular_velocity", Imu)

@@ -153,11 +153,7 @@ class _Rest:
         return int(system.GetMyContextFromRoot(self._context).num_continuous_states())
 
     def find(self, postures: Mapping[str, Vector]) -> None:
-        """Put the diagram to rest with references (n,) by robot, by Newton's method.
-
-        Raises:
-            NoRest: there is none near.
-        """
+        """Put the diagram to rest with references (n,) by robot, by Newton's method; raises NoRest: none is near."""
         state = self._context.get_continuous_state_vector().CopyToVector()
         free = np.append(np.ones(len(state), dtype=bool), np.zeros(len(self._inputs), dtype=bool))
         start, count = self._starts["plant"], self._plant.num_positions()

@@ -310,11 +310,7 @@ class MujocoRunner:
 
 
 def inverse_run(config: StationConfig) -> SimulationResult:
-    """Return the run of a kinematic station with torques and poses by MuJoCo, without signals that it does not know.
-
-    Raises:
-        SimrobError: a station that cannot be.
-    """
+    """Return a kinematic station's run with MuJoCo's torques and poses, as far as known; raises SimrobError: none."""
     run = simulate(config, progress=False)
     built = BuiltStation.of(config, integrator="RK4", moved_by_torque=False)  # others count damping over a step
     built.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)

@@ -30,11 +30,7 @@ class ReferenceSection(Strict, ABC):
 
     @abstractmethod
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Reference:
-        """Return it over time, shape (n, 1) [rad or m], from where the robot begins, shape (n,).
-
-        Raises:
-            SimrobError: figures that do not fit the robot, or a table that cannot be read.
-        """
+        """Return it over time, (n, 1) [rad or m], from a start (n,); raises SimrobError: what does not fit."""
 
     @abstractmethod
     def caption(self, model: RobotModel) -> str:
@@ -131,11 +127,7 @@ class Cruise(ReferenceSection):
     """When it begins [s]."""
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory, shape (n, 1) [rad or m].
-
-        Raises:
-            InvalidParameter: a limit that nothing tells, or one beyond that of the robot.
-        """
+        """Return the trajectory (n, 1) [rad or m]; raises InvalidParameter: no limit, or one beyond the robot's."""
         target = si_positions(self.target_deg, robot, start)
         speeds = _within("speed_deg", self.speed_deg, robot, robot.model.speed_limits, target != start)
         limits = robot.model.accelerations

@@ -34,12 +34,7 @@ WORLD = "world"
 
 
 def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: str = "robot") -> str:
-    """Return a name that stands for one of ``known``; the only one need not be named.
-
-    Raises:
-        UnknownName: no such one.
-        InvalidParameter: none named, and there is not just one.
-    """
+    """Return which of ``known`` a name means, the only one unless named; raises UnknownName, InvalidParameter: none."""
     if name is None:
         if len(known) != 1:
             raise InvalidParameter(key, None, f"one of {', '.join(known)}" if known else f"a {kind}, and there is none")
@@ -127,11 +122,7 @@ class Surroundings:
         return [name for name, piece in self.pieces.items() if piece.free]
 
     def robot(self, name: str | None, key: str) -> ResolvedRobot:
-        """Return a robot by its name; the only one need not be named.
-
-        Raises:
-            SimrobError: no such robot, or none named and there is not just one; the message names the key.
-        """
+        """Return a robot by name, the only one unless named; raises SimrobError, with the key: none such, or named."""
         return self.robots[named(name, list(self.robots), kind=f"robot for {key}", key=f"{key}.robot")]
 
 

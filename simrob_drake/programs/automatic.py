@@ -30,12 +30,7 @@ class Automatic(Pace):
 
 
 def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
-    """Return how to go through cells, of what a user gave; True for as usual.
-
-    Raises:
-        InvalidConfig: a mapping that is wrong.
-        InvalidParameter: something else.
-    """
+    """Return how to go through cells, True as usual; raises InvalidConfig: a wrong mapping; InvalidParameter: else."""
     if value is True:
         return Automatic()
     expected = "True, or a mapping such as {'tolerance_deg': 3, 'timeout': 20}"

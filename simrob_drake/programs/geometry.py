@@ -245,11 +245,7 @@ class LeggedGeometry(CellRobot):
         return self.cell.model.pose(self.cell.robot(self.name).root)
 
     def chain(self, tool: str, base: str = "trunk") -> Chain:
-        """Return the axes from the trunk, or from another tool, to a tool, with their limits.
-
-        Raises:
-            UnknownName: no such tool.
-        """
+        """Return the axes, with limits, from the trunk or another tool to a tool; raises UnknownName: no such tool."""
         model = self.cell.model
         robot = model.robots[self.name]
         start = robot.root if base == "trunk" else robot.tools[self._tool(base)]

@@ -23,11 +23,7 @@ _Box = tuple[RigidTransform, Vector]
 
 
 def taken(model: StationModel, piece: str, parent: str, *, frame: str | None = None) -> StationConfig:
-    """Return a station in which a piece hangs on something else where it is, see :func:`reparented`.
-
-    Raises:
-        InvalidParameter: a robot takes it from further away than :data:`REACH`.
-    """
+    """Return a station with a piece on something else, see :func:`reparented`; raises InvalidParameter: too far."""
     changed = reparented(model, piece, parent, frame=frame)
     links = model.links(parent) if parent in model.robots else ()
     carrier = model.resolved.pieces[parent].carrier if parent in model.resolved.pieces else parent

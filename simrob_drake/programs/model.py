@@ -205,11 +205,7 @@ class StationModel(PosedStation):
         return tool_in_use(own.model.tools, own.held, self.config.robots[robot].tcp)
 
     def piece_frame(self, piece: str, frame: str = TCP) -> Frame:
-        """Return a named frame of a piece, its tool centre point unless given.
-
-        Raises:
-            UnknownName: no such piece, or no such frame of it.
-        """
+        """Return a piece's named frame, else its tool centre point; raises UnknownName: no such piece or frame."""
         one_of("piece", piece, self.config.pieces)
         known = self.resolved.pieces[piece].model.frame_poses
         one_of(f"frame of {piece}", frame, known)

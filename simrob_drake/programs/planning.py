@@ -72,11 +72,7 @@ def world_poses(targets: PoseTargets, wobj: RigidTransform, turn: Vector, name: 
 
 
 def places(points: npt.ArrayLike | PoseTargets, wobj: RigidTransform, name: str) -> Vector:
-    """Return places (3,) or (k, 3) in a work object's frame, or those of poses, in the world, shape (k, 3) [m].
-
-    Raises:
-        InvalidParameter: another shape, or numbers that are not finite.
-    """
+    """Return places (3,) or (k, 3), or of poses, of a frame in the world (k, 3) [m]; raises InvalidParameter."""
     if not is_place(points):
         return np.asarray((wobj.GetAsMatrix4() @ pose_matrices(points, name))[:, :3, 3])
     rows = np.atleast_2d(finite(points))
@@ -95,11 +91,7 @@ def numbers_or_nothing(targets: Any) -> Vector:
 
 
 def check_units(targets: Any, name: str) -> None:
-    """Refuse pose vectors and places, one or many, whose numbers can only be millimetres or degrees.
-
-    Raises:
-        InvalidParameter: says what they seem to be.
-    """
+    """Refuse poses and places whose numbers can only be millimetres or degrees; raises InvalidParameter: which."""
     rows = np.atleast_2d(numbers_or_nothing(targets))
     for values, most, unit, other, hint in (
         (rows[:, :3], FARTHEST, "m", "millimetres", "lengths are in metres"),

@@ -129,22 +129,14 @@ class Timeline:
         return {key: value for one in settings for key, value in one.items()}
 
     def station(self, config: StationConfig, duration: float) -> StationConfig:
-        """Return a station as it is from now on for a time [s] in which no setting changes.
-
-        Raises:
-            InvalidConfig: a setting that cannot be.
-        """
+        """Return a station as it is for a time [s] without changes from now on; raises InvalidConfig: a setting."""
         settings = _for_robots(self.settings(), config)
         changed = with_settings(config, settings, "changes of the program") if settings else config
         forces = {**changed.forces, **self.forces(duration)}
         return changed.model_copy(update={"forces": forces})
 
     def check(self, config: StationConfig) -> None:
-        """Check that all can happen to a station, before it runs.
-
-        Raises:
-            SimrobError: a setting that cannot be, or a push or drag of what is not there; names the change.
-        """
+        """Check that all can happen to a station; raises SimrobError: the change that sets or moves what is not."""
         for number, change in enumerate(self.changes):
             where = f"changes[{number}]"
             if change.set is not None:

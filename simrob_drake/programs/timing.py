@@ -61,12 +61,7 @@ class How(TypedDict, total=False):
 
 
 def profile_of(how: How) -> Profile:
-    """Return by which profile a move is done.
-
-    Raises:
-        UnknownName: no such profile.
-        InvalidParameter: an acceleration that nothing is to be reached with.
-    """
+    """Return by which profile a move is done; raises UnknownName: none; InvalidParameter: a needless acceleration."""
     profile: Profile = how.get("profile", "s_curve" if "speed" in how else "smooth")
     one_of("profile", profile, get_args(Profile))
     if profile == TIME_OPTIMAL and (key := next((key for key in ("duration", "times") if key in how), None)):
@@ -118,11 +113,7 @@ def timed(
 
 
 def through_all(robot: str, segments: Sequence[Segment], how: How, points: int, limits: Limits) -> Plan:
-    """Return the move that passes smoothly through the ends of all segments, and rests at the last.
-
-    Raises:
-        InvalidParameter: as :func:`arrivals`.
-    """
+    """Return the move smoothly through all segments' ends, at rest at the last; raises InvalidParameter: no times."""
     times, free = arrivals(segments, how, points)
     rows = np.array([segments[0].postures[0], *(segment.end for segment in segments)])
 

@@ -30,20 +30,12 @@ def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResul
 
 
 def carried_program(config: StationConfig) -> Program | None:
-    """Return the program that a station carries; None if it has none.
-
-    Raises:
-        InvalidConfig: a program that cannot be; names the move and the key.
-    """
+    """Return a station's program, None without; raises InvalidConfig: one that cannot be; names move and key."""
     return None if config.program is None else Program.of_content(config.program, f"{config.name}: program")
 
 
 def run_whole(config: StationConfig) -> SimulationResult:
-    """Run a station with the program that it carries, or along its references.
-
-    Raises:
-        SimrobError: what cannot be run; of a program the message names the move.
-    """
+    """Run a station's program, or its references; raises SimrobError: what cannot be run; names the program's move."""
     program = carried_program(config)
     return simulate(config, progress=False) if program is None else perform(Workcell(config), program)
 

@@ -107,11 +107,7 @@ class Controller:
         return self._planner
 
     def frame(self, wobj: RecordValue | None) -> tuple[float, ...] | None:
-        """Return the pose of a work object in the world, the robot's base unless given; None for the world itself.
-
-        Raises:
-            WrongType: one that the robot holds, or that another unit moves.
-        """
+        """Return a work object's pose in the world, None for the world; raises WrongType: held, or another unit's."""
         frame = self._base
         if wobj is not None:
             if wobj["robhold"] or (wobj["ufmec"] and not wobj["ufprog"]):
@@ -259,12 +255,7 @@ class Controller:
         return bool(solutions.reached.all() and away < _SAME)
 
     def posture(self, call: Call, target: RecordValue, pose: Vector) -> Vector:
-        """Return the posture (n,) that an arm takes for a target, by its configuration if that counts.
-
-        Raises:
-            WrongType: no posture has that configuration.
-            Unreachable: no posture at all.
-        """
+        """Return an arm's posture (n,) for a target; raises WrongType: not in this configuration; Unreachable."""
         arm, start = self.arm, self.ahead
         if self.configured["j"] and has_configuration(arm.chain):
             found, others = postures_like(arm.chain, pose, start, target["robconf"].flat())

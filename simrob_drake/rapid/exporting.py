@@ -183,11 +183,7 @@ class _Names:
 
 
 def rapid_text(steps: ExportedProgram, name: str) -> tuple[str, str]:
-    """Return the module of a program, and the YAML of the table that says what its signals do; empty without any.
-
-    Raises:
-        InvalidParameter: a robot with more axes than a target of RAPID has.
-    """
+    """Return a program's module and its signals' table in YAML, or ""; raises InvalidParameter: too many axes."""
     if steps.chain.size > _MOST_AXES:
         raise InvalidParameter("robot", steps.name, f"one of at most {_MOST_AXES} axes; it has {steps.chain.size}")
     names, signals = _Names(), dict[str, dict[int, Any]]()

@@ -55,11 +55,7 @@ class Signals:
 
     @classmethod
     def load(cls, file: Path | str) -> "Signals":
-        """Return the signals of a table.
-
-        Raises:
-            InvalidConfig: a file that cannot be read, or a wrong entry; names the key.
-        """
+        """Return the signals of a table; raises InvalidConfig: an unreadable file, or a wrong entry with its key."""
         source = as_path(file, "file")
         return cls(validated(SignalTable, read_yaml(source), source))
 

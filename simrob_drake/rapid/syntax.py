@@ -51,11 +51,7 @@ class Module:
 
 
 def read_modules(file: Path) -> list[Module]:
-    """Return the modules of a file, or of all files that a `.pgf` lists.
-
-    Raises:
-        RapidError: a file that cannot be read, or is no module.
-    """
+    """Return the modules of a file, or of all that a `.pgf` lists; raises RapidError: unreadable, or no module."""
     if file.suffix.lower() != ".pgf":
         return modules_of(_text(file), file.name)
     listed = re.findall(r"<Module>\s*([^<]+?)\s*</Module>", _text(file))
@@ -65,11 +61,7 @@ def read_modules(file: Path) -> list[Module]:
 
 
 def modules_of(text: str, file: str) -> list[Module]:
-    """Return the modules of a text; statements that are none are left out and named.
-
-    Raises:
-        RapidError: no module, or one of which too much is not understood.
-    """
+    """Return a text's modules, and name what is no statement; raises RapidError: none, or little is understood."""
     with needed("RAPID", "rapid"):
         from lark.exceptions import UnexpectedInput
 

@@ -86,11 +86,7 @@ class Types:
         return SignalName("") if name in _SIGNALS else _SIMPLE[name]
 
     def fitted(self, kind: str, value: Value, dimensions: int = 0) -> Value:
-        """Return a copy of a value as one of a type: aggregates become records and arrays.
-
-        Raises:
-            WrongType: it is none of that type.
-        """
+        """Return a value's copy as one of a type, aggregates as records and arrays; raises WrongType: it is none."""
         name = self.plain(kind)
         if dimensions:
             if not isinstance(value, list):

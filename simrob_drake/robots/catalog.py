@@ -142,12 +142,7 @@ class RobotModel(Strict):
 
     @cached_property
     def element(self) -> Element:
-        """The checked ``robot`` element of the URDF, or of the table.
-
-        Raises:
-            InvalidModel: the file cannot be read or has a defect.
-            InvalidParameter: its root is another link.
-        """
+        """The checked ``robot`` element; raises InvalidModel: a damaged file; InvalidParameter: another root."""
         if self.dh is None:
             root = checked_urdf(self.urdf_path)
         else:
@@ -190,11 +185,7 @@ class RobotModel(Strict):
 
     @cached_property
     def joints(self) -> list[Element]:
-        """The ``joint`` elements of the axes, in order.
-
-        Raises:
-            UnknownName: an axis names a joint that the URDF does not have.
-        """
+        """The ``joint`` elements of the axes, in order; raises UnknownName: an axis without a joint in the URDF."""
         known = {name_of(joint): joint for joint in self.element.iterfind("joint")}
         unknown = next((axis.joint for axis in self.axes.values() if axis.joint not in known), None)
         if unknown is not None:
@@ -263,11 +254,7 @@ class RobotModel(Strict):
 
     @cached_property
     def fingers(self) -> dict[int, tuple[float, float]]:
-        """The places of the axes of its gripper, each with where it is closed and where open [rad or m]; often none.
-
-        Raises:
-            UnknownName: the gripper names no axis of it.
-        """
+        """Places of its fingers' axes, each with closed and open [rad or m]; raises UnknownName: a name of no axis."""
         axes = {} if self.gripper is None else self.gripper.axes
         places = {self.axis_index(axis, "gripper.axes"): ends for axis, ends in axes.items()}
         return {
@@ -334,11 +321,7 @@ def load_robot(name: str) -> RobotModel:
 
 
 def load_robot_file(file: Path | str) -> RobotModel:
-    """Return the robot that a ``robot.yaml`` describes; it is called as the file, or as its folder if that says more.
-
-    Raises:
-        InvalidConfig: the file cannot be read or has a wrong entry.
-    """
+    """Return the robot of a ``robot.yaml``, named as that or its folder; raises InvalidConfig: a wrong entry."""
     file = as_path(file, "file").resolve()
     name = file.parent.name if file.name == ROBOT_FILE and file.parent.name else file.stem
     return validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)

@@ -98,11 +98,7 @@ class LoneRobot:
 
 
 def lone_robot(robot: RobotModel, *, floating: bool = False, collision: bool = True) -> LoneRobot:
-    """Build a robot alone, at its home posture by default; its root is fixed to the world's origin unless ``floating``.
-
-    Raises:
-        InvalidModel: Drake cannot build it.
-    """
+    """Build a robot alone, at home by default, held unless ``floating``; raises InvalidModel: Drake cannot build it."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
     element = with_absolute_meshes(robot.element, robot.folder)

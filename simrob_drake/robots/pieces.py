@@ -266,12 +266,7 @@ def load_piece(name: str) -> PieceModel:
 
 
 def described_piece(file: Path) -> PieceModel:
-    """Return a piece as its file describes it; what follows from its shapes is not filled in.
-
-    Raises:
-        InvalidConfig: the file has a wrong entry.
-        InvalidModel: a mesh is missing, outside the folder, or in a format that Drake does not read.
-    """
+    """Return a piece as described, no figures computed; raises InvalidConfig: a wrong entry; InvalidModel: its mesh."""
     changed = file.stat().st_mtime_ns if isfile(file) else 0
     return _described(file.resolve(), changed)
 

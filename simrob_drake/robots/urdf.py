@@ -180,11 +180,7 @@ _OUTERMOST = re.compile(r"\A\ufeff?(?>\s+|<!--.*?-->|<\?.*?\?>)*+<robot\b", re.D
 
 
 def read_urdf(path: Path) -> ET.Element:
-    """Return the ``robot`` element of a URDF file.
-
-    Raises:
-        InvalidModel: the file is missing, not readable, a xacro, not XML, declares entities, or holds no robot.
-    """
+    """Return a URDF's ``robot`` element; raises InvalidModel: unreadable, a xacro, no XML, entities, or no robot."""
     try:
         text = text_of(path, LARGEST_URDF)
     except NotRead as problem:
@@ -281,11 +277,7 @@ def with_absolute_meshes(root: ET.Element, folder: Path) -> ET.Element:
 
 
 def scale_masses(robot: ET.Element, factors: Mapping[str, float]) -> None:
-    """Make links of a robot, by name, so many times as heavy, and their moments of inertia as many times as large.
-
-    Raises:
-        UnknownName: no such link.
-    """
+    """Make links, by name, so many times as heavy, moments of inertia as well; raises UnknownName: no such link."""
     links = {name_of(link): link for link in robot.iterfind("link")}
     for name, factor in factors.items():
         link = links[one_of("link (under mass_factors)", name, links)]

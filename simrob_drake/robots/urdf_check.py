@@ -77,11 +77,7 @@ def _checked(path: Path, changed: object) -> ET.Element:
 
 
 def check_urdf(root: ET.Element, path: Path) -> None:
-    """Check all that Drake would refuse with an assertion or accept in silence.
-
-    Raises:
-        InvalidModel: names the file, the element and what would be right.
-    """
+    """Check all that Drake asserts or accepts in silence; raises InvalidModel: file, element, what would be right."""
     refuse = partial(InvalidModel, path)
     check_size(root, refuse)
     for element in (*root.iterfind("link"), *root.iterfind("joint"), *root.iterfind("material")):
@@ -148,11 +144,7 @@ def _check_tree(root: ET.Element, refuse: Refuse) -> None:
 
 
 def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
-    """Return the parent of each link that has one.
-
-    Raises:
-        InvalidModel: a joint from a link to itself, a link with two parents, a loop.
-    """
+    """Return each link's parent; raises InvalidModel: a joint to itself, a link with two parents, a loop."""
     holders: dict[str, ET.Element] = {}
     for joint in root.iterfind("joint"):
         child = link_of(joint, "child")

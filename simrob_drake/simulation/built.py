@@ -139,11 +139,7 @@ class ByHand:
     """Hands over what walks are asked for, after each accepted step; their next sample obeys."""
 
     def __init__(self, config: StationConfig, hands: Hands | None) -> None:
-        """Prepare.
-
-        Raises:
-            InvalidParameter: something else than functions by name, or a name of something that is no walk.
-        """
+        """Prepare; raises InvalidParameter: something else than functions by name, or a name that is no walk's."""
         self._hands = {} if hands is None else instance(hands, "commands", Mapping, "a mapping by controller")
         self._rows: dict[str, list[Commanded]] = {}
         walks = [name for name, section in config.controllers.items() if section.kind == "walk"]
@@ -153,11 +149,7 @@ class ByHand:
                 raise InvalidParameter(f"commands: {name}", ask, "a function of the time")
 
     def look(self, diagram: Diagram, context: Context) -> None:
-        """Ask, and tell the walks; of the moment at which a run begins nobody is asked.
-
-        Raises:
-            InvalidParameter: an answer that is no command.
-        """
+        """Ask and tell the walks, but not at the first moment; raises InvalidParameter: an answer is no command."""
         time = context.get_time()
         for name, ask in self._hands.items():
             if not time or (command := ask(time)) is None:

@@ -367,11 +367,7 @@ class Fork:
 
     @drake_asserts()
     def outcome(self, pushes: Mapping[str, Any]) -> Outcome:
-        """Return how the run ends that goes on under pushes, by name, as ``Runner.run`` takes them; at the same places.
-
-        Raises:
-            InvalidParameter: a push that cannot be.
-        """
+        """Return how a run ends under pushes, as ``Runner.run`` takes them; raises InvalidParameter: none such."""
         if self.begun.ending != "completed":
             return self.begun
         config = with_pushes(self._config, pushes)

@@ -173,11 +173,7 @@ class Stepper:
         return Outcome("completed", None, f"ran to its end at {self.simulator.get_context().get_time():.6g} s")
 
     def step(self, history: StateHistory, time: float) -> StateHistory:
-        """Return the state at ``time`` [s], stepped anew from the last recorded one before it.
-
-        Raises:
-            RuntimeError: a state ran away on the way.
-        """
+        """Return the state at ``time`` [s], stepped again from the last record; raises RuntimeError: one ran away."""
         before = int((history.times < time).sum()) - 1
         built = self._diagram_at(float(history.times[before]))
         simulator = self._simulator(built)

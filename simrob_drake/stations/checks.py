@@ -141,11 +141,7 @@ _FASTER = 1.001
 
 
 def check_station(config: StationConfig) -> list[Finding]:
-    """Look at a station before it runs.
-
-    Raises:
-        SimrobError: what would keep it from running at all: a reference beyond the limits, an invalid inertia ...
-    """
+    """Look at a station before it runs; raises SimrobError: what keeps it from that, such as a reference or inertia."""
     closed = closed_station(resolve(config))
     ports, diagram = closed.ports, closed.diagram
     findings = _piece_findings(ports)
@@ -226,11 +222,7 @@ def _piece_findings(ports: StationPorts) -> list[Finding]:
 
 
 def _reference_findings(robot: StationRobot, reference: Reference | None, duration: float) -> list[Finding]:
-    """Say that a reference stays within the joints' limits, and name the axes that it asks for too much speed.
-
-    Raises:
-        InvalidParameter: a reference beyond a limit.
-    """
+    """Tell of a reference within limits, and axes asked for too much speed; raises InvalidParameter: beyond them."""
     subject = f"reference of {robot.name}"
     if reference is None:
         return [Finding("note", subject, "not looked at: a controller says where the robot goes")]

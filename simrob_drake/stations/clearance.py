@@ -163,11 +163,7 @@ class PosedStation:
     def __init__(
         self, config: StationConfig, add: Callable[[DiagramBuilder, StationPlant], None] = lambda *_: None
     ) -> None:
-        """Build the station in its initial configuration; ``add`` puts more into its diagram.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
-        """
+        """Build it as it begins; ``add`` puts more into its diagram; raises InvalidModel: an impossible robot."""
         builder = DiagramBuilder()
         self.resolved = resolve(config)
         self.station = add_plant(builder, self.resolved)
@@ -238,11 +234,7 @@ class Clearance(PosedStation):
     """
 
     def __init__(self, config: StationConfig) -> None:
-        """Build the station with its shapes, in its initial configuration.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
-        """
+        """Build the station with its shapes, in its initial configuration; raises InvalidModel: an impossible robot."""
         self.config = config
         contact = (config.contact or ContactConfig()).model_copy(update={"self_collision": True})
         super().__init__(config.model_copy(update={"contact": contact}))

@@ -212,11 +212,7 @@ def reference_samples(reference: Reference, duration: float) -> tuple[Vector, Ve
 
 
 def check_reference(robot: ResolvedRobot, reference: Reference, duration: float) -> None:
-    """Check that a reference stays within the joint limits.
-
-    Raises:
-        InvalidParameter: names the joint, the time, the value and the limits.
-    """
+    """Check a reference against joint limits; raises InvalidParameter: the joint, the time, the value, the limits."""
     times, positions = reference_samples(reference, duration)
     if not np.isfinite(positions).all():
         row, axis = np.argwhere(~np.isfinite(positions))[0]

@@ -370,11 +370,7 @@ class StationConfig(Renamed):
 
 
 def check_effort(config: StationConfig) -> None:
-    """Check that a run has not more samples than a computer can keep, nor more steps than it can do.
-
-    Raises:
-        InvalidParameter: too many.
-    """
+    """Check that a run's samples can be kept and its steps be done; raises InvalidParameter: too many."""
     duration, rate, solver = config.duration, config.sample_rate, config.solver
     if duration * rate > MOST_SAMPLES:
         longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"

@@ -110,11 +110,7 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
 
 
 def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
-    """Check that the solver of a station can hold its contacts.
-
-    Raises:
-        InvalidParameter: a stiffness that it cannot hold, with the largest that it can.
-    """
+    """Check that a solver can hold a station's contacts; raises InvalidParameter: with the largest stiffness it can."""
     config = station.config
     if config.contact is None or config.mode == "kinematic":
         return

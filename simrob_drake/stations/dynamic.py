@@ -91,11 +91,7 @@ def largest_explicit_steps(config: StationConfig, robot: StationRobot) -> Vector
 
 
 def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
-    """Check that servos that are blocks are stable at the steps of an engine that takes their torques explicitly.
-
-    Raises:
-        InvalidParameter: a joint's are not.
-    """
+    """Check that servo blocks are stable at an explicit engine's steps; raises InvalidParameter: a joint's are not."""
     for robot in plant.robots.values():
         steps = largest_explicit_steps(config, robot)
         worst = int(np.argmin(steps))

@@ -133,11 +133,7 @@ def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> Stat
 
 
 def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str = "settings") -> StationConfig:
-    """Return a configuration with changes, as :func:`load_station` takes them.
-
-    Raises:
-        InvalidConfig: an entry that cannot be; the message names ``where``, key and what would be right.
-    """
+    """Return a configuration with changes, see :func:`load_station`; raises InvalidConfig: ``where``, key, expected."""
     if not settings:
         return config
     trusted = any(controller.kind == "own" for controller in config.controllers.values())
@@ -342,11 +338,7 @@ def _loops_of(folder: Path, model: str | None) -> dict[str, Settings]:
 
 
 def switched(known: dict[str, Settings], settings: Settings, name: str, on: bool) -> Settings:
-    """Return the settings of a station with a loop switched on or off.
-
-    Raises:
-        UnknownName: no such loop; proposes the nearest.
-    """
+    """Return a station's settings with a loop on or off; raises UnknownName: no such loop; proposes the nearest."""
     needed, key = known[one_of("loop", name, known)], f"controllers.{name}"
     others = {other for loop in loops_on(known, settings) if loop != name for other in known[loop]}
     dropped = {key, *needed} - others

@@ -89,11 +89,7 @@ def located_program(program: Mapping[str, Any], folder: Path, border: Border | N
 
 
 def located_station(station: str, file: Path) -> str:
-    """Return the name of a station, or the path of its file, that another file names from where it lies.
-
-    Raises:
-        InvalidConfig: a path that may not be read; the message names file, key and what would allow it.
-    """
+    """Return a station's name, or its file's path from another file; raises InvalidConfig: it may not be read."""
     if Path(station).suffix not in YAML_SUFFIXES:
         return station
     near = file.absolute().parent / station

@@ -38,12 +38,7 @@ _RATES = {True: 100.0, False: 20.0}
 
 
 def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dict[str, int]:
-    """Return which axes of a robot are prescribed: their places by their keys under ``prescribed``.
-
-    Raises:
-        UnknownName: a key that is no axis.
-        InvalidParameter: a station or servos that prescribed joints do not go with.
-    """
+    """Return prescribed axes' places by key; raises UnknownName: no axis; InvalidParameter: no station for them."""
     keys = [key for key in config.prescribed if config.only_robot or key.partition(".")[0] == robot]
     for key in config.prescribed:
         if not config.only_robot and key.partition(".")[0] not in config.robots:

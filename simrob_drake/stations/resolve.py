@@ -43,11 +43,7 @@ _FOOT = "foot"  # how tools on feet are called, after their side
 
 
 def resolve(config: StationConfig) -> ResolvedStation:
-    """Read the robots and pieces of a station.
-
-    Raises:
-        SimrobError: a name that stands for nothing, or a figure that does not fit; the message names the key.
-    """
+    """Read a station's robots and pieces; raises SimrobError: the key whose name or figure does not fit."""
     driven = {name for loop in readers_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
     config = config.model_copy(update={"inputs": (*config.inputs, *sorted(driven))}) if driven else config
     models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}

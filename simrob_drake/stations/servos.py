@@ -114,11 +114,7 @@ def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False)
 
 
 def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
-    """Check that the motors of a robot can be realized as its servos and the solver are.
-
-    Raises:
-        InvalidParameter: names the key, and what would be right.
-    """
+    """Check that servos and solver can realize a robot's motors; raises InvalidParameter: the key, what is right."""
     gains, servo, solver = robot.gains, config.servo_of(robot.name), config.solver
     in_actuators = servo.realization == "implicit" or (config.mode == "dynamic" and solver.scheme == "cenic")
     if gains.line is None or config.mode == "kinematic" or not in_actuators:

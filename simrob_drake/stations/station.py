@@ -30,12 +30,7 @@ StationLike: TypeAlias = "str | Path | StationConfig | Station"
 
 
 def config_of(station: StationLike) -> StationConfig:
-    """Return the configuration that a user means by a station.
-
-    Raises:
-        SimrobError: as :func:`load_station`.
-        InvalidParameter: something that is no station.
-    """
+    """Return what a user means by a station; raises SimrobError: see :func:`load_station`; InvalidParameter: none."""
     if isinstance(station, Station):
         return station.config
     if isinstance(station, StationConfig):

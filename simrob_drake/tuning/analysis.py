@@ -93,11 +93,7 @@ def sweep_in_optuna(name: str, vary: Mapping[str, Distribution], rows: Sequence[
 
 
 def save_sensitivity(file: Path, found: Any) -> None:
-    """Write by how much each key decides each value, as PED-ANOVA has it; nothing where too little varies.
-
-    Raises:
-        OutputError: the disk does not take it.
-    """
+    """Write how much keys decide values, by PED-ANOVA, if they vary enough; raises OutputError: it is not written."""
     from optuna.visualization.matplotlib import plot_param_importances
 
     if _tells(found):

@@ -50,11 +50,7 @@ class Proof(Strict):
 
     @classmethod
     def of(cls, place: str, seeds: int) -> "Proof":
-        """Return what is to be proven of the folder of a study that has ended, or of a station.
-
-        Raises:
-            InvalidConfig: a folder without a winner.
-        """
+        """Return what is to be proven of a finished study's folder, or a station; raises InvalidConfig: no winner."""
         folder = Path(place)
         if not (folder / STUDY).is_file():
             return cls(station=place, parameters={WON: {}}, conditions=[{}], seeds=seeds)
@@ -120,11 +116,7 @@ class ProofFolder:
     """
 
     def __init__(self, folder: Path | str, proof: Proof, *, force: bool = False) -> None:
-        """Begin a proof in a new folder, or go on with the same one.
-
-        Raises:
-            SimrobError: a station that cannot be, or has changed since; a folder that holds something else.
-        """
+        """Begin a proof in a new folder, or go on; raises SimrobError: no station, a changed one, other content."""
         self.folder, self.proof, self.cases = as_path(folder, "folder"), proof, proof.cases()
         digest = self.cases[0].scene().digest
         self.journal = Journal(self.folder, PROVE, proof, digest, columns=columns_of(self.cases), force=force)

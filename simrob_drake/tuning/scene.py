@@ -45,11 +45,7 @@ _KEPT: deque[Runner] = deque(maxlen=4)  # some megabytes each
 
 
 def run(config: StationConfig, reference: ReferenceLike | None = None) -> SimulationResult:
-    """Run a station as :func:`~simrob_drake.simulation.simulate` does, to the last bit.
-
-    Raises:
-        SimrobError: input that cannot be run at all.
-    """
+    """Run a station as :func:`~simrob_drake.simulation.simulate`, to the last bit; raises SimrobError: wrong input."""
     return runner_of(config).run(reference=reference)
 
 
@@ -139,11 +135,7 @@ class Scene:
         return None if self.motion is None else self.motion.trajectory()
 
     def check(self) -> None:
-        """Check, without a run, that robots can follow what they are asked; what a program asks is known as it runs.
-
-        Raises:
-            SimrobError: they cannot.
-        """
+        """Check, unrun, that robots can follow what they are asked, programs apart; raises SimrobError: they cannot."""
         if self.program is None:
             Runner(self.config).check(self.reference)
 
@@ -160,22 +152,14 @@ class Scene:
         return MujocoRunner(self.config).run(reference=self.reference)
 
     def pushed(self, name: str, size: float) -> "Scene":
-        """Return it with a push of the station so many times as hard; 0 leaves it out.
-
-        Raises:
-            UnknownName: no such push.
-        """
+        """Return it with a push so many times as hard, 0 for none; raises UnknownName: no such push."""
         pushes = {name: force for name, force in self.config.forces.items() if isinstance(force, Push)}
         push = pushes[one_of("push", name, pushes)]
         harder = push.model_copy(update={"force": tuple(size * part for part in push.force)})
         return replace(self, config=self.config.model_copy(update={"forces": {**self.config.forces, name: harder}}))
 
     def write(self, folder: Path) -> None:
-        """Write ``station.yaml``, the files that it names, and ``gait.yaml`` or ``program.yaml`` where there is one.
-
-        Raises:
-            OutputError: the folder does not take them.
-        """
+        """Write ``station.yaml`` and its files, a gait's or a program's YAML; raises OutputError: not written."""
         with writing(folder):
             config = carried(self.config, folder)
         written_at_once(folder / "station.yaml", station_yaml(config))

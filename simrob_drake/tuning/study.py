@@ -106,12 +106,7 @@ class Study(Strict):
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
-        """Return the study that a file holds.
-
-        Raises:
-            InvalidConfig: it is none.
-            SimrobError: a station, a key or a measure that there is not.
-        """
+        """Return a file's study; raises InvalidConfig: it is none; SimrobError: no such station, key or measure."""
         file = as_path(file, "file")
         study = validated(cls, read_yaml(file), file)
         study = study.located(file).model_copy(update={"station": located_station(study.station, file)})
@@ -119,22 +114,14 @@ class Study(Strict):
         return study
 
     def located(self, file: Path) -> Self:
-        """Return the study with absolute paths in all that it changes.
-
-        Raises:
-            InvalidConfig: one that may not be read for the file that the study stands in.
-        """
+        """Return the study with absolute paths in all that it changes; raises InvalidConfig: one is out of bounds."""
         folder, border = file.absolute().parent, Border(file)
         changed: dict[str, Any] = {kind: one.located(folder, border) for kind, one in self._conditions}
         changed["overrides"] = located_changes(self.overrides, folder, border)
         return self.model_copy(update={"vary": located_space(self.vary, folder, border), **changed})
 
     def check(self, where: Path | str = "study") -> None:
-        """Check all that can be known before the search.
-
-        Raises:
-            SimrobError: a station, a key or a measure that there is not.
-        """
+        """Check what can be known before the search; raises SimrobError: no such station, key or measure."""
         for name in self.measures:
             one_of("measure", name.rpartition(".")[2], UNITS)
         if len(self.aims) > 1 and self.method not in SEVERAL_AIMS:

@@ -70,11 +70,7 @@ class StudyFolder:
 
     @classmethod
     def there(cls, folder: Path | str) -> "StudyFolder":
-        """Return the study that stands in a folder.
-
-        Raises:
-            InvalidConfig: there is none, it is damaged, names files that may not be read, or its station has changed.
-        """
+        """Return a folder's study; raises InvalidConfig: none, damaged, a changed station, or files out of bounds."""
         place = as_path(folder, "folder")
         return cls(place, read_spec(place, STUDY, Study).located(place / STUDY))
 

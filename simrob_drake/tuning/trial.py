@@ -47,11 +47,7 @@ class Trial(ABC):
 
     @abstractmethod
     def measured(self) -> list[Row]:
-        """Run it and return the other columns of its rows: ``ended`` and ``message``, and what was measured.
-
-        Raises:
-            SimrobError: what cannot be run.
-        """
+        """Run it, return its rows' other columns: ``ended``, ``message``, what was measured; raises SimrobError."""
 
     def record(self, measured: Sequence[Row]) -> Record:
         """Return its record, of plain values, as JSON keeps them; one that was left early has the first rows alone."""

@@ -73,18 +73,10 @@ class Walking(Strict, ABC):
 
     @abstractmethod
     def trials(self, *, allow_code: bool = False) -> "Sequence[WalkTrial]":
-        """Return all trials; ``allow_code`` tells whether the station may name Python code.
-
-        Raises:
-            SimrobError: a station or a gait that cannot be.
-        """
+        """Return all trials; ``allow_code`` lets the station name Python code; raises SimrobError: none such."""
 
     def check(self, *, allow_code: bool = False) -> str:
-        """Check, before any trial, all that can be known by then; return a digest of the station.
-
-        Raises:
-            SimrobError: a station that cannot be, no robot on feet of its own, or one that falls by itself.
-        """
+        """Check what is known before trials; return a digest; raises SimrobError: no station or feet, or a fall."""
         if "duration" in self.overrides | self.variant:
             raise InvalidParameter("--set duration", "given", "left out: how long a run is, its trial tells")
         walks = [self.scene(changes, self.longest, allow_code=allow_code) for changes in self.settings.values()]

@@ -26,11 +26,7 @@ _LARGEST_HEADER = 20_000_000  # bytes of JSON
 
 
 def references(path: Path) -> list[str]:
-    """Return the names of the files that a mesh file, or a material library, asks for, as they are written.
-
-    Raises:
-        OSError: the file cannot be read.
-    """
+    """Return the names, as written, of the files that a mesh or material library asks for; raises OSError: not read."""
     scan = _SCANS.get(path.suffix.lower())
     if scan is None:
         return []

@@ -57,12 +57,7 @@ class MeshLibrary:
     _failures: dict[Path, str] = field(default_factory=dict, init=False)
 
     def path_of(self, uri: str) -> Path:
-        """Return the file of a mesh.
-
-        Raises:
-            UnreadableMesh: it is nowhere, or can't be read.
-            OutsideBorder: it may not be read.
-        """
+        """Return the file of a mesh; raises UnreadableMesh: nowhere, or can't be read; OutsideBorder: it may not."""
         try:
             path = self.places.find(uri).path
         except MeshMissing as problem:
@@ -72,12 +67,7 @@ class MeshLibrary:
         return path
 
     def load(self, uri: str, scale: Scale) -> Mesh:
-        """Return a mesh.
-
-        Raises:
-            UnreadableMesh: it is nowhere, can't be read, or is empty.
-            OutsideBorder: it, or a file that it names, may not be read.
-        """
+        """Return a mesh; raises UnreadableMesh: none, unreadable, empty; OutsideBorder: its files may not be read."""
         path = self.path_of(uri)
         if (path, scale) not in self._meshes:
             while len(self._meshes) >= _KEPT:

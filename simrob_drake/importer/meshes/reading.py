@@ -65,11 +65,7 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
 
 
 def mesh_content(path: Path) -> bytes:
-    """Return the bytes of a mesh, or of a file that it is made of.
-
-    Raises:
-        UnreadableMesh: it is too large, or cannot be read.
-    """
+    """Return the bytes of a mesh, or of a file of it; raises UnreadableMesh: it is too large, or cannot be read."""
     try:
         return content_of(path, LARGEST_FILE)
     except NotRead as problem:

@@ -39,11 +39,7 @@ _MOST_LISTED = 200  # that a pattern may name
 
 
 def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport) -> str:
-    """Return the text of a xacro file's expansion, which runs in a process of its own.
-
-    Raises:
-        InvalidModel: xacro is not installed, complains, or does not end.
-    """
+    """Return a xacro file's expansion, made in a process of its own; raises InvalidModel: no xacro, or it fails."""
     package = importlib.util.find_spec("xacro")
     if package is None or package.origin is None:  # a robot's folder of that name has no origin
         raise report.refusal("", lacking("is a xacro file, which", "xacro"))

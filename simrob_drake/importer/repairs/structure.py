@@ -33,11 +33,7 @@ _CLOSING = ("loop_joint", f"{DRAKE}joint", f"{DRAKE}ball_constraint", f"{DRAKE}t
 
 
 def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
-    """Repair a robot's elements, numbers, names and tree, in place.
-
-    Raises:
-        InvalidModel: a defect of which no repair is sure.
-    """
+    """Repair a robot's elements, numbers, names and tree in place; raises InvalidModel: a defect without a repair."""
     check_size(robot, report.refusal)
     _keep_known_elements(robot, options, report)
     repair_names(robot, report)

@@ -82,11 +82,7 @@ class _Includes:
     budget: int = MOST_TAGS
 
     def put_in(self, owner: ET.Element, depth: int = 0) -> None:
-        """Put models in the place of the ``include`` elements of a world or a model.
-
-        Raises:
-            InvalidModel: they may not be read, or never end.
-        """
+        """Put models in the place of ``include`` elements; raises InvalidModel: they may not be read, or never end."""
         for include in owner.findall("include"):
             place = list(owner).index(include)
             owner.remove(include)

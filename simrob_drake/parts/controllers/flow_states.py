@@ -254,11 +254,7 @@ class Pid(Bounded):
     """Gain by which the integral is led back from beyond the bounds [1/s]."""
 
     def check(self, key: str) -> None:
-        """Check its inputs, and that its derivative has a filter.
-
-        Raises:
-            InvalidParameter: two inputs, or a derivative that no computer can take.
-        """
+        """Check its inputs and its derivative's filter; raises InvalidParameter: two inputs, or without a filter."""
         if len(self.inputs) == 2:
             raise InvalidParameter(
                 f"{key}.of", "2 inputs", "1, or 3: of the proportional, integral and derivative part"

@@ -80,11 +80,7 @@ class LoopSection(Strict):
         return self.uppermost, self.priority or 0
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check what is known before anything is built.
-
-        Raises:
-            SimrobError: no such robot or axis, or a station that no loop can drive.
-        """
+        """Check what is known before building; raises SimrobError: no such robot or axis, or nothing to drive."""
         robot = station.robot(self.robot, key)
         if station.mode != "dynamic":
             raise InvalidParameter(key, "in a kinematic station", "in a dynamic one: there is nothing to be measured")
@@ -129,11 +125,7 @@ class LoopSection(Strict):
         )
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
-        """Return the output that an input of the loop reads.
-
-        Raises:
-            UnknownName: nothing of that name is measured while stepping.
-        """
+        """Return the output that an input of the loop reads; raises UnknownName: nothing of that name is measured."""
         source = self.reads.get(name, "")
         direct = name if name.startswith(robot.prefix) else f"{robot.prefix}{name}"
         if not source and direct in site.of_state:
@@ -201,11 +193,7 @@ def of_state(builder: DiagramBuilder, site: Site, output: str) -> OutputPort:
 
 
 def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None:
-    """Check loops one by one, and that those which drive one axis say how they mix.
-
-    Raises:
-        InvalidParameter: two loops on one axis, of the same priority and not both with a weight.
-    """
+    """Check loops, and how those of one axis mix; raises InvalidParameter: of one priority, not all with a weight."""
     for name, loop in loops.items():
         loop.check(f"controllers.{name}", station)
     for (one, first), (other, second) in combinations(loops.items(), 2):
@@ -225,11 +213,7 @@ _FAR = 1e3
 
 
 def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSection]) -> None:
-    """Add the loops of a station and let them drive its robots.
-
-    Raises:
-        SimrobError: an input that reads nothing, or a section that does not fit its robot.
-    """
+    """Add a station's loops and let them drive its robots; raises SimrobError: an input or a section does not fit."""
     wired = {}
     for name, section in loops.items():
         robot = site.robot(section.robot)

@@ -78,11 +78,7 @@ class OwnController(Strict):
     """What its constructor takes."""
 
     def block(self, key: str) -> LeafSystem:
-        """Import the class and make the block.
-
-        Raises:
-            InvalidParameter: it cannot be imported or made, or is no LeafSystem.
-        """
+        """Import the class and make the block; raises InvalidParameter: it cannot be, or is no LeafSystem."""
         place, _, name = self.class_.partition(":")
         try:
             made: Any = _module(place)
@@ -123,11 +119,7 @@ def own_blocks(controllers: Mapping[str, Any]) -> Mapping[str, LeafSystem]:
 
 
 def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dict[str, LeafSystem]:
-    """Return blocks by name: their own, else that of their class in small letters.
-
-    Raises:
-        InvalidParameter: something that is no LeafSystem, two of one name, or a name that is not plain.
-    """
+    """Return blocks by name, their own or their class's; raises InvalidParameter: no LeafSystem, no single name."""
     if isinstance(blocks, Mapping):
         pairs = list(blocks.items())
     elif isinstance(blocks, Sequence) and not isinstance(blocks, str):
@@ -151,11 +143,7 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
 
 
 def driven_inputs(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
-    """Return the names of the blocks' outputs, each with the block that has it.
-
-    Raises:
-        InvalidParameter: two blocks with an output of the same name that could drive an input of the station.
-    """
+    """Return outputs' names with the block that has each; raises InvalidParameter: two that could drive one input."""
     drivers: dict[str, str] = {}
     for name, block in blocks.items():
         for port in _outputs(block):
@@ -185,11 +173,7 @@ def with_driven(inputs: Sequence[str], blocks: Mapping[str, LeafSystem]) -> tupl
 
 
 def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, LeafSystem]) -> None:
-    """Add blocks, and declare their outputs as signals but for those that drive inputs of the station.
-
-    Raises:
-        SimrobError: two blocks that drive one input.
-    """
+    """Add blocks, their outputs signals but where they drive the station; raises SimrobError: two drive one input."""
     driven_inputs(blocks)
     site.blocks.update(blocks)
     for name, block in blocks.items():
@@ -203,11 +187,7 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
 
 
 def wire_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, LeafSystem]) -> None:
-    """Wire blocks that were added by the names of their ports, above all loops.
-
-    Raises:
-        SimrobError: a port that fits nothing.
-    """
+    """Wire added blocks by the names of their ports, above all loops; raises SimrobError: a port that fits nothing."""
     for name, block in blocks.items():
         for port in _outputs(block):
             if port.get_name() in site.inputs:

@@ -182,11 +182,7 @@ class CapturePoint:
     """
 
     def __init__(self, plant: MultibodyPlant, robot: StationRobot, key: str) -> None:
-        """Take a robot of a finalized plant, which need not be part of a diagram.
-
-        Raises:
-            InvalidParameter: a robot without feet; names the ``key`` that asks for it.
-        """
+        """Take a robot of a finalized plant, in no diagram perhaps; raises InvalidParameter: no feet; names ``key``."""
         if robot.feet is None:
             raise InvalidParameter(key, f"asked of {robot.model.name}", "left out: it has no feet")
         self._plant, self._robot = weakref.proxy(plant), [robot.instance]

@@ -189,11 +189,7 @@ class Limb:
 
 
 def limb_to(robot: StationRobot, end: Frame) -> Limb:
-    """Return the limb of a robot between its root and a frame.
-
-    Raises:
-        InvalidParameter: a frame that no joint of the robot moves, or a limb with a joint that slides.
-    """
+    """Return the limb from a robot's root to a frame; raises InvalidParameter: no joint moves it, or one slides."""
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant, context, np.zeros(len(robot.axes)))
     axes, turns, points = axes_to(robot, end), list[Vector](), list[Vector]()
@@ -208,11 +204,7 @@ def limb_to(robot: StationRobot, end: Frame) -> Limb:
 
 
 def axes_to(robot: StationRobot, end: Frame) -> list[int]:
-    """Return the places of the axes between the root of a robot and a frame, from the root outward.
-
-    Raises:
-        InvalidParameter: a frame that no joint of the robot moves, or a limb with a joint that slides.
-    """
+    """Return the axes' places from a robot's root outward to a frame; raises InvalidParameter: as :func:`limb_to`."""
     plant, body, axes = robot.plant, end.body(), list[int]()
     inward = {plant.get_joint(index).child_body().index(): plant.get_joint(index) for index in plant.GetJointIndices()}
     places = {joint.index(): number for number, joint in enumerate(robot.joints)}

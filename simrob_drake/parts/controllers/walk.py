@@ -63,11 +63,7 @@ class Walk(LoopSection):
         return load_walking(robot.model, self.gait)
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot stands on its own feet and has parameters to walk by.
-
-        Raises:
-            SimrobError: it does not, or what every loop checks.
-        """
+        """Check that the robot stands on feet of its own and can walk; raises SimrobError: not so, see any loop."""
         super().check(key, station)
         robot = self.on_feet(key, station)
         parameters = self.walking(robot)
@@ -89,11 +85,7 @@ class Walk(LoopSection):
                 raise InvalidParameter(f"{key}.path.points", f"a path that starts {where}", f"one that starts {near}")
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
-        """Return what of the commands that are known before is clipped, in words.
-
-        Raises:
-            InvalidParameter: there is some, and the section is strict.
-        """
+        """Return, in words, which known commands are clipped; raises InvalidParameter: one, in a strict section."""
         max_speed, commands = (
             self.walking(robot).max_speed,
             {f"commands[{n}]": row.command for n, row in enumerate(self.commands)},

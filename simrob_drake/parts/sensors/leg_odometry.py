@@ -83,11 +83,7 @@ class LegOdometry(SampledSensor):
         return {kind: names[0] for kind, names in of_kind.items() if len(names) == 1} | self.reads
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot stands on feet, and that the sensors are its own and sample as often.
-
-        Raises:
-            SimrobError: what does not fit.
-        """
+        """Check that the robot has feet, and its sensors sample as often; raises SimrobError: what does not fit."""
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
             raise InvalidParameter(key, f"of {robot.model.name}", "of a robot that stands on feet of its own")

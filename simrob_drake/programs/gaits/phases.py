@@ -97,11 +97,7 @@ def _ratio(part: Vector, whole: float) -> Vector:
 
 
 def samples(duration: float) -> Vector:
-    """Return the times of the samples of a plan, shape (m,) [s].
-
-    Raises:
-        InvalidParameter: a plan of no time, or of more than is planned at once.
-    """
+    """Return times of a plan's samples (m,) [s]; raises InvalidParameter: no time, or more than is planned at once."""
     if not 0 < duration <= _LONGEST:
         raise InvalidParameter("gait", f"{duration:.6g} s long", f"at most {_LONGEST:g} s long; take fewer steps")
     return np.arange(round(duration / SAMPLE) + 1, dtype=float) * SAMPLE

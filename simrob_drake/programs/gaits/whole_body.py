@@ -49,11 +49,7 @@ class WholeBody:
         self._rolled = {foot.name: np.zeros((len(plan.times), 2)) for foot in self.feet}
 
     def solve(self, rounds: int = ROUNDS) -> tuple[JointMotion, Vector]:
-        """Return the motion, and the zero-moment point that it has if nothing slips, shape (m, 2) [m].
-
-        Raises:
-            OutOfReach: a leg cannot get where its foot shall be.
-        """
+        """Return motion and zero-moment point without slip, (m, 2) [m]; raises OutOfReach: what no leg can reach."""
         count = len(self.plan.times)
         angles, height, factor, lean_height = self._start()
         angles = np.tile(angles, (count, 1))

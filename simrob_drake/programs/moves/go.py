@@ -47,11 +47,7 @@ class GoMove(Move):
 
     @classmethod
     def at(cls, ahead: float, sideways: float, turn: float, *, duration: float, strict: bool) -> "GoMove":
-        """Return a walk at speeds [m/s] and a turn [rad/s], as a user gave them.
-
-        Raises:
-            InvalidParameter: numbers that cannot be.
-        """
+        """Return a walk at speeds [m/s] and a turn [rad/s], from a user; raises InvalidParameter: no such numbers."""
         for name, value in (("ahead", ahead), ("sideways", sideways), ("turn", turn)):
             if finite(value).shape != ():
                 raise InvalidParameter(name, value, "a finite number [rad/s]" if name == "turn" else "one [m/s]")

@@ -71,11 +71,7 @@ class ArmMotion(Move):
         return (wobj.split(".", 1)[0],) if isinstance(wobj, str) else ()
 
     def plan(self, planning: Planning) -> Plan:
-        """Return the move, planned and checked from where an arm is.
-
-        Raises:
-            SimrobError: it cannot be done; names the first offending point.
-        """
+        """Return the move, planned and checked from where an arm is; raises SimrobError: the first offending point."""
         raise NotImplementedError
 
     def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:

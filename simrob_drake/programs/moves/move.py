@@ -201,11 +201,7 @@ def kind_of(content: Mapping[str, Any], kinds: Iterable[type[Move]]) -> type[Mov
 
 
 def read_move(kind: type[Move], content: Mapping[str, Any], where: str) -> Move:
-    """Return the move of a kind that a mapping of a program's file is.
-
-    Raises:
-        InvalidConfig: a wrong key or value; names ``where``, the key and what would be right.
-    """
+    """Return the move of a kind that a file's mapping is; raises InvalidConfig: ``where``, key, what would be right."""
     return _unwrapped(validated(entry_model(kind), plain(content), where))
 
 

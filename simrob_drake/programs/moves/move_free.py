@@ -132,12 +132,7 @@ def plan_move_free(
 
 
 def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> list[Plan]:
-    """Plan moves of several robots as one, around each other, too; they begin and end at the same time.
-
-    Raises:
-        InvalidParameter: moves that differ in how they are done.
-        SimrobError: as :func:`plan_move_free`.
-    """
+    """Plan moves of several robots as one, around each other; raises InvalidParameter: moves done in different ways."""
     first, robots = moves[0], [planning.robot for planning in plannings]
     if any(move.how != first.how for move in moves) or len({*robots}) < len(robots):
         raise InvalidParameter("moves around obstacles together", "different", "of different robots, in the same time")
@@ -192,11 +187,7 @@ def goals_of(
 def plan_around(
     plannings: Sequence[Planning], goals: Sequence[Vector], how: How, seed: int, planning_time: float
 ) -> list[Plan]:
-    """Plan the way of robots that move together to postures of each that will do, (m, n), nearest first.
-
-    Raises:
-        SimrobError: as :func:`plan_move_free`.
-    """
+    """Plan several robots' way to postures (m, n) of each, nearest first; raises as :func:`plan_move_free`."""
     points, first = points_of(how, POINTS), plannings[0]
     zone_of(how, 1)
     chains, limits = [planning.chain for planning in plannings], [planning.rate_limits for planning in plannings]
@@ -239,11 +230,7 @@ def _metres(planning: Planning, space: FreeSpace) -> Vector:
 
 
 def _free(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
-    """Return those of combined goals that are free, shape (m, n), of the nearest ones.
-
-    Raises:
-        GoalInCollision: none is.
-    """
+    """Return those of the nearest combined goals that are free, shape (m, n); raises GoalInCollision: none is."""
     nearest = sorted(product(*(range(len(rows)) for rows in goals)), key=sum)[:_TRIED]
     found, hits = list[Vector](), list[Hit]()
     for places in nearest:

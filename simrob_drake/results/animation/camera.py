@@ -61,11 +61,7 @@ def framed_time(result: RecordedRun) -> float:
 
 
 def frame_times(end: float, frames_per_second: float) -> Vector:
-    """Return the times [s] of the frames of a motion; its end is the last one, wherever it lies.
-
-    Raises:
-        InvalidParameter: the rate is not positive.
-    """
+    """Return the times [s] of a motion's frames, its end the last one; raises InvalidParameter: no positive rate."""
     if not (np.isfinite(frames_per_second) and frames_per_second > 0):
         raise InvalidParameter("frames_per_second", frames_per_second, "a positive rate [1/s]")
     count = max(int(np.ceil(end * frames_per_second - 1e-9)), 0)

@@ -97,12 +97,7 @@ def check_frames(frames: Frames) -> None:
 
 
 def save_film_strip(result: RecordedRun, file: Path, *, frames: Frames = 7, height: int | None = None) -> Path:
-    """Write a :func:`film_strip` to a file, ``.png``, and return that.
-
-    Raises:
-        InvalidParameter: as there.
-        OutputError: the file cannot be written.
-    """
+    """Write a :func:`film_strip`, ``.png``, return its file; raises InvalidParameter: as there; OutputError."""
     strip = film_strip(result, frames=frames, height=height)
     with replaced_at_once(file) as work:
         work.write_bytes(strip)
@@ -168,11 +163,7 @@ def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) 
 
 
 def frame_writer() -> Callable[..., Any]:
-    """Return imageio-ffmpeg's ``write_frames``; to be called before long work whose end is a video.
-
-    Raises:
-        SimrobError: the package is not installed.
-    """
+    """Return imageio-ffmpeg's ``write_frames``, before long work for a video; raises SimrobError: not installed."""
     with needed("a video", "video"):
         import imageio_ffmpeg
     writer: Callable[..., Any] = imageio_ffmpeg.write_frames

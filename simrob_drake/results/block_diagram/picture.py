@@ -228,29 +228,17 @@ SUFFIXES = (".svg", ".png", ".pdf", ".dot", ".mmd")
 
 
 def station_dot(config: StationConfig) -> str:
-    """Return the block picture of a station in Graphviz' language.
-
-    Raises:
-        SimrobError: a station that cannot be built.
-    """
+    """Return a station's block picture in Graphviz' language; raises SimrobError: a station that cannot be built."""
     return dot_text(_graph(config))
 
 
 def station_svg(config: StationConfig, *, live: bool = False) -> str:
-    """Return the block picture of a station as SVG, see :meth:`Drawing.svg`.
-
-    Raises:
-        SimrobError: a station that cannot be built.
-    """
+    """Return a station's block picture, see :meth:`Drawing.svg`; raises SimrobError: a station that cannot be built."""
     return Drawing(_graph(config)).svg(live=live)
 
 
 def station_mermaid(config: StationConfig) -> str:
-    """Return the block picture of a station as a Mermaid flowchart, which GitHub shows in Markdown.
-
-    Raises:
-        SimrobError: a station that cannot be built.
-    """
+    """Return a station's block picture for Mermaid, which Markdown shows; raises SimrobError: it cannot be built."""
     return mermaid_text(_graph(config))
 
 

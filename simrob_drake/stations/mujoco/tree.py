@@ -33,11 +33,7 @@ _JOINTS = {RevoluteJoint: mujoco.mjtJoint.mjJNT_HINGE, PrismaticJoint: mujoco.mj
 
 
 def add_tree(spec: mujoco.MjSpec, station: StationPlant, names: Names) -> None:
-    """Add every body of a finalized plant, each in the one that carries it, with mass, inertia and joint.
-
-    Raises:
-        InvalidParameter: a joint that MJCF does not know, or joints that are coupled.
-    """
+    """Add a finalized plant's bodies and joints, each in its carrier; raises InvalidParameter: a joint MJCF lacks."""
     plant = station.plant
     if plant.num_constraints() or plant.num_force_elements() > 1:  # of which gravity is one
         raise InvalidParameter("robots", "joints coupled to each other", "left out: MJCF gets a tree of free joints")
