@@ -315,12 +315,8 @@ AnyDistribution = Annotated[
 def parsed(option: str, text: str) -> Distribution:
     """Return the distribution that a line says: ``0.5,1,2``, ``log:10:1000:9``, ``uniform:0.5:2`` ... of :data:`TEXTS`.
 
-    Args:
-        option: what errors call it.
-        text: the line; counts of ``lin`` and ``log`` include both ends.
-
-    Raises:
-        InvalidParameter: anything else, an empty range, or ends that a logarithm does not take.
+    Counts of ``lin`` and ``log`` include both ends. Raises InvalidParameter, which calls it ``option``: anything else,
+    an empty range, or ends that a logarithm does not take.
     """
     try:
         _section(text)

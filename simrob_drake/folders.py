@@ -29,15 +29,10 @@ def cache_root() -> Path:
 
 
 def cache_entry(kind: str, *, made_of: Iterable[bytes], made_by: Iterable[Path]) -> Path:
-    """Return the folder of a cache's entry; whether it is there yet is for the caller to see.
+    """Return the folder of an entry of a ``kind`` of cache; whether it is there yet is for the caller to see.
 
-    Its name follows from all that the entry depends on, so that a correction of our code makes it anew. Entries that
-    nobody asked for in ninety days are deleted.
-
-    Args:
-        kind: which cache.
-        made_of: what the entry is made of.
-        made_by: files and folders with the code that makes it.
+    Its name follows from what it is made of, and from the code, files and folders, that makes it, so that a correction
+    of our code makes it anew. Entries that nobody asked for in ninety days are deleted.
     """
     modules = [file for place in made_by for file in sorted(place.rglob("*.py") if place.is_dir() else [place])]
     digest = hashlib.sha256()
@@ -60,13 +55,8 @@ def _delete_forgotten(cache: Path) -> None:
 def check_folder(folder: Path, *, marker: str, force: bool) -> None:
     """Check, before any work, that results can be written to a folder.
 
-    Args:
-        folder: where to.
-        marker: name of a file that every folder of this kind holds; only such a folder is ever replaced.
-        force: replace one that is there.
-
-    Raises:
-        OutputError: it exists and is not to be replaced, is none of ours, or cannot be made.
+    Only a folder that holds a file called ``marker``, as each of its kind does, is ever replaced, and with ``force``.
+    Raises OutputError: it exists and is not to be replaced, is none of ours, or cannot be made.
     """
     if folder.exists():
         ours = folder.is_dir() and ((folder / marker).is_file() or not any(folder.iterdir()))
@@ -92,15 +82,8 @@ def writing(target: Path) -> Iterator[None]:
 def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterator[Path]:
     """Give a temporary folder that takes the name of ``folder``, and its place, once it is filled.
 
-    What stands there by then is looked at again: it may have come, or changed, while the folder was filled.
-
-    Args:
-        folder: where to; checked as :func:`check_folder` does.
-        marker: name of a file that every folder of this kind holds.
-        force: replace one that is there.
-
-    Raises:
-        OutputError: the folder is not to be replaced, or the disk does not take it; nothing is left behind.
+    What stands there is checked by :func:`check_folder` before and after, as it may have come meanwhile. Raises
+    OutputError: it is not to be replaced, or the disk does not take it; nothing is left behind.
     """
     check_folder(folder, marker=marker, force=force)
     with writing(folder), _workshop(_nearest_parent(folder), folder.name) as place:

@@ -247,10 +247,9 @@ def rotation_vectors(turns: Vector) -> Vector:
 
 
 def pose_errors(targets: Vector, actual: Vector) -> Vector:
-    """Return what leads from ``actual`` to ``targets``, both (k, 4, 4), in the axes of the base.
+    """Return what leads from ``actual`` to ``targets``, both (k, 4, 4), in the axes of the base, shape (k, 6).
 
-    Returns:
-        shape (k, 6): the way [x y z] [m], then the rotation vector about [x y z] [rad].
+    That is the way [x y z] [m], then the rotation vector about [x y z] [rad].
     """
     turns = targets[:, :3, :3] @ actual[:, :3, :3].transpose(0, 2, 1)
     return np.concatenate([targets[:, :3, 3] - actual[:, :3, 3], rotation_vectors(turns)], axis=1)

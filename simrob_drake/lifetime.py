@@ -36,12 +36,8 @@ _PAUSE = 4
 def release(builder: DiagramBuilder, diagram: Diagram) -> None:
     """Let a diagram go once nobody holds it, and what its Python blocks remember with it.
 
-    To be called once, right after the diagram was built. Nothing changes while something holds the diagram, its
-    builder, or one of its plants or other C++ blocks; a Python block alone no longer keeps it.
-
-    Args:
-        builder: which built the diagram.
-        diagram: what it built.
+    To be called once, right after it was built. Nothing changes while something holds the diagram, its builder, or one
+    of its plants or other C++ blocks; a Python block alone no longer keeps it.
     """
     _COLLECTOR.watch(diagram)
     if sys.version_info >= (3, 12):  # there Drake is 1.58 or newer, and does it by itself

@@ -35,15 +35,7 @@ class Advance(Protocol):
 
 @contextmanager
 def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Advance | None]:
-    """Show a bar and give a function that moves it; off a terminal that tells remarks, one a minute and the last.
-
-    None if silent.
-
-    Args:
-        text: what the work is.
-        total: the value at its end.
-        shown: False keeps silent.
-    """
+    """Show a bar up to ``total`` and give what moves it, None unless ``shown``; off a terminal, tell remarks."""
     if not shown:
         yield None
         return

@@ -108,13 +108,7 @@ MOST_SEEDS = 1000
 
 
 def seeded(content: Mapping[str, Any], seed: int, changes: Mapping[str, Any]) -> dict[str, int]:
-    """Return the seeds of all parts of a station that are random, each with a stream of its own.
-
-    Args:
-        content: the station's sections.
-        seed: of the run.
-        changes: what the user changes, whose seeds stay.
-    """
+    """Return the seeds of all random parts of a station, each of a stream of its own but those in ``changes``."""
     own = seed_keys(changes)
     return {key: seed + MOST_SEEDS * place for place, key in enumerate(seed_keys(content)) if key not in own}
 

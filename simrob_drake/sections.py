@@ -186,12 +186,7 @@ def _check_sizes(value: object, where: Path | str, key: str = "", depth: int = 0
 
 
 def file_schema(model: type[BaseModel], *, from_place: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Return the JSON Schema of a file that holds a model.
-
-    Args:
-        model: what the file holds.
-        from_place: fields that follow from where the file lies; they need not stand in it.
-    """
+    """Return the JSON Schema of a file that holds a model; fields that follow ``from_place`` need not stand in it."""
     schema = model.model_json_schema()
     schema["required"] = [key for key in schema.get("required", []) if key not in from_place]
     return schema

@@ -19,16 +19,10 @@ _PROGRAM_KEYS = {"moves", "references"}
 def station_from(
     station: str, settings: list[str] | None, *, allow_code: bool = False, **options: Any
 ) -> StationConfig:
-    """Return a station with what the user wants changed.
+    """Return a station, a name or a file, with what the user wants changed.
 
-    Args:
-        station: a name or a file.
-        settings: texts of the form ``key.path=value``, or YAML files.
-        allow_code: whether it may name code that is run.
-        options: values of the options that mean a key of the station and are called like it; None if not given.
-
-    Raises:
-        SimrobError: a station or a change that cannot be; names the option, or what a file is that is no station.
+    ``settings`` are texts ``key.path=value`` or YAML files; ``options`` values by the key that they mean, None if not
+    given. Raises SimrobError: what cannot be; names the option, or what a file is that is no station.
     """
     overrides = {key: value for key, value in options.items() if value is not None}
     called = {key: f"--{key}" for key in overrides}
@@ -39,15 +33,10 @@ def station_from(
 
 
 def changes_of(texts: list[str] | None, option: str, *, others: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """Return changes of a station by their dotted keys.
+    """Return changes of a station by dotted keys, of texts ``key.path=value`` and of YAML files with sections.
 
-    Args:
-        texts: texts of the form ``key.path=value``, and YAML files with sections of a station.
-        option: that they are given as.
-        others: what else is given, by the keys that it means.
-
-    Raises:
-        SimrobError: given in another form, twice, or a file that cannot be read.
+    ``others`` is what else is given, by key. Raises SimrobError: another form, given twice, or a file that cannot be
+    read.
     """
     found, called = dict[str, Any](), dict(others or {})
     for one in texts or []:
@@ -85,15 +74,7 @@ def is_program_file(text: str) -> bool:
 
 
 def refuse(why: str, **options: Any) -> None:
-    """Refuse options that would do nothing.
-
-    Args:
-        why: when they may be given.
-        options: their values, by name.
-
-    Raises:
-        InvalidParameter: one is given.
-    """
+    """Refuse options, values by name, that would do nothing; ``why``: when they may be; raises InvalidParameter."""
     for name, value in options.items():
         if value:
             raise InvalidParameter(f"--{name.replace('_', '-')}", "given", why)
@@ -146,11 +127,7 @@ _READ = "stations and programs are read from .yaml, robots from .urdf, .xacro, .
 def refuse_other(text: str) -> None:
     """Say what a file or a folder is, and what takes it, if that is known and no station does.
 
-    Args:
-        text: a name, or a file.
-
-    Raises:
-        InvalidConfig: it is no station; or a YAML file that cannot be read.
+    Raises InvalidConfig: that, or a YAML file that cannot be read.
     """
     file = Path(text)
     if isdir(file):

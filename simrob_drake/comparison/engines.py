@@ -40,15 +40,7 @@ def other_scheme(solver: SolverConfig) -> SolverConfig:
 
 
 def compare_engines(config: StationConfig, *, progress: Callable[[str], None] = lambda name: None) -> EngineAccounts:
-    """Run a station in every engine that can.
-
-    Args:
-        config: the station.
-        progress: called with each engine's name before it runs.
-
-    Raises:
-        SimrobError: a station that Drake cannot run.
-    """
+    """Run a station in every engine that can, telling ``progress`` their names; raises SimrobError: Drake cannot."""
     found = EngineAccounts()
     for name, engine in _engines(config):
         progress(name)

@@ -62,16 +62,9 @@ class ExerciseFolder:
         return self.folder / CHECKS_FILE
 
     def start(self, target: Path, language: Language, *, force: bool) -> Path:
-        """Copy the template of an answer to a folder, and return the file.
+        """Copy the template of an answer to a folder, and return the file; ``force`` replaces one that is there.
 
-        Args:
-            target: the folder.
-            language: of what stands in the template.
-            force: replace an answer that is there.
-
-        Raises:
-            InvalidParameter: there is an answer already.
-            OutputError: it cannot be written.
+        Raises InvalidParameter: there is one already; OutputError: it cannot be written.
         """
         answer = target / ANSWER_FILE
         if answer.exists() and not force:

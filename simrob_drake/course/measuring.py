@@ -52,16 +52,9 @@ def number(answer: ModuleType, name: str, *arguments: Any) -> float:
 
 
 def numbers(answer: ModuleType, name: str, *arguments: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return the array of a shape that a function of an answer gives.
+    """Return the array of a shape, -1 being any length, that a function of an answer gives for arguments.
 
-    Args:
-        answer: the module.
-        name: of the function.
-        arguments: of the function.
-        shape: that its value must have; -1 stands for any length.
-
-    Raises:
-        InvalidParameter: the answer has no such function, or that returns something else.
+    Raises InvalidParameter: the answer has no such function, or that returns something else.
     """
     returned = value_of(answer, name, *arguments)
     expected = f"finite numbers of shape {shape}" if shape else "a finite number"

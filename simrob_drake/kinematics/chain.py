@@ -59,12 +59,7 @@ class Screws:
         return np.atleast_2d(rows)
 
     def frames(self, postures: Vector, base: Vector = IDENTITY) -> Vector:
-        """Return the motion of the base, and of what each of the m followed axes carries, shape (m + 1, k, 4, 4).
-
-        Args:
-            postures: shape (k, n), checked.
-            base: its pose, shape (4, 4) or (k, 4, 4).
-        """
+        """Return where the base (4, 4) or (k, 4, 4), and what each axis carries, move, shape (m + 1, k, 4, 4)."""
         values = postures.T[self._moving]
         terms = np.empty((*values.shape, 3))
         terms[..., 0] = 1.0

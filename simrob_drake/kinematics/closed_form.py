@@ -158,12 +158,9 @@ class ClosedForm:
 
 
 def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm:
-    """Return all postures that bring the tool to each target.
+    """Return all postures that bring the tool to each target (k, 4, 4).
 
-    Args:
-        arm: the geometry.
-        targets: shape (k, 4, 4).
-        starts: of axes 1 ... 6, shape (k, 6); they give axis 1 and axis 4 where these may stand anywhere.
+    The starts (k, 6) give axis 1 and axis 4 where these may stand anywhere.
     """
     turns = targets[:, :3, :3] @ arm.home[:3, :3].T
     centres = targets[:, :3, 3] + turns @ (arm.centre - arm.home[:3, 3])

@@ -222,17 +222,9 @@ def _beyond(chain: Chain, positions: Vector) -> Vector:
 
 
 def why_unreached(chain: Chain, target: Vector, posture: Vector, error: Vector, weights: Vector) -> str:
-    """Tell why no step from a posture leads nearer to a target.
+    """Tell in words why no step from the best posture (n,) leads nearer to a target (4, 4).
 
-    Args:
-        chain: that is to reach it.
-        target: shape (4, 4).
-        posture: the best found, shape (n,).
-        error: from there to the target, shape (6,) [m, rad] about x, y, z of the base; 0 where nothing is asked.
-        weights: of its parts, shape (6,).
-
-    Returns:
-        "out of reach ...", "joint limit ...", "singular posture ..." or "no solution found ...".
+    The error from there is (6,) [m, rad] about x, y, z of the base, 0 where nothing is asked, and has weights (6,).
     """
     if chain.order and error[:3].any():
         first = chain.order[0]

@@ -61,11 +61,9 @@ class PolicySensors:
             self.position[places], self.velocity[places] = self._measured(self.encoders, motion), 0.0
 
     def sample(self, motion_at: Callable[[Places, float], Vector], times: tuple[Vector, float]) -> None:
-        """Take all samples of a control period but that at its end, and the very first.
+        """Take all samples of a control period, from times (k,) on, but that at its end, and the very first.
 
-        Args:
-            motion_at: motions of some robots (m, nq + nv) so long after the period began [s].
-            times: when it begins for each of all robots, shape (k,), and how long it is [s].
+        ``motion_at`` gives motions of some robots (m, nq + nv) so long after the period, ``times[1]`` [s] long, began.
         """
         begins, period = times
         for own in filter(None, (self.encoders, self.imu)):
@@ -111,14 +109,9 @@ _FAR = 1e4
 def spaces(
     section: Policy, robot: StationRobot, sizes: Mapping[str, int]
 ) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
-    """Return the spaces of observations and of actions of one robot.
+    """Return the spaces of observations and of actions of one robot; ``sizes`` are of all that is observed, by name.
 
     Positions lie within the axes' limits, which a robot may pass by π; what lies beyond a bound is seen as the bound.
-
-    Args:
-        section: of the policy.
-        robot: that it moves.
-        sizes: of all that is observed, by name, and of the action.
     """
     lower, upper = robot.model.axis_limits
     bounds = {name: (np.full(size, -_FAR), np.full(size, _FAR)) for name, size in sizes.items()}

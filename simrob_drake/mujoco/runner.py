@@ -217,16 +217,9 @@ class MujocoRunner:
     def __init__(
         self, station: StationLike, *, step: float = STEP, integrator: str | None = None, seen: bool = False
     ) -> None:
-        """Build a station.
+        """Build a station as :func:`simrob_drake.simulate` takes it, for steps [s] and an integrator of MuJoCo.
 
-        Args:
-            station: as :func:`simrob_drake.simulate` takes it.
-            step: length of a step [s].
-            integrator: MuJoCo's name of it, as of :func:`~simrob_drake.stations.mujoco.model.mujoco_model`.
-            seen: with the pictures of all bodies.
-
-        Raises:
-            SimrobError: no such station, or one that MJCF cannot say; the message names the part.
+        ``seen`` adds the pictures of all bodies. Raises SimrobError: no such station, or a part that MJCF cannot say.
         """
         self.config = config_of(station)
         self.built = BuiltStation.of(self.config, step=positive(step, "step", "s"), integrator=integrator, seen=seen)
@@ -250,15 +243,10 @@ class MujocoRunner:
     def runs(
         self, requests: Sequence[RunRequest], *, duration: float | None = None, threads: int = 0
     ) -> list[SimulationResult]:
-        """Run the station several times.
+        """Run the station several times, for a duration in place of its own [s].
 
-        Args:
-            requests: the runs.
-            duration: of each, in place of the station's [s].
-            threads: how many are stepped at the same time beside this one; with 0 they are stepped here in turn.
-
-        Raises:
-            SimrobError: a reference, push or start that does not fit the station.
+        So many ``threads`` step beside this one; with 0 they are stepped here in turn. Raises SimrobError: what does
+        not fit.
         """
         config = with_duration(self.config, duration)
         prepared = [self.prepared(config, one) for one in requests]

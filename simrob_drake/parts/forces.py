@@ -244,14 +244,9 @@ class DragSpring(SampledBlock):
     def __init__(
         self, *, period: float, plant: MultibodyPlant, frame: Frame, point: Vector, gains: tuple[float, float]
     ) -> None:
-        """Make the block.
+        """Make the block for a point p (3,) [m] of a body's frame, with gains k [N/m] and c [N·s/m].
 
-        Args:
-            period: between samples [s].
-            plant: finalized; it need not be part of the diagram.
-            frame: of the body.
-            point: p in the frame, shape (3,) [m].
-            gains: k [N/m] and c [N·s/m].
+        The plant is finalized and need not be part of the diagram.
         """
         self.units = {"force": "N"}
         reads = {"target": 4, "state": plant.num_multibody_states()}

@@ -194,11 +194,7 @@ class StationPlant:
         return f"<StationPlant of {[*self.robots.values()]}, free pieces {[*self.free_pieces]}>"
 
     def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
-        """Let a plant that stands outside of the diagram pose its geometry.
-
-        Returns:
-            the port for its positions (nq), or ``of_state`` for positions and velocities (nq + nv).
-        """
+        """Let a plant outside of the diagram pose its geometry; return its port for positions, or ``of_state``."""
         poses = MultibodyPositionToGeometryPose(self.plant, input_multibody_state=of_state)
         builder.AddNamedSystem("geometry_poses", poses)
         source_id = self.plant.get_source_id()

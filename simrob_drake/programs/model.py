@@ -42,15 +42,9 @@ class StationModel(PosedStation):
     """
 
     def __init__(self, config: StationConfig, *, collision: bool = False, itself: bool = False) -> None:
-        """Build the model.
+        """Build the model, with shapes that ``collide`` for :meth:`query`, and those of one robot with ``itself``.
 
-        Args:
-            config: the station.
-            collision: with the shapes that collide, for :meth:`query`.
-            itself: those of one robot with each other, too.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
+        Raises InvalidModel: a robot that cannot be built.
         """
         self.config = config
         contact = (config.contact or ContactConfig()) if collision or itself else None
@@ -223,12 +217,8 @@ class StationModel(PosedStation):
     def mount(self, parent: str, frame: str | None = None) -> Frame:
         """Return the frame that pieces hang on whose parent is the world, a robot or a piece.
 
-        Args:
-            parent: which.
-            frame: of a piece, instead of its tool centre point; a tool or link of a robot, instead of its first tool.
-
-        Raises:
-            UnknownName: no such frame, tool or link.
+        That is a piece's ``frame``, else its tool centre point; a robot's tool or link of that name, else its first
+        tool. Raises UnknownName: no such frame, tool or link.
         """
         if parent in self.config.pieces:
             return self.piece_frame(parent, TCP if frame is None else frame)
@@ -251,18 +241,11 @@ class StationModel(PosedStation):
 def reparented(
     model: StationModel, piece: str, parent: str, *, frame: str | None = None, pose: PoseLike | None = None
 ) -> StationConfig:
-    """Return a station in which a piece hangs on something else.
+    """Return a station in which a piece, with all that hangs on it, hangs on something else; the model is of it now.
 
-    Args:
-        model: of the station as it is, in its present posture.
-        piece: which; it brings mass, centre of mass, inertia, colour, tool centre point, and what hangs on it.
-        parent: ``world``, a robot (its flange), or a piece (its tool centre point).
-        frame: a frame of the parent piece instead of its tool centre point; a tool of a robot instead of its first.
-        pose: the piece's pose in the parent's frame; unless given it stays where it is in the world.
-
-    Raises:
-        UnknownName: no such piece, parent or frame.
-        InvalidParameter: the piece itself as its parent, or one that hangs on it.
+    ``parent`` is ``world``, a robot (its flange) or a piece (its tool centre point); ``frame`` a frame of that piece or
+    a tool of that robot instead; ``pose`` in there, else it stays where it is in the world. Raises UnknownName: no such
+    piece, parent or frame; InvalidParameter: the piece itself as its parent, or one that hangs on it.
     """
     config = model.config
     one_of("piece", piece, config.pieces)

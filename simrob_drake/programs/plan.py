@@ -127,17 +127,9 @@ _MARGIN = 1.02  # of what messages propose
 
 
 def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming, hint: str = "") -> None:
-    """Check that all axes stay within their limits.
+    """Check that all axes stay within their limits in postures (k, n) at times (k,) [s].
 
-    Args:
-        chain: whose limits count.
-        times: shape (k,) [s].
-        postures: at these times, shape (k, n).
-        named: how points are called.
-        hint: what the message ends with.
-
-    Raises:
-        JointLimitExceeded: names the first offending point.
+    Raises JointLimitExceeded: names the first offending point, and ends with ``hint``.
     """
     beyond = np.maximum(chain.lower - postures, postures - chain.upper) > _ROUNDING
     if not beyond.any():
@@ -159,19 +151,10 @@ def rate_ratio(trajectory: Trajectory, times: Vector, limits: Vector, order: int
 def check_rates(
     chain: Chain, trajectory: Trajectory, times: Vector, limits: Vector, order: int, named: Naming, remedy: Remedy
 ) -> None:
-    """Check that no axis is faster than its limit, or sped up more.
+    """Check that no axis is faster than its limit (order 1), or sped up more (2), at times (k,) [s].
 
-    Args:
-        chain: whose axes move.
-        trajectory: of the move.
-        times: at which it is looked at, shape (k,) [s].
-        limits: largest speeds or accelerations, shape (n,) [rad/s or m/s, rad/s² or m/s²].
-        order: 1 for speeds, 2 for accelerations.
-        named: how points are called.
-        remedy: what to do about it.
-
-    Raises:
-        SpeedLimitExceeded, AccelerationLimitExceeded: names the first offending point, and what would do.
+    Limits are (n,) [rad/s or m/s, rad/s² or m/s²]. Raises SpeedLimitExceeded, AccelerationLimitExceeded: names the
+    first offending point, and what would do, a ``remedy`` included.
     """
     rates = _rates(trajectory, times, order)
     ratios = rates / limits
@@ -208,21 +191,12 @@ def shown(value: float, revolute: bool) -> str:
 def check_collisions(
     model: StationModel, robots: Mapping[str, Vector], times: Vector, named: Naming, *, touch: float = TOUCH
 ) -> None:
-    """Check that robots touch nothing on their way, and what they carry neither.
+    """Check that robots touch nothing on their way, postures (k, n) at times (k,) [s] by name, others where they are.
 
     A robot and what it carries count as one, and pass through each other; so does what already touched at the
     beginning, as a piece on its table. What fingers hold goes along. Meshes count as their convex hulls, so the holes
-    of a half sphere are closed.
-
-    Args:
-        model: of the station, with collision shapes.
-        robots: postures (k, n) by robot at the times; robots that are left out stay where they are.
-        times: shape (k,) [s].
-        named: how points are called.
-        touch: how deep shapes may be in each other [m].
-
-    Raises:
-        PathCollision: names the first offending point, and what runs into what.
+    of a half sphere are closed. Shapes may ``touch`` so deep [m]. Raises PathCollision: names the first offending
+    point, and what runs into what.
     """
     resting: set[frozenset[str]] = set()
     for row, time in enumerate(times):

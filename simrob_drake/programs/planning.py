@@ -52,16 +52,10 @@ PoseTargets: TypeAlias = Targets
 
 
 def world_poses(targets: PoseTargets, wobj: RigidTransform, turn: Vector, name: str = "targets") -> Vector:
-    """Return targets in a work object's frame as poses in the world, shape (k, 4, 4).
+    """Return targets in a work object's frame, poses or places (3,) or (k, 3), as poses in the world, shape (k, 4, 4).
 
-    Args:
-        targets: poses in any form, or places (3,) or (k, 3).
-        wobj: pose of the work object's frame.
-        turn: the orientation that places go with, in the world, shape (3, 3).
-        name: what the user calls them.
-
-    Raises:
-        InvalidParameter: another shape, or numbers that are not finite.
+    Places take the orientation ``turn`` (3, 3) in the world. Raises InvalidParameter, with ``name``: another shape, or
+    not finite.
     """
     check_units(targets, name)
     if is_place(targets):

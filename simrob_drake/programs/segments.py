@@ -154,19 +154,10 @@ def joint_segment(way: Way, *, points: int) -> Segment:
 
 
 def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target: str) -> Segment:
-    """Return postures that lead the tool along poses.
+    """Return postures, ``points`` at least, that lead the tool from a posture (n,) along a ``way`` of poses (k, 4, 4).
 
-    Args:
-        solver: of the inverse kinematics.
-        way: gives the poses (k, 4, 4) of the tool.
-        start: the posture at its beginning, shape (n,).
-        points: how many points are solved at least.
-        target: what it leads to, for messages.
-
-    Raises:
-        Unreachable: a point that no posture reaches; the incremental solver may ``stray`` on the way, past singular
-            postures, as far as it says, if it comes to the end.
-        BrokenPath: points that no continuous motion joins.
+    Raises Unreachable: a point that no posture reaches; the incremental solver may ``stray`` on the way, past singular
+    postures, as far as it says, if it comes to the end; BrokenPath: points that no continuous motion joins.
     """
     chain, poses = solver.chain, way.curve
     stray = solver.stray if isinstance(solver, IncrementalSolver) else 0.0

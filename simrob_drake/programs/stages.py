@@ -43,16 +43,9 @@ class Snapshot:
 
 
 def stages_of(robot: LeggedGeometry, moves: Sequence[Move], station: StationConfig, file: str = "") -> list[Stage]:
-    """Cut moves into stages, after checking all of them.
+    """Cut a robot's moves into stages, after checking all of them; the station is as when they begin.
 
-    Args:
-        robot: who does them.
-        moves: one after the other.
-        station: as it is when they begin.
-        file: that they stand in, for messages.
-
-    Raises:
-        SimrobError: what the robot cannot do; names the move.
+    Raises SimrobError: what the robot cannot do; names the move, and the file that it stands in.
     """
     stages, outlook, joint_moves = list[Stage](), Outlook(station), list[JointMove]()
     for number, move in enumerate(moves):
@@ -130,13 +123,7 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> tuple[Refer
 def postures_of(model: RobotModel, moves: Sequence[JointMove], start: Vector) -> tuple[Vector, Vector]:
     """Return when moves of joints end and where, the start included: times (k + 1,) [s], postures (k + 1, n).
 
-    Args:
-        model: the robot.
-        moves: one after the other.
-        start: the posture before them, shape (n,) [rad or m]; axes that no move names stay there.
-
-    Raises:
-        SimrobError: as :func:`targets_on`.
+    Axes that no move names stay as at the start (n,) [rad or m]. Raises SimrobError: as :func:`targets_on`.
     """
     times, postures = [0.0], [np.array(start, dtype=float)]
     for number, move in enumerate(moves):
@@ -152,14 +139,8 @@ def postures_of(model: RobotModel, moves: Sequence[JointMove], start: Vector) ->
 def step_moves(model: RobotModel, feet: str | None, move_time: float | None = None) -> list[Move]:
     """Return one step ahead: the robot's sequence ``step``, else a step of its first gait, of full length.
 
-    Args:
-        model: the robot.
-        feet: those that it wears.
-        move_time: of each move of the sequence, or of each step of the gait [s]; their own unless given.
-
-    Raises:
-        InvalidParameter: a robot without feet or gaits, without a gait for the feet that it wears, or a time that is
-            not positive.
+    ``move_time`` is of each move or step, their own unless given [s]. Raises InvalidParameter: a robot without feet or
+    gaits, without a gait for the feet that it wears, or a time that is not positive.
     """
     if model.feet is None:
         raise InvalidParameter("robot", model.name, "one with legs: step() is for legged robots")

@@ -98,13 +98,9 @@ class Tape:
             raise InvalidParameter("the recording", "empty", "begun with record() before the moves")
 
     def stages(self, duration: float | None = None) -> list[Stage | Entry]:
-        """Return all that was recorded to be done again, runs that follow each other as one.
+        """Return all that was recorded to be done again, runs that follow each other as one, in a duration [s].
 
-        Args:
-            duration: of the whole [s]; as recorded unless given.
-
-        Raises:
-            InvalidParameter: nothing was recorded, or runs that do not join: such a tape can be replayed.
+        Raises InvalidParameter: nothing was recorded, or runs that do not join: such a tape can be replayed.
         """
         self.check_some()
         takes = self.takes
@@ -151,18 +147,7 @@ def recorded(
     solver: SolverLike | None = None,
     **more: Any,
 ) -> Plan:
-    """Return a plan with the entry of a program's file that would make it again; with none where no file can say it.
-
-    Args:
-        plan: of a call from Python.
-        key: of the kind of move.
-        planning: what it was planned from.
-        targets: what the call was given, as all that follows.
-        how: likewise.
-        wobj: likewise.
-        solver: likewise.
-        more: ``stop`` or ``via``.
-    """
+    """Return a plan with the entry of a file that makes it again, of what the call was given; None where none can."""
     used = planning.solver if solver is None else solver
     moved = None if wobj is None else planning.frame(wobj)
     if not isinstance(used, str):
@@ -185,13 +170,9 @@ def recorded(
 def run_entry(
     plans: Sequence[Plan], duration: float | None, frame: Callable[[WorkObject], RigidTransform], *, several: bool
 ) -> Entry | None:
-    """Return what a program's file has of planned moves that are run at the same time; None if no file can say it.
+    """Return what a file has of planned moves run at the same time, in a duration [s]; None if it can't say it.
 
-    Args:
-        plans: the moves.
-        duration: of the run, where it was given [s].
-        frame: gives the pose of a work object now: one that has moved since the move was planned becomes a pose.
-        several: whether the station has several robots.
+    ``frame`` gives the pose of a work object now: one that has moved since the move was planned becomes a pose.
     """
     if not plans:
         return {"wait": float(duration or 0.0)}

@@ -37,14 +37,10 @@ class Motors:
     robots: Sequence[str]  # that move, in turn
 
     def fastest(self, segment: Segment, speed: float | None) -> tuple[Stretch, Vector]:
-        """Return the motion along a segment from rest to rest, and when it passes its targets, shape (k,) [s].
+        """Return the motion along a segment of all robots from rest to rest, and when it passes its targets, (k,) [s].
 
-        Args:
-            segment: the way, of the axes of all robots.
-            speed: of their tools at most [m/s].
-
-        Raises:
-            InvalidParameter: a way on which the motors could not even hold the robots.
+        Their tools are no faster than ``speed`` [m/s]. Raises InvalidParameter: a way where motors could not even hold
+        them.
         """
         way = free_spline(segment.parts, segment.postures)
         times, parts = _averaged(self._law(way, len(segment.parts), speed))

@@ -13,13 +13,7 @@ from simrob_drake.stations.config import StationConfig
 def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResult:
     """Let the robots of a station do a program, and return all of it as one result.
 
-    Args:
-        cell: the station.
-        program: what they do.
-        file: that it stands in, for messages.
-
-    Raises:
-        SimrobError: what they cannot do; names the move.
+    Raises SimrobError: what they cannot do; names the move, and the file that it stands in.
     """
     source = file or program
     if of_arms(cell, program):

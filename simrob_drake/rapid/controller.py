@@ -74,14 +74,10 @@ class Controller:
     """
 
     def __init__(self, cell: Workcell, robot: str | None, signals: Signals, run: Run, check: Check) -> None:
-        """Take an arm.
+        """Take an arm of a workcell, which goes on with each move; the only one need not be named.
 
-        Args:
-            cell: its workcell, which goes on with each move.
-            robot: which; the only one need not be named.
-            signals: what inputs and outputs mean.
-            run: what does planned moves: :meth:`Workcell.stand` or :meth:`Workcell.run_plans`.
-            check: what is looked at before each of them beside its reach.
+        ``signals`` are what inputs and outputs mean; ``run`` does planned moves, as :meth:`Workcell.stand` or
+        :meth:`Workcell.run_plans`; ``check`` is looked at before each of them beside its reach.
         """
         self.cell, self.robot = cell, cell.robot_name(robot)
         self.signals, self._run, self._check = signals, run, check
@@ -132,15 +128,11 @@ class Controller:
             self._do(ToolMove(pose=_numbers(change), robot=whose))
 
     def go(self, call: Call, motion: Motion, target: Sequence[float], zone: float, **more: Any) -> None:
-        """Take a move up: joined with the one before by its zone, or as the first of others.
+        """Take up an instruction's move to a pose (6,) [m, rad] or posture (n,), joined to the last by its zone.
 
-        Args:
-            call: the instruction.
-            motion: how.
-            target: pose in the work object's frame (6,) [m, rad], or posture (n,) [rad or m].
-            zone: how near to the target the tool turns to the next one [m]; 0 to rest there.
-            more: ``pose`` of the tool in the world (4, 4), ``posture`` of a move of axes, ``via`` of an arc,
-                ``configuration`` that a line is to end with.
+        The zone is how near to the target the tool turns to the next one [m]; 0 to rest there. ``more`` has the
+        ``pose`` of the tool in the world (4, 4), the ``posture`` of a move of axes, ``via`` of an arc, the
+        ``configuration`` of a line's end.
         """
         group = self._group
         joins = group is not None and group.motion == motion and motion.duration is None

@@ -73,16 +73,10 @@ class ExportedProgram:
 
     @classmethod
     def of(cls, program: Program, cell: Workcell, file: str = "") -> "ExportedProgram":
-        """Return the steps of a program; the cell goes on to its end without a run.
+        """Return the steps of a program of one arm; the cell goes on to its end without a run.
 
-        Args:
-            program: of one arm.
-            cell: where it is done.
-            file: that it stands in, for messages.
-
-        Raises:
-            InvalidParameter: moves that no other language can say, such as those of two robots together.
-            SimrobError: what cannot be done; names the move.
+        Raises InvalidParameter: moves that no other language can say, such as those of two robots together;
+        SimrobError: what cannot be done; names the move, and the file that it stands in.
         """
         name = cell.robot_name(program.robot)
         own = cell.robot(name)

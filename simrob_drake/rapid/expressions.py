@@ -105,13 +105,7 @@ class Expressions:
         functions: Mapping[str, Callable[[Call], Value]],
         signal: Callable[[str], float | None],
     ) -> None:
-        """Read what the modules declare.
-
-        Args:
-            modules: of the program.
-            functions: by name in lower case.
-            signal: gives the value of a signal, or None if there is no such.
-        """
+        """Read what modules declare; functions are by name in lower case, ``signal`` gives a signal's value."""
         self._functions, self._signal = functions, signal
         self.remarks: list[Remark] = []
         self._locals: dict[str, Datum] = {}

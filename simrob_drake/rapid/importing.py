@@ -41,18 +41,11 @@ def import_rapid(
     cycles: int = 1,
     check: Check = CHECKED,
 ) -> Imported:
-    """Do a RAPID program's main procedure without a run, and return the moves that it makes.
+    """Do a RAPID program's main procedure without a run, and return the moves that it makes on a station.
 
-    Args:
-        files: of its modules, or a `.pgf`.
-        station: on which it is done.
-        robot: who does it; the only one need not be named.
-        signals: what inputs and outputs mean, or the file of a table.
-        cycles: how often a loop WHILE TRUE is done.
-        check: what is looked at before each move beside its reach.
-
-    Raises:
-        RapidError: what cannot be understood or done; names the file and the line.
+    ``files`` are of its modules, or a `.pgf`; the only robot need not be named; ``signals`` are what inputs and outputs
+    mean, or a table's file; a loop WHILE TRUE is done ``cycles`` times; ``check`` is looked at before each move beside
+    its reach. Raises RapidError: what cannot be understood or done; names the file and the line.
     """
     sources = [files] if isinstance(files, (Path, str)) else files
     modules = [module for file in sources for module in read_modules(as_path(file, "file"))]

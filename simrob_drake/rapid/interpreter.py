@@ -40,14 +40,9 @@ class Interpreter(Expressions):
         signal: Callable[[str], float | None],
         cycles: int,
     ) -> None:
-        """Read what the modules declare.
+        """Read what modules declare; what instructions and functions do is by name in lower case.
 
-        Args:
-            modules: of the program.
-            instructions: what each does, by name in lower case.
-            functions: those that depend on more than their arguments, by name in lower case.
-            signal: likewise.
-            cycles: how often a loop WHILE TRUE is done.
+        A loop WHILE TRUE is done ``cycles`` times; ``signal`` gives a signal's value.
         """
         super().__init__(modules, {**FUNCTIONS, **functions}, signal)
         self._instructions = {**instructions, "goto": self._goto, "exit": self._end, "exitcycle": self._end}

@@ -44,15 +44,10 @@ class GaitsFile:
 
 
 def gaits_file(robot: str | RobotModel) -> GaitsFile:
-    """Return the gaits of a robot, which stand beside its ``robot.yaml``.
+    """Return the gaits beside the ``robot.yaml`` of a robot of the package by name, or of any other's model.
 
-    Args:
-        robot: a robot of the package by its name, or any other's model.
-
-    Raises:
-        UnknownName: no such robot; proposes the nearest.
-        InvalidParameter: a robot without gaits.
-        InvalidConfig: a file that cannot be read.
+    Raises UnknownName: no such robot, proposes the nearest; InvalidParameter: one without gaits; InvalidConfig: a file
+    that cannot be read.
     """
     name = one_of("robot", robot, robot_names()) if isinstance(robot, str) else robot.name
     folder = models_root() / robot if isinstance(robot, str) else robot.folder

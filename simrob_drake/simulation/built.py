@@ -42,13 +42,9 @@ class StationDiagrams:
         *,
         watched: bool = False,
     ) -> None:
-        """Prepare the diagrams; they are built when they are needed.
+        """Prepare diagrams of a station, its references and the user's blocks by name, built when needed.
 
-        Args:
-            station: resolved.
-            references: what each robot is asked.
-            blocks: the station's controllers and other blocks of the user's own, by name.
-            watched: step the one with everything, since somebody looks at it meanwhile.
+        With ``watched`` the one with everything is stepped, since somebody looks at it meanwhile.
         """
         self._station, self._blocks, self._watched = station, blocks, watched
         self._driven = driven_inputs(blocks)

@@ -232,14 +232,7 @@ class PaceWatch:
     def __init__(
         self, config: StationConfig, built: Callable[[], ClosedStation], *, own_blocks: bool, show: Advance | None
     ) -> None:
-        """Watch a run.
-
-        Args:
-            config: the station.
-            built: gives what is stepped now.
-            own_blocks: whether there are blocks of the user's own in it.
-            show: shows how far it is.
-        """
+        """Watch a run; ``built`` gives what is stepped now, ``show`` shows how far it is."""
         self.config, self._built, self._own_blocks, self._show = config, built, own_blocks, show
         self._ends: deque[float] = deque(maxlen=_OVER + 1)
         self._clocks, self._warned = (monotonic(), process_time()), False

@@ -102,15 +102,10 @@ class Stepper:
         ticks: Ticks | None = None,
         reached: Context | None = None,
     ) -> None:
-        """Prepare to step.
+        """Prepare to step what ``diagram_at`` gives from a time on [s]; steps must end at the edges, in order [s].
 
-        Args:
-            config: the station.
-            diagram_at: the diagram to be stepped from a time on [s].
-            edges: times at which a step must end, in their order [s].
-            blocks: of the user's own, by name.
-            ticks: at which stepping begins anew.
-            reached: where another stepper of the same run came to, to go on from there.
+        At ``ticks`` stepping begins anew; ``reached`` is where another stepper of the same run came to, to go on from
+        there.
         """
         self._config, self._diagram_at, self._blocks = config, diagram_at, blocks
         first = 0.0 if reached is None else reached.get_time()
@@ -252,13 +247,7 @@ class Stepper:
         return None if watch.stop is None else Outcome("monitor", watch.stop.name, watch.stop.why)
 
     def failed(self, problem: BaseException, context: Context, time: float) -> Outcome | None:
-        """Return how a block of the user's own, or one that cannot go on, ended the run; None if none of them did.
-
-        Args:
-            problem: the exception.
-            context: of the diagram, as it was then.
-            time: of the failure [s].
-        """
+        """Return how a block of the user's own, or one that cannot go on, ended the run [s]; None if none did."""
         if isinstance(problem, BlockFails):
             return Outcome("failed", problem.block, f"{problem.block} failed at {time:.4g} s: it {problem}")
         for frame, line in reversed(list(walk_tb(problem.__traceback__))):

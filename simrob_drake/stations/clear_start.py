@@ -53,13 +53,9 @@ class ClearStart:
     """
 
     def __init__(self, clearance: Clearance, robot: StationRobot, duration: float, *, torque: bool) -> None:
-        """Look at a station's robot, whose root is held at the origin.
+        """Look at a station's robot, whose root is held at the origin, and its first move, of a duration [s].
 
-        Args:
-            clearance: the station.
-            robot: of it.
-            duration: of the first move [s].
-            torque: whether its motors have to hold it.
+        With ``torque`` its motors have to hold it.
         """
         self._clearance, self._robot, self._duration, self._torque = clearance, robot, duration, torque
         self._random, self._home, self._near = np.random.default_rng(0), robot.model.home, robot.model.home

@@ -290,8 +290,7 @@ _MOTION = ("reference", "reference_velocity", "reference_acceleration")
 def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[dict[str, InputPort], OutputPort]:
     """Add inputs of position, velocity and acceleration for every robot.
 
-    Returns:
-        the inputs, each of whose blocks hands it on, and the state of the whole plant that they make.
+    Returns them, each handed on by its block, and the state of the whole plant that they make.
     """
     inputs: dict[str, InputPort] = {}
     motions: list[OutputPort] = []

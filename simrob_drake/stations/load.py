@@ -118,14 +118,9 @@ def _loaded(
 
 
 def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> StationConfig:
-    """Return a station with nothing but a robot, which moves kinematically unless overrides say otherwise.
+    """Return a station with nothing but a robot, by name or URDF, kinematic unless overrides say otherwise.
 
-    Args:
-        robot: its name, or the file of its URDF.
-        overrides: as :func:`load_station` takes them.
-
-    Raises:
-        SimrobError: no such robot, or an override that cannot be.
+    Raises SimrobError: no such robot, or an override that cannot be, see :func:`load_station`.
     """
     origin = "urdf" if is_robot_file(robot) else "model"
     content = {"name": Path(robot).stem, "mode": "kinematic", ONLY_ROBOT: {origin: robot}}

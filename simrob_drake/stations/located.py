@@ -37,15 +37,9 @@ _KEYS = (
 
 
 def located(content: Mapping[str, Any], folder: Path, border: Border | None = None) -> dict[str, Any]:
-    """Return sections of a station with absolute paths.
+    """Return sections of a station with absolute paths, from a folder; ``border`` is their file's, None where a user's.
 
-    Args:
-        content: the sections.
-        folder: where relative paths start.
-        border: of the file in which they stand; None where the user says them.
-
-    Raises:
-        InvalidConfig: a path that may not be read; the message names file, key and what would allow it.
+    Raises InvalidConfig: a path that may not be read; the message names file, key and what would allow it.
     """
     result: dict[str, Any] = deepcopy(dict(content))
     for section, last, key in paths_in(result):

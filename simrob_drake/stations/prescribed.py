@@ -103,10 +103,9 @@ def set_rotors(plant: MultibodyPlant, joints: list[Joint], robot: ResolvedRobot)
 def add_prescribed_motion(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, reference: OutputPort
 ) -> OutputPort:
-    """Add an input ``prescribed.<axis>`` for each prescribed axis: position, velocity, acceleration, size 3 [rad or m].
+    """Add an input ``prescribed.<axis>`` for each such axis: position, velocity, acceleration, size 3 [rad or m].
 
-    Returns:
-        the reference (n,) of the robot with the positions of these axes in it.
+    Returns the reference (n,) of the robot with the positions of these axes in it.
     """
     inputs = []
     for place in robot.prescribed:
@@ -128,11 +127,7 @@ def add_prescribed_motion(
 def add_prescribed_torque(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, torque: OutputPort
 ) -> OutputPort:
-    """Move a robot's prescribed joints.
-
-    Returns:
-        the torques (n,) [N·m or N] of its servos, which ``torque`` gives, with what the prescribed motions take.
-    """
+    """Move a robot's prescribed joints; return its servos' torques (n,) [N·m or N] with what the motions take."""
     plant, axes, prefix, places = ports.plant.plant, robot.axis_map, robot.prefix, list(robot.prescribed)
     motion = builder.GetSubsystemByName(f"{prefix}prescribed").get_output_port()
     rotors = np.diag([_motor(plant, robot.joints[place]).default_reflected_inertia() for place in places])

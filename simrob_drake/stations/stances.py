@@ -94,14 +94,9 @@ def _foot(clearance: Clearance, robot: StationRobot, body: RigidBody, axis: int)
 def _sole(points: Vector, near: float, turns: Vector, down: Vector) -> tuple[Vector, Vector] | None:
     """Return the middle and the normal of the flat side on which a body can stand, in its frame; None without.
 
-    That is a large one, which no point is nearer to the joint of than a knee is, and the last axis, as that of a
-    wheel, is not normal to it. Of several it is a large one that looks down where all axes are zero.
-
-    Args:
-        points: of its outline, shape (k, 3) [m].
-        near: how far from the joint a knee is [m].
-        turns: the direction of the last axis, zero if that slides.
-        down: the direction that is down where all axes are zero.
+    That is a large one, which no point of its outline (k, 3) is nearer to the joint of than a knee is, ``near`` [m],
+    and the last axis, whose direction ``turns`` is zero if it slides, is not normal to it, as a wheel's is. Of several
+    it is a large one that looks ``down`` where all axes are zero.
     """
     from scipy.spatial import ConvexHull, QhullError
 

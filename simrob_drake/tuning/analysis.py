@@ -70,15 +70,9 @@ def add_trials(found: Any, study: Study, records: Sequence[Record]) -> None:
 
 
 def sweep_in_optuna(name: str, vary: Mapping[str, Distribution], rows: Sequence[Row]) -> Any:
-    """Return the runs of a sweep that went to their ends as a study of Optuna, whose values are all measures.
+    """Return the runs of a sweep that went to their ends as a study of Optuna, called ``name``, of all measures.
 
-    Args:
-        name: what it is called.
-        vary: its keys and their distributions.
-        rows: the runs.
-
-    Raises:
-        SimrobError: the extra ``tune`` is missing.
+    Raises SimrobError: the extra ``tune`` is missing.
     """
     ended = [row for row in rows if row["ended"] == COMPLETED]
     names = [name for name, values in measured(ended).items() if len(values) == len(ended)]
@@ -101,19 +95,10 @@ def save_sensitivity(file: Path, found: Any) -> None:
 
 
 def save_plots(found: Any, folder: Path) -> list[Path]:
-    """Write Optuna's plots of a search: ``importance``, ``slices``, ``parallel`` and ``trades`` of keys.
+    """Write Optuna's plots of a search, ``importance``, ``slices``, ``parallel``, ``trades``; return the files.
 
-    With several costs there are those of each, and the ``front``. Nothing is written where too little varies.
-
-    Args:
-        found: a study of Optuna.
-        folder: where to; it is made where it does not exist.
-
-    Returns:
-        the files.
-
-    Raises:
-        OutputError: the disk does not take them.
+    With several costs there are those of each, and the ``front``. Nothing is written where too little varies. Raises
+    OutputError: the disk does not take them.
     """
     from optuna.importance import get_param_importances
     from optuna.visualization import matplotlib as optuna_plots

@@ -22,12 +22,9 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
 
     It is if no doubt ends more of its runs than of the start's, or any at all where there is no start, and if in nine
     of ten pairs of runs that both went to their ends it costs less: by more than other solvers and engines find
-    otherwise, and surely so in the median. A winner over a start must have been tried under other moves, too.
-
-    Args:
-        rows: of the runs, each with ``of``, ``doubt``, ``draw``, ``ended``, and the costs if there is a start.
-        undoubted: what was not doubted.
-        moved: whether there were other moves than the search's, or could be none.
+    otherwise, and surely so in the median. A winner over a start must have been tried under other moves, too. The rows
+    have ``of``, ``doubt``, ``draw``, ``ended``, and the costs if there is a start; ``moved``: there were other moves
+    than the search's, or could be none.
     """
     own = [row for row in rows if row["of"] == WON]
     start = [row for row in rows if row["of"] == START]

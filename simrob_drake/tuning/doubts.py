@@ -85,12 +85,7 @@ class _Thought:
 
 
 def doubts(scene: Scene, seeds: int) -> dict[str, list[Change]]:
-    """Return by their kinds the changes under which a scene is to be run again; the first kind has none.
-
-    Args:
-        scene: as it was thought.
-        seeds: how many draws of each kind.
-    """
+    """Return changes, ``seeds`` of each kind, by kind, under which a scene is to be run again; the first has none."""
     found: dict[str, list[Change]] = {THOUGHT: [{}]}
     if scene.config.mode == "kinematic":
         return found

@@ -28,14 +28,10 @@ class Cluster:
     """The workers of a Dask cluster; to be used in a ``with``."""
 
     def __init__(self, scheduler: str) -> None:
-        """Look for a cluster, and at the versions of its scheduler and its workers.
+        """Look for a cluster by its address, such as ``tcp://10.0.0.1:8786``, and at the versions of all there.
 
-        Args:
-            scheduler: the address of Dask's scheduler, such as ``tcp://10.0.0.1:8786``.
-
-        Raises:
-            SimrobError: the extra ``tune`` is missing, or versions differ from those here.
-            InvalidParameter: no scheduler there, or one without workers.
+        Raises SimrobError: the extra ``tune`` is missing, or versions differ from those here; InvalidParameter: no
+        scheduler there, or one without workers.
         """
         self._scheduler = scheduler
         with needed("a cluster", "tune"):
@@ -102,13 +98,7 @@ class Cluster:
 def _check(scheduler: str, found: Any) -> None:
     """Check that a cluster has workers, and that they and its scheduler have the versions of this computer.
 
-    Args:
-        scheduler: its address.
-        found: what Dask tells of the versions of all.
-
-    Raises:
-        InvalidParameter: it has no workers.
-        SimrobError: another version.
+    Raises InvalidParameter: it has no workers; SimrobError: another version.
     """
     if not found["workers"]:
         raise InvalidParameter("--scheduler", f"{scheduler}, without workers", "a scheduler that has some")
@@ -218,13 +208,8 @@ Engine = Processes | Cluster
 
 
 def engine(*, workers: int | None = None, scheduler: str | None = None) -> Engine:
-    """Return the workers of a Dask scheduler, or so many processes of this machine.
+    """Return the workers of a Dask scheduler by its address, else ``workers`` processes, or one a processor.
 
-    Args:
-        workers: how many processes; as many as there are processors unless given.
-        scheduler: the address of a Dask scheduler to use instead.
-
-    Raises:
-        SimrobError: no such scheduler, or one that cannot be used.
+    Raises SimrobError: no such scheduler, or one that cannot be used.
     """
     return Cluster(scheduler) if scheduler else Processes(workers)

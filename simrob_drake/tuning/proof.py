@@ -166,15 +166,7 @@ _ASIDE = 0.15  # of the two that are compared, so that their dots stand side by 
 
 
 def page(title: str, proven: bool, words: Sequence[str], rows: Sequence[Row], of: Mapping[str, Parameters]) -> str:
-    """Return the page.
-
-    Args:
-        title: what is proven.
-        proven: the conclusion.
-        words: the conclusion in sentences, the shortest first.
-        rows: the runs, each with ``of`` and ``doubt``.
-        of: the parameters of what is compared.
-    """
+    """Return the page: the conclusion, its sentences, the shortest first, the runs, and what is compared."""
     first, *others = (escape(words[0]), *(f"<p>{escape(sentence)}</p>" for sentence in words[1:]))
     return _PAGE.substitute(
         title=escape(title),

@@ -88,16 +88,9 @@ class Scene:
         called: Mapping[str, str] | None = None,
         allow_code: bool = False,
     ) -> "Scene":
-        """Return a station with changes, and with the gait or the program that they name.
+        """Return a station, by name or file, with overrides of it, its robot's gait or its program, if any.
 
-        Args:
-            station: a name or a file.
-            overrides: what is changed in the station, in its robot's gait or in the program.
-            called: what errors call an override by its key.
-            allow_code: whether the station may name Python code.
-
-        Raises:
-            SimrobError: a station, a gait or a program that cannot be.
+        Errors call an override by ``called``. Raises SimrobError: a station, a gait or a program that cannot be.
         """
         own = of_station(overrides)
         names = {key: name for key, name in (called or {}).items() if key in own}

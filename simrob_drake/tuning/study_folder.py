@@ -103,19 +103,11 @@ class StudyFolder:
         return [int(place) for place in within[np.logical_not(beaten)]]
 
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
-        """Make the trials that are not made yet, and prove the best.
+        """Make the trials that are not made yet, see :func:`engine`, prove the best, and return the proof's runs.
 
-        Args:
-            workers: how many processes of this machine; as many as it has processors unless given.
-            scheduler: the address of a Dask scheduler whose workers do it instead.
-            progress: show a bar.
-
-        Returns:
-            the runs of the proof, those of where the search began and then those of the best, with a column ``of``.
-
-        Raises:
-            SimrobError: the trials that are kept are not those of this search; no such scheduler; the extra ``tune`` is
-                missing, and the method needs it.
+        Those of where the search began come first, then those of the best, with a column ``of``. Raises SimrobError:
+        the trials that are kept are not those of this search; no such scheduler; the extra ``tune`` is missing, and
+        needed.
         """
         study = self.study
         start = np.array([one.part(one.first) for one in study.vary.values()])

@@ -95,14 +95,9 @@ def plain(value: Any) -> Any:
 
 
 def write_rows(file: Path, rows: list[Row]) -> None:
-    """Write rows as a table with a column for whatever one of them has; what a run has not stays empty.
+    """Write rows as ``.csv`` and, where pyarrow is there, ``.parquet``: a column for all that one has, the rest empty.
 
-    Args:
-        file: whose name ends in ``.csv``; beside it comes one that ends in ``.parquet``, where pyarrow is there.
-        rows: of the table.
-
-    Raises:
-        OutputError: the disk does not take it.
+    Raises OutputError: the disk does not take it.
     """
     columns = list(dict.fromkeys(name for row in rows for name in row if name != "message"))
     columns += ["message"] if any("message" in row for row in rows) else []

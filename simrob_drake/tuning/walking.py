@@ -93,14 +93,7 @@ class Walking(Strict, ABC):
     def scene(self, changes: Change, seconds: float, *, seed: int | None = None, allow_code: bool = False) -> Scene:
         """Return a walk of some time [s]; a gait goes as many steps as it takes, unless it is told how many.
 
-        Args:
-            changes: of a set of trials, and of one of them.
-            seconds: how long it is.
-            seed: of its draw, if any.
-            allow_code: whether the station may name Python code.
-
-        Raises:
-            SimrobError: a station or a gait that cannot be.
+        The changes are of a set of trials, and of one of them. Raises SimrobError: a station or a gait that cannot be.
         """
         called = {key: f"--set {key}" for key in self.overrides} | {key: f"--variant {key}" for key in self.variant}
 
@@ -166,15 +159,9 @@ class Subject:
 
 
 def subject_of(config: StationConfig, at: str | None = None) -> Subject:
-    """Return the robot that is pushed.
+    """Return the robot that is pushed ``at`` a place as ``forces`` name them; the root of the only robot unless given.
 
-    Args:
-        config: the station.
-        at: where: a robot, or a frame of one as ``forces`` name them; the root of the only robot unless given.
-
-    Raises:
-        UnknownName: there is no such place.
-        InvalidParameter: no robot that stands on feet of its own, or none whose fall a monitor ends.
+    Raises UnknownName: there is no such place; InvalidParameter: no robot on feet of its own whose fall a monitor ends.
     """
     resolved = resolve(config)
     frames = [frame for frame in frame_names(resolved) if config.only_robot or frame.partition(".")[0] in config.robots]
@@ -208,18 +195,11 @@ _LEAST = 1e-3  # of the first number: what is smaller is nothing
 
 
 def bracket(holds: Callable[[float], bool], first: float, *, close: float, most: float = inf) -> tuple[float, float]:
-    """Return the largest number that holds, and one not much larger that does not.
+    """Return the largest number that holds, and one not much larger that does not, ``close`` to it as its part.
 
-    That nothing holds again beyond what does not is taken for granted.
-
-    Args:
-        holds: tells whether a positive number holds.
-        first: what is tried first; it grows by twos until one does not hold.
-        close: the two lie at most this part of the larger one apart.
-        most: what is tried at most.
-
-    Returns:
-        0 and the smallest that was tried, where none holds; ``most`` and infinity where all do.
+    That nothing holds again beyond what does not is taken for granted. From the first number on it grows by twos until
+    one does not hold, up to ``most``. Returns 0 and the smallest that was tried, where none holds; ``most`` and
+    infinity where all do.
     """
     low, high, tried = 0.0, inf, min(first, most)
     while True:

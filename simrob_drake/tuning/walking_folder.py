@@ -18,18 +18,10 @@ class WalkingFolder:
     """Trials of a robot that walks, in a folder."""
 
     def __init__(self, folder: Path | str, walking: Walking, *, force: bool = False, allow_code: bool = False) -> None:
-        """Begin trials in a new folder, or go on with the same ones.
+        """Begin trials in a new folder, or go on with the same ones; ``force`` replaces what is there.
 
-        Args:
-            folder: where to.
-            walking: which.
-            force: replace others that are there, or the same ones.
-            allow_code: whether the station may name Python code.
-
-        Raises:
-            SimrobError: trials that cannot be.
-            OutputError: the folder holds something else, or cannot be written.
-            InvalidConfig: the station has changed since they began.
+        Raises SimrobError: trials that cannot be; OutputError: the folder holds something else, or cannot be written;
+        InvalidConfig: the station has changed since they began.
         """
         self.folder, self._walking = as_path(folder, "folder"), walking
         digest = walking.check(allow_code=allow_code)

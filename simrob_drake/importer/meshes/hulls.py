@@ -108,11 +108,8 @@ def _convex(points: Vector) -> "ConvexHull":
 def _fewest(corners: Vector) -> tuple[list[int], float]:
     """Choose corners, the farthest out first, until the hull of the chosen ones is close or they are many.
 
-    How far out is measured in the directions of the body's own axes, along each as a part of its length there: a
-    needle stays as round as a ball.
-
-    Returns:
-        the indices of the chosen ones in order, and how far the others stick out at most [m].
+    How far out is measured in the directions of the body's own axes, along each as a part of its length there: a needle
+    stays as round as a ball. Returns their indices in order, and how far others stick out at most [m].
     """
     centred = corners - corners.mean(axis=0)
     along = centred @ np.linalg.eigh(np.cov(centred.T))[1]

@@ -136,11 +136,7 @@ _CALLS = {  # by machine: its number for the kernel, and the numbers of
 
 
 def confine(seconds: int) -> list[str]:
-    """Confine this process: from now on it computes with what is loaded, and reads and writes what is open.
-
-    Returns:
-        what the system does not have, or refused; empty where all of it holds.
-    """
+    """Confine this process to compute with what is loaded, and read and write what is open; return what was refused."""
     limits = ((resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_CPU, seconds), (resource.RLIMIT_FSIZE, _COMPLAINTS))
     for kind, limit in (*limits, (resource.RLIMIT_CORE, 0)):
         with suppress(ValueError, OSError):  # not every system has each of them

@@ -177,12 +177,7 @@ class Outline:
 
 
 def outline(texts: Iterable[str], find: Callable[[str], Path]) -> Outline:
-    """Return what a xacro file offers.
-
-    Args:
-        texts: its own, and those of the files that it includes.
-        find: returns the folder of a package, or raises LookupError.
-    """
+    """Return what a xacro file offers, of its own text and those it includes; ``find`` gives a package's folder."""
     own, *others = map(_without_comments, texts)
     every = "".join((own, *others))
     tags = list(_tags(every))

@@ -94,12 +94,9 @@ class StepChooser:
         self._steps, self._period = steps, period
 
     def next(self, state: Vector, moved: Vector, balanced: Balanced) -> tuple[Vector, Vector]:
-        """Return what follows of a step's state and of how far axes are moved.
+        """Return what follows of a step's state and of how far axes are moved, (n,) [rad].
 
-        Args:
-            state: which step it is (from 1, 0 for none), its time (1 once the foot is down) and its part, shape (3,).
-            moved: shape (n,) [rad].
-            balanced: how the robot stands.
+        The state (3,) is which step it is (from 1, 0 for none), its time (1 once the foot is down) and its part.
         """
         which, time, part = int(state[0]), float(state[1]), float(state[2])
         if not which:
@@ -258,15 +255,9 @@ class StandingBalance(SampledBlock):
         size: int,
         gyroscope: bool = False,
     ) -> None:
-        """Make the block.
+        """Make the block for a robot of ``size`` axes: how it stands, its answers, added up, and the steps it may take.
 
-        Args:
-            period: between samples [s].
-            support: tells how the robot stands.
-            answers: what moves then, added up.
-            steps: that it may take, one of them.
-            size: number of axes.
-            gyroscope: the angular velocity is given in the axes of the root link.
+        A ``gyroscope`` gives the angular velocity in the axes of the root link.
         """
         self.units = {"offset": "rad", "com": "m", "capture_point": "m"}
         self.components = dict.fromkeys(("com", "capture_point"), ("ahead", "left"))

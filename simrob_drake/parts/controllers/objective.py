@@ -243,15 +243,10 @@ class WeightedObjective(SampledBlock):
         duration: float = 1.0,
         unit: str = "1",
     ) -> None:
-        """Make the block.
+        """Make the block of a law of how far an axis of weight 1 moves, and the weights of all axes (n,).
 
-        Args:
-            law: of how far an axis of weight 1 moves.
-            weights: of the axes, shape (n,).
-            posture: to be taken then, shape (n,) [rad]; None for none.
-            near: how near the quantity must be to its target, and for how long [s].
-            duration: of the way to the posture [s].
-            unit: of the quantity.
+        The posture (n,) [rad] is taken once the quantity was so ``near`` its target for so long [s], on a way of a
+        duration [s].
         """
         self.units = {"offset": "rad", "target": "rad", "error": unit}
         self._law, self._weights = law, weights

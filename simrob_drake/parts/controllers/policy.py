@@ -182,14 +182,10 @@ class LearntPolicy(SampledBlock):
         home: Vector,
         upright: RotationMatrix | None = None,
     ) -> None:
-        """Make the block of a section.
+        """Make the block of a section; an action of 1 moves each axis by its ``reach``, shape (n,) [rad].
 
-        Args:
-            section: its parameters.
-            sizes: of other outputs of the station that it observes, by name.
-            reach: how far an action of 1 moves each axis, shape (n,) [rad].
-            home: positions are seen from here, shape (n,) [rad].
-            upright: the attitude is seen from here.
+        Positions are seen from ``home`` (n,) [rad], the attitude from ``upright``; ``sizes`` are of other outputs, by
+        name.
         """
         self.units = {"offset": "rad"}
         self.law: Callable[[Vector], Vector] | None = None

@@ -110,14 +110,9 @@ class CellSequence(SampledBlock):
     def __init__(
         self, section: Sequencer, targets: Sequence[Vector], tolerance: Vector, speed: Vector, names: Sequence[str]
     ) -> None:
-        """Make the block.
+        """Make the block of a section, for axes by name; targets of each cell (n,) [rad] are nan where one stays.
 
-        Args:
-            section: its parameters.
-            targets: of each cell, shape (n,) [rad]; nan where an axis stays.
-            tolerance: how near each axis must come to its target, shape (n,) [rad].
-            speed: below which all axes must be, shape (n,) [rad/s].
-            names: of the axes, for the reason of an end.
+        Each axis must come as near as ``tolerance`` (n,) [rad], below ``speed`` (n,) [rad/s].
         """
         size = len(tolerance)
         self.units = {"target": "rad"}
@@ -286,15 +281,10 @@ class ProtectivePosture(SampledBlock):
         ground: Ground | None = None,
         must_step: tuple[int, Callable[[Vector], bool]] | None = None,
     ) -> None:
-        """Make the block.
+        """Make the block of a section: where all axes go, shape (n,) [rad].
 
-        Args:
-            section: its parameters.
-            posture: where all axes go, shape (n,) [rad].
-            up: what of the base points up while it stands upright, shape (3,).
-            toward: where to the base must lean, in its axes, shape (3,); anywhere unless given.
-            ground: beneath it; the plane z = 0 unless given.
-            must_step: size of the state, and what tells by it that standing will not do; None for nothing.
+        ``up`` (3,) of the base points up while it stands; it must lean ``toward`` (3,), anywhere unless given, over the
+        ground, z = 0 unless given. ``must_step``: size of a state, and what tells by it that standing will not do.
         """
         self.units = {"target": "rad"}
         self._posture, self._duration, self._up = posture, section.duration, up.tolist()

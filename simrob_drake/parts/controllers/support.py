@@ -83,13 +83,9 @@ class Support:
         self._unders = [pose.inverse() @ under for pose in poses]
 
     def balanced(self, position: Vector, velocity: Vector, turned: RotationMatrix, spin: Vector) -> Balanced:
-        """Return how the robot stands.
+        """Return how the robot stands, of its axes (n,) [rad or m] and their velocities, and of its root link.
 
-        Args:
-            position: of the axes, shape (n,) [rad or m].
-            velocity: likewise [rad/s or m/s].
-            turned: orientation of its root link in the world.
-            spin: angular velocity of that, in the world's axes, shape (3,) [rad/s].
+        That is ``turned`` in the world, with an angular velocity ``spin`` (3,) [rad/s] in the world's axes.
         """
         self._put(position, velocity, turned, spin)
         plant, scratch, feet = self._plant, self._scratch, []

@@ -164,14 +164,10 @@ class WalkingLoop(SampledBlock):
     def __init__(
         self, section: Walk, engine: Engine, feet: Sequence[str], posture: Vector, commander: Commander
     ) -> None:
-        """Make the block.
+        """Make the block of a section, around the engine of a walk and what says what is asked for.
 
-        Args:
-            section: its parameters.
-            engine: that makes the walk.
-            feet: names in the engine's order; the forces on all of them are read, or on none.
-            posture: of the axes in no leg, and near which the legs are found, shape (n,) [rad].
-            commander: says what is asked for.
+        ``feet`` are named in the engine's order; the forces on all of them are read, or on none. The posture (n,) [rad]
+        is that of axes in no leg, and near which the legs are found.
         """
         self.engine, self.start, self._commander, self._strict = engine, posture, commander, section.strict
         self._feet = [foot for foot in feet if foot in section.reads]
@@ -201,12 +197,7 @@ class WalkingLoop(SampledBlock):
         )
 
     def command_by_hand(self, context: Context, command: Command) -> None:
-        """Ask for something from the next sample on, before all else and to the end of the run.
-
-        Args:
-            context: of the block; it changes.
-            command: what is asked for.
-        """
+        """Ask for something from the next sample on, before all else and to the end of the run; the context changes."""
         self.remember(context, {"hand": np.array([1.0, command.speed.real, command.speed.imag, command.turn])})
 
     def sample(self, memory: Named, read: Named) -> Changes:

@@ -167,11 +167,9 @@ class Soles:
         self.arms = np.column_stack([arms, np.ones(len(arms))])
 
     def poses(self, position: Vector, turned: Vector) -> Vector:
-        """Return the pose of the foot of each point, seen from the root link, in the world's axes, shape (k, 3, 4).
+        """Return the pose of each point's foot, from the root link, in the world's axes, shape (k, 3, 4).
 
-        Args:
-            position: of the axes, shape (n,) [rad or m]; finite.
-            turned: rotation of the root link, shape (3, 3).
+        The axes' position (n,) [rad or m] is finite, ``turned`` the rotation of the root link, shape (3, 3).
         """
         plant, scratch = self._plant, self.scratch
         self._positions[self._axes.position_places] = self._axes.signs * position
@@ -197,14 +195,10 @@ class BaseEstimator(SampledBlock):
     def __init__(
         self, section: LegOdometry, soles: Soles, *, start: Vector, force: float | None = None, level: bool = False
     ) -> None:
-        """Make the block of a section.
+        """Make the block of a section, for the points that touch the ground, from a pose (7,) on.
 
-        Args:
-            section: its parameters.
-            soles: the points that touch the ground.
-            start: pose at the start, shape (7,).
-            force: from which a foot counts in full [N]; None where no forces are read.
-            level: whether the ground is the plane z = 0.
+        A foot counts in full from ``force`` [N] on, None where no forces are read; ``level``: the ground is the plane z
+        = 0.
         """
         period = 1 / section.rate
         feet = {} if force is None else dict.fromkeys(soles.feet, 3)

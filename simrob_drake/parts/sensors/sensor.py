@@ -155,12 +155,9 @@ def _after_the_run(
 def replayed(
     recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]
 ) -> tuple[float, dict[str, Vector]]:
-    """Let a sampled block go through a run that is over, as it would have while stepping.
+    """Let a sampled block, part of no diagram, go through a run that is over, as it would have while stepping.
 
-    The block is part of no diagram.
-
-    Returns:
-        the time between samples [s], and each output at each sample, shape (k, size).
+    Returns the time between samples [s], and each output at each sample, shape (k, size).
     """
     period = block.GetUniquePeriodicDiscreteUpdateAttribute().period_sec()
     ticks = period * np.arange(int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1)

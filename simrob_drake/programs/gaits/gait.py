@@ -56,17 +56,10 @@ class Gait(Strict):
 
     @classmethod
     def of(cls, walker: Walker, name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Self:
-        """Return a robot's gait of this kind, some of its parameters changed.
+        """Return a robot's gait of this kind by name, with ``changes`` of parameters, steps scaled by an amplitude.
 
-        Args:
-            walker: the robot.
-            name: of the gait.
-            changes: parameters in place of the gait's own.
-            amplitude: scales lengths and turns of its steps.
-
-        Raises:
-            UnknownName: no such gait there; tells what there is, in other sections if this one is empty.
-            InvalidConfig: a parameter that cannot be.
+        Raises UnknownName: no such gait there; tells what there is, in other sections if this one is empty;
+        InvalidConfig: a parameter that cannot be.
         """
         file = walker.gaits
         known = file.section(cls.section)
@@ -107,15 +100,9 @@ class Gait(Strict):
 
     @abstractmethod
     def plan(self, walker: Walker, steps: int, amplitude: float) -> JointMotion:
-        """Return its motion.
+        """Return its motion for a robot in so many steps; the :attr:`scaled` parameters are scaled already.
 
-        Args:
-            walker: the robot, what it carries, and gravity.
-            steps: how many; of no meaning for a gait without.
-            amplitude: by which :attr:`scaled` parameters are scaled already.
-
-        Raises:
-            SimrobError: the robot cannot go so; tells why.
+        Raises SimrobError: the robot cannot go so; tells why.
         """
 
     @property

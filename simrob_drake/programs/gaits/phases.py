@@ -50,16 +50,9 @@ class GaitPlan:
 
 
 def gait_plan(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> GaitPlan:
-    """Lay phases end to end.
+    """Lay phases end to end, from where feet (3,) [m, m, rad] and zero-moment point (2,) [m] are at the start.
 
-    Args:
-        feet: where they stand at the start: ahead, left and turn, shape (3,) [m, rad].
-        zmp: where the zero-moment point is at the start, shape (2,) [m].
-        phases: one after the other.
-
-    Raises:
-        UnknownName: a phase swings a foot that is none.
-        InvalidParameter: no phase at all.
+    Raises UnknownName: a phase swings a foot that is none; InvalidParameter: no phase at all.
     """
     if not phases:
         raise InvalidParameter("phases", "empty", "at least one")

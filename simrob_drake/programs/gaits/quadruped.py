@@ -143,15 +143,9 @@ def three_legs(robot: str | RobotModel | Walker, name: str = "three_legs", **cha
 
 
 def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
-    """Return the nearest place to a point that lies inside of a triangle by a margin.
+    """Return the place nearest to a point (2,) that lies inside of a triangle (3, 2) by a margin [m] from each side.
 
-    Args:
-        point: shape (2,) [m].
-        triangle: corners, shape (3, 2) [m].
-        margin: distance from every side [m].
-
-    Raises:
-        InvalidParameter: a triangle too small for the margin.
+    Raises InvalidParameter: a triangle too small for the margin.
     """
     corners = triangle if np.linalg.det(triangle[1:] - triangle[0]) > 0 else triangle[::-1]  # counterclockwise
     sides = np.roll(corners, -1, axis=0) - corners

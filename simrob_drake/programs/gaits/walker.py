@@ -28,15 +28,10 @@ class Walker:
 
     @classmethod
     def of(cls, robot: "str | RobotModel | Walker") -> "Walker":
-        """Return what planners know of a robot, which has a ``gaits.yaml`` beside its ``robot.yaml``.
+        """Return what planners know of a robot with a ``gaits.yaml``: of its name, its model, or what is known already.
 
-        Args:
-            robot: a robot of the package by its name, any other's model, or what is known of it already.
-
-        Raises:
-            UnknownName: no such robot.
-            InvalidParameter: a robot without gaits, or whose joints do not all turn.
-            InvalidConfig: a file with a wrong entry.
+        Raises UnknownName: no such robot; InvalidParameter: one without gaits, or with joints that do not turn;
+        InvalidConfig: a file with a wrong entry.
         """
         if isinstance(robot, Walker):
             return robot

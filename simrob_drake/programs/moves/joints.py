@@ -64,18 +64,10 @@ def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMo
 
 
 def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, time: float = 0.0) -> dict[int, float]:
-    """Return the targets of a move on one robot: the place of each axis, and its position [rad or m].
+    """Return the targets of a move on one robot, by axis name or alias: places of axes, and their positions [rad or m].
 
-    Args:
-        model: the robot.
-        target_deg: by axis name or alias.
-        where: what messages call the move.
-        time: how long it takes, for the error [s].
-
-    Raises:
-        UnknownName: an axis that the robot does not have; proposes the nearest.
-        InvalidParameter: an axis under two names.
-        JointLimitExceeded: a target beyond an axis' limits; tells by how much.
+    Messages call the move ``where``, with its ``time`` [s]. Raises UnknownName: no such axis, proposes the nearest;
+    InvalidParameter: one under two names; JointLimitExceeded: beyond an axis' limits, tells by how much.
     """
     names, units, slides = list(model.axes), model.user_units, model.prismatic
     lower, upper = model.axis_limits

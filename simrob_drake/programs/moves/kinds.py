@@ -50,15 +50,10 @@ else:
 def move_from(
     content: Move | Mapping[str, Any], duration: float | None = None, *, otherwise: float = MOVE_TIME
 ) -> Move:
-    """Return a move of any kind of what a user gave: targets of axes, or what would stand in a program's file.
+    """Return a move of any kind of what a user gave: targets of axes [deg], what would stand in a file, or a move.
 
-    Args:
-        content: targets [deg] by axis, a mapping such as ``{"walk": {"steps": 4}}``, or a move.
-        duration: of a move of joints [s].
-        otherwise: its duration unless given [s].
-
-    Raises:
-        SimrobError: as :func:`move_of`; or a mapping that is wrong.
+    A move of joints takes its duration [s], ``otherwise`` unless given. Raises SimrobError: as :func:`move_of`; or a
+    mapping that is wrong.
     """
     if isinstance(content, Move):
         made = content

@@ -93,12 +93,9 @@ def walked_way(result: RecordedRun) -> Way | None:
 
 
 def camera_on(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> Camera:
-    """Return the nearest camera that has all points in its picture.
+    """Return the nearest camera that has all points (m, 3) [m] in a picture of an aspect, width over height.
 
-    Args:
-        points: what is to be seen, shape (m, 3) [m].
-        aspect: width of the picture over its height.
-        azimuth: where the eye is, counterclockwise from x [rad].
+    Its eye is at ``azimuth``, counterclockwise from x [rad].
     """
     axes = _camera_axes(azimuth)
     across, along = (points @ axes.T)[:, :2], points @ axes[2]

@@ -142,16 +142,10 @@ _PLAIN = 0.6  # opacity of a marked one
 def ghosts(
     scene: ViewedStation, robot: str, postures: Sequence[Vector], good: Sequence[bool], marked: int | None = None
 ) -> list[Command]:
-    """Return what makes the view of a station show a robot, and what it carries, at postures (n,) [rad or m].
+    """Return what makes the view of a station show a robot, and what it carries, at postures (n,); none: gone.
 
     In place of the ghosts that were there. The window copies what it shows already, so that nothing is sent twice.
-
-    Args:
-        scene: the station as it is shown.
-        robot: its name.
-        postures: of the ghosts, each (n,); none takes all away.
-        good: whether the robot can take each.
-        marked: the number of one that is drawn less faint.
+    ``good`` tells whether the robot can take each, ``marked`` is the number of one that is drawn less faint.
     """
     own, plant = scene.station.robots[robot].instance, scene.plant
     inspector = scene.station.scene_graph.model_inspector()

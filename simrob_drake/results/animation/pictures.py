@@ -105,20 +105,10 @@ def save_film_strip(result: RecordedRun, file: Path, *, frames: Frames = 7, heig
 
 
 def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30.0) -> Path:
-    """Write the motion of a run as a video at the pace of the clock (H.264 in ``.mp4``).
+    """Write the motion of a run as a video at the pace of the clock (H.264 in ``.mp4``), and return the file.
 
-    Args:
-        result: the run.
-        file: where to, ``.mp4``.
-        frames_per_second: positive [1/s].
-
-    Returns:
-        the file.
-
-    Raises:
-        InvalidParameter: the rate is not positive.
-        SimrobError: the package that writes videos is not installed.
-        OutputError: the file cannot be written.
+    Raises InvalidParameter: a rate [1/s] that is not positive; SimrobError: the package that writes videos is not
+    installed; OutputError: the file cannot be written.
     """
     frame_writer()
     width, height = _VIDEO_SIZE
@@ -230,19 +220,12 @@ class Studio:
         azimuth: float | None = None,
         widest: float = _ASPECTS[1],
     ) -> None:
-        """Set the camera up.
+        """Set the camera up for a run, with images of a height and a width, to suit the motion unless given [pixels].
 
-        Args:
-            result: the run.
-            height: of the images [pixels].
-            width: of the images [pixels]; chosen to suit the motion unless given.
-            oversampling: pixels a side that are rendered for one of the image: more make smoother edges.
-            follow: go beside a robot that walks; else all of its way is in the picture.
-            azimuth: where the eye is, counterclockwise from x [rad]; before the front quarter unless given.
-            widest: width over height, at most, of images that suit the motion.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
+        ``oversampling`` pixels a side are rendered for one: more make smoother edges. It goes beside a robot that walks
+        with ``follow``, else all of its way is in the picture; the eye is at ``azimuth`` from x [rad], before the front
+        quarter unless given; images that suit the motion are at most ``widest`` over their height. Raises InvalidModel:
+        a robot that cannot be built.
         """
         self._result = result
         self.walked = walked = walked_way(result)

@@ -35,19 +35,9 @@ _LOOPS = 1_000_000  # "for ever", which Meshcat cannot say
 
 
 def save_recording(result: RecordedRun, file: Path, *, frames_per_second: float = 32.0) -> Path:
-    """Write the motion of a run, with the paths of the tools, as a self-contained page that plays and loops.
+    """Write a run's motion, with its tools' paths, as a page ``.html`` that plays and loops, and return the file.
 
-    Args:
-        result: the run.
-        file: where to, ``.html``.
-        frames_per_second: of simulated time [1/s], positive.
-
-    Returns:
-        the file.
-
-    Raises:
-        InvalidParameter: the rate is not positive.
-        OutputError: the file cannot be written.
+    Raises InvalidParameter: a rate [1/s] of frames that is not positive; OutputError: the file cannot be written.
     """
     page = _page(result, frame_times(result.stop_time, frames_per_second), frames_per_second)
     gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while

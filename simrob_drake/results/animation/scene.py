@@ -61,16 +61,9 @@ class ViewedStation(PosedStation):
         engine: RenderEngine | None = None,
         way: Vector | None = None,
     ) -> None:
-        """Build the scene, with the robots in their initial positions.
+        """Build the scene to draw into Meshcat, or to render with an engine, with robots in initial positions.
 
-        Args:
-            config: the station.
-            meshcat: to draw into.
-            engine: to render images with.
-            way: along which the floor has lines in images, shape (k, 3) [m].
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
+        Images have lines on the floor along a ``way`` (k, 3) [m]. Raises InvalidModel: a robot that cannot be built.
         """
         self.visualizer: MeshcatVisualizer | None = None
 
@@ -139,12 +132,7 @@ def with_floor_under(config: StationConfig, way: Vector) -> StationConfig:
 
 
 def floor_lines(around: Vector, *, size: float) -> Vector:
-    """Return where lines of whole tenths of a metre on a floor begin and end, in its frame, shape (n, 2, 3) [m].
-
-    Args:
-        around: places in that frame that they lie about, shape (m, 3) [m].
-        size: side of the square floor [m].
-    """
+    """Return ends of lines of whole tenths of a metre around places (m, 3) on a square floor, shape (n, 2, 3) [m]."""
     low = np.maximum(around.min(axis=0) - _AROUND, -size / 2)
     high = np.minimum(around.max(axis=0) + _AROUND, size / 2)
     lines = []
@@ -157,14 +145,7 @@ def floor_lines(around: Vector, *, size: float) -> Vector:
 
 
 def add_floor_grid(scene_graph: SceneGraph, way: Vector, *, size: float, tilt: RigidTransform) -> None:
-    """Draw the lines on a floor of a size [m] about a way (m, 3) [m], a bold one every 0.5 m; for rendered images only.
-
-    Args:
-        scene_graph: where to; not yet in a context.
-        way: along which lines are drawn.
-        size: side of the square floor.
-        tilt: pose of the floor in the world.
-    """
+    """Draw lines on a square floor, posed by ``tilt``, about a way (m, 3) [m], a bold one every 0.5 m, for images."""
     source = scene_graph.RegisterSource("floor_grid")
     for number, (begin, end) in enumerate(floor_lines((tilt.inverse() @ way.T).T, size=size)):
         across = 0 if begin[0] == end[0] else 1

@@ -43,14 +43,11 @@ Side = Literal["in", "out"]
 
 
 def read_blocks(diagram: Diagram, ports: StationPorts) -> BlockGraph:
-    """Return the blocks and arrows of a Diagram that holds a station.
+    """Return the blocks and arrows of a Diagram that holds a station, flat, and any systems of the user's own.
 
     Every system is either drawn, alone or together with those that it works with, or it is wiring: then it is part of
-    the arrows, or a bus bar where it gathers or hands out the signals of several blocks.
-
-    Args:
-        diagram: the station's systems, and any of the user's own, flat.
-        ports: the station's. What its references do is told as its configuration tells it.
+    the arrows, or a bus bar where it gathers or hands out the signals of several blocks. What references do is told as
+    the station's configuration tells it.
     """
     return _Reader(diagram, ports).graph
 

@@ -93,15 +93,9 @@ def grid_figure(
 ) -> Figure:
     """Draw stacks side by side in rows, under a title, a legend, and the reason of a stop.
 
-    Args:
-        result: the run, for its times and its end.
-        title: what is shown.
-        stacks: in the order of reading; only so many are drawn as somebody may look at, which the title says.
-        columns: stacks in a row; at most three, or about as many as rows, unless given.
-        width: of the figure, at least [inches].
-        legend: room to the right of each stack [inches]; with some, plots of several curves have their legend there.
-        span: the part of the run to show; all of it unless given.
-        remark: on what is shown, below the title.
+    Only so many stacks are drawn as somebody may look at, which the title says; ``columns`` are at most three, or about
+    as many as rows, unless given; the figure has a ``width``, at least, and with ``legend`` so much room to the right
+    of each stack for that [inches]; ``span`` is the part of the run to show, a ``remark`` stands below the title.
     """
     if len(stacks) > _MOST:
         title, stacks = f"{title}: the first {_MOST} of {len(stacks)}", stacks[:_MOST]

@@ -40,13 +40,10 @@ class Recorder:
         look: "Callable[[StateHistory], bool] | None" = None,
         pace: Callable[[Context], None] | None = None,
     ) -> None:
-        """Begin to record, with the state that the simulator starts from.
+        """Begin to record, as the monitor of a simulator, with the state that it starts from.
 
-        Args:
-            simulator: whose monitor this becomes.
-            watchers: called after each accepted step.
-            look: called now and then with the steps since the last call; True ends the run.
-            pace: called at the start and after each accepted step; it may change the length of the next ones.
+        After each accepted step watchers are called, and ``pace``, which may change the length of the next ones;
+        ``look`` gets the steps since its last call now and then, and True ends the run.
         """
         self.times = array("d")
         self.failure: BaseException | None = None  # what a watcher raised, which is no fault of the simulation
@@ -177,18 +174,11 @@ class StateHistory:
         return float(self.times[-1])
 
     def at(self, times: Vector, plant: PlantSlice | None, rates: Rates | None) -> "StateHistory":
-        """Return the states at ``times``, exact at step ends.
+        """Return the states at ``times`` (k,) [s], exact at step ends.
 
-        Positions of the plant follow a cubic Hermite spline on the joint rates, the rest of the continuous state a
-        straight line; discrete values are those held over the step that ended there.
-
-        Args:
-            times: within the run, shape (k,) [s].
-            plant: where the plant's state lies.
-            rates: gives the time derivatives (k, nq) of the plant's positions at k of the continuous states.
-
-        Raises:
-            InvalidParameter: a time outside of the run, where nothing is known.
+        Positions of the plant follow a cubic Hermite spline on the joint rates (k, nq) that ``rates`` gives, the rest
+        of the continuous state a straight line; discrete values are those held over the step that ended there. Raises
+        InvalidParameter: a time outside of the run, where nothing is known.
         """
         outside = ~((times >= self.times[0] - _ROUNDING) & (times <= self.end + _ROUNDING))
         if outside.any():

@@ -98,15 +98,10 @@ def tilts(base: Vector) -> Vector:
 
 
 def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector:
-    """Return where a robot faces, counterclockwise from the world's x, without jumps, shape (m,) [rad].
+    """Return where a robot faces, counterclockwise from x, without jumps, shape (m,) [rad], of its root's poses (m, 7).
 
     It faces across the line from its right to its left feet, as its tools are called, in the posture of zero angles;
     along its root's x where they do not tell left from right.
-
-    Args:
-        station: the plant that the robot is in.
-        robot: who.
-        base: poses of its root, shape (m, 7).
     """
     context = station.plant.CreateDefaultContext()
     robot.axis_map.set_positions(station.plant, context, np.zeros(len(robot.axes)))

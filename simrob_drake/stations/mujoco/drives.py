@@ -114,8 +114,7 @@ def add_sensors(
 ) -> dict[str, OutputSensors]:
     """Add sensors for positions, velocities, torques, poses, and the station's sensors of force and distance.
 
-    Returns:
-        the outputs that the model tells, by the names of the station's ports.
+    Returns the outputs that the model tells, by the names of the station's ports.
     """
     outputs: dict[str, OutputSensors] = {}
     for robot in plant.robots.values():

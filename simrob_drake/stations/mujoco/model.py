@@ -118,11 +118,7 @@ def dry_friction(slope: float, inverse_inertia: float, step: float) -> Softness:
 def ratio(surface: TouchingPair, inverse_mass: float, speed: float, gravity: float) -> float:
     """Return the damping ratio for Hunt and Crossley's D of a surface, as derived above.
 
-    Args:
-        surface: on which something falls.
-        inverse_mass: of that [1/kg].
-        speed: at which it falls [m/s], positive.
-        gravity: its size [m/s²].
+    Something of an ``inverse_mass`` [1/kg] falls on it with a speed [m/s], positive, by a gravity [m/s²].
     """
     swing = np.sqrt(surface.stiffness * inverse_mass)
     angle = np.arctan2(gravity, speed * swing)
@@ -184,20 +180,13 @@ def mujoco_model(
     seen: bool = False,
     driver: Driver = "controls",
 ) -> MujocoModel:
-    """Return a station as a MuJoCo model that stands where the station begins.
+    """Return a station as a MuJoCo model, of steps of a length [s], that stands where the station begins.
 
-    Args:
-        station: what it is made of.
-        plant: it, built.
-        step: length of a step [s].
-        integrator: MuJoCo's name of it; unless given ``discrete``, which treats servos and contacts in one implicit
-            solve, and ``implicitfast`` where there are no servos, which takes nothing from what swings.
-        seen: with the pictures of all bodies.
-        driver: what moves it: the model's own controls, servos and forces, with sensors to tell; a diagram, where the
-            model has servos without limits alone; or a given motion, for inverse dynamics.
-
-    Raises:
-        InvalidParameter: something that MJCF cannot say.
+    Its integrator is ``discrete`` unless given, which treats servos and contacts in one implicit solve, and
+    ``implicitfast`` where there are no servos, which takes nothing from what swings. ``seen`` adds the pictures of all
+    bodies. The ``driver`` is what moves it: the model's own controls, servos and forces, with sensors to tell; a
+    diagram, where the model has servos without limits alone; or a given motion, for inverse dynamics. Raises
+    InvalidParameter: something that MJCF cannot say.
     """
     spec, names = mujoco.MjSpec(), Names(plant.plant)
     spec.modelname = station.config.name

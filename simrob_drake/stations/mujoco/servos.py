@@ -69,9 +69,7 @@ class Servos:
     def torques(self, desired: Vector, extra: Vector | None) -> Vector:
         """Return what the law asks of each motor where the data stands (m,), without limits [N·m or N].
 
-        Args:
-            desired: positions, shape (m,) [rad or m].
-            extra: torques beside those of servos, shape (m,); None: there are none.
+        Positions are desired (m,) [rad or m]; ``extra`` (m,) are torques beside those of servos, None for none.
         """
         asked = self._kp * (desired - self._qpos[self._angles]) - self._kd * self._qvel[self._speeds]
         return np.asarray(asked if extra is None else asked + extra)
@@ -86,16 +84,10 @@ class Servos:
         return np.asarray(np.minimum(np.maximum(line, -self._limits), self._limits))
 
     def step(self, desired: Vector, extra: Vector | None, forces: Vector | float, *, begun: bool) -> Vector:
-        """Step the data, and return what each motor gave (m,) [N·m or N].
+        """Step the data, and return what each motor gave (m,) [N·m or N]; arguments as of :meth:`torques`.
 
-        Args:
-            desired: positions, shape (m,) [rad or m].
-            extra: torques beside those of servos, shape (m,); None: there are none.
-            forces: on MuJoCo's velocities from elsewhere, shape (nv,), or 0.
-            begun: ``mj_step1`` was called.
-
-        Raises:
-            RuntimeError: servos at their limits and contacts do not settle.
+        ``forces`` (nv,) act on MuJoCo's velocities from elsewhere; ``begun``: ``mj_step1`` was called. Raises
+        RuntimeError: servos at their limits and contacts do not settle.
         """
         start = self._qpos.copy(), self._qvel.copy()
         self._control[:] = desired[self._servos]
