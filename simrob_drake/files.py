@@ -45,11 +45,7 @@ def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
 
 @contextmanager
 def opened(file: Path | str) -> Iterator[BufferedReader]:
-    """Open a file to read it, as :func:`content_of` does; for those that are read bit by bit.
-
-    Raises:
-        NotRead: it is not there, is no regular file, or no file can have its name.
-    """
+    """Open a file as :func:`content_of` reads it, for those that are read bit by bit; raises NotRead as that does."""
     try:
         with _open(file) as content:
             yield content
@@ -77,11 +73,7 @@ def _at_once(file: str, flags: int) -> int:
 
 
 def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
-    """Return the text of a file in UTF-8, its lines ended by a line feed each; a byte order mark is left out.
-
-    Raises:
-        NotRead: as of :func:`content_of`, and where it is not UTF-8.
-    """
+    """Return a file's text in UTF-8, lines ended by line feeds, without byte order mark; raises NotRead: it is none."""
     try:
         return content_of(file, largest).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as problem:

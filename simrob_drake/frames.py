@@ -172,10 +172,7 @@ def vertical(qw: float, qx: float, qy: float, qz: float) -> tuple[float, float, 
 
 
 def lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:
-    """Return the angle between a body's direction ``up`` (3,) and the world's, at an orientation [rad].
-
-    Of plain numbers, because a run asks after every step and at every sample.
-    """
+    """Return the angle [rad] from a body's ``up`` (3,) to the world's, in plain numbers: each step and sample asks."""
     upward = sum(map(operator.mul, vertical(qw, qx, qy, qz), up))
     return math.acos(min(max(upward, -1.0), 1.0)) if math.isfinite(upward) else upward
 
@@ -247,10 +244,7 @@ def rotation_vectors(turns: Vector) -> Vector:
 
 
 def pose_errors(targets: Vector, actual: Vector) -> Vector:
-    """Return what leads from ``actual`` to ``targets``, both (k, 4, 4), in the axes of the base, shape (k, 6).
-
-    That is the way [x y z] [m], then the rotation vector about [x y z] [rad].
-    """
+    """Return what leads from ``actual`` to ``targets`` (k, 4, 4): [x y z] [m], rotation vector [rad], shape (k, 6)."""
     turns = targets[:, :3, :3] @ actual[:, :3, :3].transpose(0, 2, 1)
     return np.concatenate([targets[:, :3, 3] - actual[:, :3, 3], rotation_vectors(turns)], axis=1)
 

@@ -123,10 +123,7 @@ def together(first: Vector, other: Vector) -> int:
 
 
 def apart(first: Vector, other: Vector) -> Vector:
-    """Return by how much the rows of two arrays (m, k) differ at most, shape (m,).
-
-    Four columns of unit length are quaternions, which mean the same with the other sign.
-    """
+    """Return how much rows of arrays (m, k) differ at most, (m,); four columns of unit length are quaternions."""
     distances = np.abs(first - other).max(axis=1)
     if first.shape[1] == _QUATERNION and np.allclose(np.linalg.norm(first, axis=1), 1.0):
         distances = np.minimum(distances, np.abs(first + other).max(axis=1))
@@ -157,11 +154,7 @@ _HEADINGS = ("engine", "quantity", "unit", "largest", "at", "error", "within")
 def save_comparison(
     accounts: list[Account], found: list[Difference], folder: Path | str, *, station: str = "", force: bool = False
 ) -> None:
-    """Write ``engines.csv`` and ``engines.png``, in whose title the station's name stands.
-
-    Raises:
-        OutputError: the folder cannot be written, or is there and not to be replaced.
-    """
+    """Write ``engines.csv`` and ``engines.png``, titled by the station; raises OutputError: not written."""
     with filled_at_once(as_path(folder, "folder"), marker=NUMBERS, force=force) as work:
         with (work / NUMBERS).open("w", encoding="utf-8", newline="") as file:
             rows = csv.writer(file, lineterminator="\n")

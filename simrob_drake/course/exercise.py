@@ -62,10 +62,7 @@ class ExerciseFolder:
         return self.folder / CHECKS_FILE
 
     def start(self, target: Path, language: Language, *, force: bool) -> Path:
-        """Copy the template of an answer to a folder, and return the file; ``force`` replaces one that is there.
-
-        Raises InvalidParameter: there is one already; OutputError: it cannot be written.
-        """
+        """Copy an answer's template to a folder, return it; raises InvalidParameter: one is there; OutputError."""
         answer = target / ANSWER_FILE
         if answer.exists() and not force:
             raise InvalidParameter("--out", str(target), f"without an {ANSWER_FILE}, or say --force to replace it")

@@ -95,11 +95,7 @@ def import_robot(
 
 
 def examine_robot(source: Path | str, options: ImportOptions | None = None) -> ImportedRobot:
-    """Do all that an import does, but leave nothing behind; the model's files are gone, its figures are there.
-
-    Raises:
-        InvalidModel: a defect that can't be repaired.
-    """
+    """Do all that an import does, leaving nothing but figures; raises InvalidModel: a defect that can't be repaired."""
     with tempfile.TemporaryDirectory(prefix="simrob-") as work:
         made = import_robot(source, Path(work) / "robot", options, apart=False)
         made.model.element  # noqa: B018  # read while the file is there

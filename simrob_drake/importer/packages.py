@@ -227,11 +227,7 @@ class Border:
         raise OutsideBorder(f"lies outside of the allowed folders ({listed}); allow it with --mesh-path {grant}")
 
     def check(self, path: Path, key: str) -> None:
-        """Check that a path under a key of the file may be read; what came with the package, or was imported, may.
-
-        Raises:
-            InvalidConfig: it may not; the message names file, key and what would allow it.
-        """
+        """Check that a path under a key may be read, as ours may; raises InvalidConfig: what would allow it."""
         own = (models_root(), diagrams_root(), cache_root())
         if any(resolved(path).is_relative_to(resolved(folder)) for folder in own):
             return

@@ -158,10 +158,7 @@ class ClosedForm:
 
 
 def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm:
-    """Return all postures that bring the tool to each target (k, 4, 4).
-
-    The starts (k, 6) give axis 1 and axis 4 where these may stand anywhere.
-    """
+    """Return all postures that reach targets (k, 4, 4); starts (k, 6) give axes 1 and 4 where these may be anywhere."""
     turns = targets[:, :3, :3] @ arm.home[:3, :3].T
     centres = targets[:, :3, 3] + turns @ (arm.centre - arm.home[:3, 3])
     first, side_short, any_first = _shoulder(arm, centres, starts[:, 0])
@@ -235,10 +232,7 @@ def _closing(arm: SixAxisArm, target: Complex, total: Vector) -> Vector:
 
 
 def _elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vector]:
-    """Return axes 2 and 3, and how far out of reach, each (k, shoulder, 2, ...), for targets (k, shoulder, 1, ...).
-
-    In the plane across axis 2: exp(i·q2)·(upper + fore·exp(i·q3)) = target.
-    """
+    """Return axes 2, 3 and what is out of reach (k, shoulder, 2, ...): exp(i·q2)·(upper + fore·exp(i·q3)) = target."""
     upper, fore = abs(arm.upper), abs(arm.fore)
     distance = np.abs(target)
     cosine = (distance**2 - upper**2 - fore**2) / (2.0 * upper * fore)

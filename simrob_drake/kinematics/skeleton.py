@@ -53,10 +53,7 @@ class Skeleton(Screws):
         return np.asarray(frames[body] @ pose)
 
     def limb(self, link: str, tool: Vector) -> tuple[tuple[int, ...], Chain]:
-        """Return the axes between the root and a named frame, and their chain to a pose (4, 4) in it, without limits.
-
-        The chain has these axes alone.
-        """
+        """Return the axes from the root to a named frame, and their chain to a pose (4, 4) in it, without limits."""
         root, end = (self.plant.GetFrameByName(name) for name in (self.model.root, link))
         joints = [joint for joint, _ in joints_between(self.plant, root, end)]
         places = {axis.joint: place for place, axis in enumerate(self.model.axes.values())}

@@ -127,10 +127,7 @@ class Between(Strict, ABC):
         return [Attachment(frame.body(), frame.GetFixedPoseInBodyFrame() @ place) for frame, place in ends]
 
     def anchored(self, plant: StationPlant) -> list[Attachment]:
-        """Return both ends, that on the world on a body that is welded to it.
-
-        A constraint on the world's own body ends the process (Drake 1.51 to 1.58).
-        """
+        """Return both ends, the world's on a welded body: constraints on the world end the process (Drake 1.51)."""
         own, ends = plant.plant, self.ends(plant)
         if any(end.body is own.world_body() for end in ends) and not own.HasBodyNamed(_ANCHOR):
             inertia = SpatialInertia.SolidSphereWithMass(1.0, 1.0)  # of no account: it stands

@@ -83,10 +83,7 @@ class Ground:
         return turns[near], middles[near], half[near]
 
     def _tops(self, points: Vector) -> Vector:
-        """Return the heights at which vertical lines through points (m, 3) leave each of k boxes near them, (k, m) [m].
-
-        -inf where they miss it.
-        """
+        """Return where vertical lines through points (m, 3) leave each of k boxes, (k, m) [m], -inf where they miss."""
         turns, middles, half = self._near(points)
         up = turns[:, 2:]  # in the boxes
         along = np.where(np.abs(up) < _UPRIGHT, _UPRIGHT, up)

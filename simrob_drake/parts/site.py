@@ -150,10 +150,7 @@ class StationRobot(ResolvedRobot):
         return AxisMap.of_joints(self.plant, self.joints, [axis.sign for axis in self.model.axes.values()])
 
     def free_inertias(self, context: Context | None = None) -> Vector:
-        """Return the inertia (n,) [kg m² or kg] that each axis feels while all others are free, at the start or now.
-
-        The context is the plant's own.
-        """
+        """Return each axis's inertia (n,) [kg m² or kg] with the others free, at the start or in a context."""
         mass = self.plant.CalcMassMatrix(self.plant.CreateDefaultContext() if context is None else context)
         return np.asarray(1 / np.diag(np.linalg.inv(mass))[self.axis_map.velocity_places])
 

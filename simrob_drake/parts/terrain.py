@@ -103,11 +103,7 @@ class Terrain(Strict):
         return _BELOW + max(self.height, -float(lowest))
 
     def heights(self) -> Vector:
-        """Return the heights of a grid, shape (rows along the way, columns from the right) [m].
-
-        Raises:
-            InvalidConfig: the file cannot be read, or holds no table of numbers, or no picture, or a large one.
-        """
+        """Return a grid's heights (ahead, from the right) [m]; raises InvalidConfig: no table, no picture."""
         assert self.file is not None  # a grid has one
         if self.file.suffix.lower() != ".png":
             return read_matrix(self.file)[:, ::-1]

@@ -111,10 +111,7 @@ _SPARSE, _NEAREST = 4, 6  # looks of which one is at all pairs, and pairs that a
 
 
 def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> str:
-    """Return what would be in what with a robot in a posture (n,), others as they stand; empty if nothing.
-
-    What touches with the robot where it is ``now`` does not count.
-    """
+    """Return what is in what with a robot in a posture (n,), but what touches where it is ``now``; empty if nothing."""
     try:
         check_collisions(model, {robot: np.array([now, posture])}, np.array([0.0, 1.0]), lambda _: (1, robot))
     except PathCollision as found:

@@ -30,10 +30,7 @@ _FROM_START = 1  # how the search marks the tree that grows from the start
 
 
 def metres(chain: Chain, carried: Vector = _NOTHING) -> Vector:
-    """Return how far what a chain moves goes at most for a radian of each axis, shape (n,) [m].
-
-    It moves the tool, what is 10 cm around it, and points (k, 3) in its frame of what it carries [m].
-    """
+    """Return how far a radian of each axis moves tool, 10 cm around it, and points (k, 3) in its frame, (n,) [m]."""
     postures = random_postures(chain, _POSTURES, 0)
     jacobians = chain.jacobian(postures)[:, np.newaxis]
     arms = np.vstack([np.zeros(3), carried]) @ chain.forward(postures)[:, :3, :3].swapaxes(1, 2)
@@ -56,11 +53,7 @@ class Search:
     seconds: float  # how long it may take
 
     def path(self, goals: Vector) -> Vector:
-        """Return the corners (k, n) of a way of straight lines to one of several free goals (m, n), the nearest first.
-
-        Raises:
-            NoFreePath: none was found in the time; says what came near, and what was in the way.
-        """
+        """Return corners (k, n) of a way to one of goals (m, n), nearest first; raises NoFreePath: what was near."""
         start = self.space.posture
         for goal in goals[:_STRAIGHT]:
             if all(self.space.free(posture) for posture in self._between(np.array([start, goal]), _LOOK)[1:]):

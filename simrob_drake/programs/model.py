@@ -42,10 +42,7 @@ class StationModel(PosedStation):
     """
 
     def __init__(self, config: StationConfig, *, collision: bool = False, itself: bool = False) -> None:
-        """Build the model, with shapes that ``collide`` for :meth:`query`, and those of one robot with ``itself``.
-
-        Raises InvalidModel: a robot that cannot be built.
-        """
+        """Build it, with shapes that ``collide`` for :meth:`query`, a robot's with ``itself``; raises InvalidModel."""
         self.config = config
         contact = (config.contact or ContactConfig()) if collision or itself else None
         if contact is not None and itself:

@@ -214,11 +214,7 @@ def check_collisions(
 
 
 def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
-    """Check that moves run into nothing, each other neither; other robots stand as they do in the model.
-
-    Raises:
-        PathCollision: names the first offending point, by the move that lasts longest.
-    """
+    """Check that moves run into nothing, nor each other; raises PathCollision: the first point, of the longest move."""
     for plan in plans:
         instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
     longest = max(plans, key=lambda plan: plan.duration)

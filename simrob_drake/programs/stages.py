@@ -43,10 +43,7 @@ class Snapshot:
 
 
 def stages_of(robot: LeggedGeometry, moves: Sequence[Move], station: StationConfig, file: str = "") -> list[Stage]:
-    """Cut a robot's moves into stages, after checking all of them; the station is as when they begin.
-
-    Raises SimrobError: what the robot cannot do; names the move, and the file that it stands in.
-    """
+    """Cut a robot's checked moves into stages, from a station on; raises SimrobError: the move, and its file."""
     stages, outlook, joint_moves = list[Stage](), Outlook(station), list[JointMove]()
     for number, move in enumerate(moves):
         name = move_name(number, len(moves), file)

@@ -98,10 +98,7 @@ class Tape:
             raise InvalidParameter("the recording", "empty", "begun with record() before the moves")
 
     def stages(self, duration: float | None = None) -> list[Stage | Entry]:
-        """Return all that was recorded to be done again, runs that follow each other as one, in a duration [s].
-
-        Raises InvalidParameter: nothing was recorded, or runs that do not join: such a tape can be replayed.
-        """
+        """Return all that was recorded in stages, so long [s]; raises InvalidParameter: nothing, or not joined."""
         self.check_some()
         takes = self.takes
         factor = 1.0 if duration is None else seconds(duration) / sum(take.duration for take in takes)

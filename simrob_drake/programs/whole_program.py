@@ -11,10 +11,7 @@ from simrob_drake.stations.config import StationConfig
 
 
 def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResult:
-    """Let the robots of a station do a program, and return all of it as one result.
-
-    Raises SimrobError: what they cannot do; names the move, and the file that it stands in.
-    """
+    """Let a station's robots do a program, all as one result; raises SimrobError: the move that fails, and its file."""
     source = file or program
     if of_arms(cell, program):
         return cell.perform(source)

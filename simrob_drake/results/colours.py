@@ -32,10 +32,7 @@ _LOOKS = tuple(
 
 
 def looks(count: int) -> list[tuple[str, str]]:
-    """Return a colour and a kind of line, matplotlib's "-", "--", "-." or ":", for each curve of a frame.
-
-    Up to 32 curves differ; beyond them the looks come again.
-    """
+    """Return a colour and matplotlib's kind of line for each curve of a frame; 32 of them differ."""
     return list(islice(cycle(_LOOKS), count))
 
 

@@ -195,10 +195,7 @@ class _Fingers(NamedTuple):
 
 
 def fingers_of(root: ET.Element) -> tuple[dict[str, tuple[float, float]], str] | None:
-    """Return the joints of the fingers of a URDF, each closed and open [rad or m], and the link that holds them.
-
-    None where there are none, or where no end of their way is the closed one.
-    """
+    """Return a URDF's finger joints, closed and open [rad or m], and the link that holds them; None if undecided."""
     joints = {name_of(joint): joint for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS}
     found = _following(joints) or _sliding(root, joints)
     if found is None or not _is_hand(root, joints, found):

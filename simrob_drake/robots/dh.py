@@ -215,10 +215,7 @@ def _add_motion(joint: ET.Element, row: DhRow) -> None:
 
 
 def link_shapes(table: DhTable) -> list[list[LinkShape]]:
-    """Return the shapes of all links, that of the base first.
-
-    A tube goes from each link's joint along z and then straight to the next joint, or to the tool.
-    """
+    """Return the shapes of all links, the base first: tubes along z, then straight to the next joint or the tool."""
     origins, radii = table.origins(), _radii(table)
     links = []
     for number, (end, radius) in enumerate(zip(origins, radii, strict=True)):

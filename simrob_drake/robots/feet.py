@@ -64,10 +64,7 @@ class FootContact(Strict):
         return np.asarray(sole.centre + corners * np.array(sole.size) / 2)
 
     def lowest_points(self, link: str, poses: Vector) -> Vector:
-        """Return the lowest point of each sphere of a foot, or its sole's lower corners, in the world, (m, k, 3) [m].
-
-        The poses are those of its link, shape (m, 4, 4).
-        """
+        """Return the lowest points of a foot's spheres or sole in the world (m, k, 3) [m], its link at (m, 4, 4)."""
         under = self.radius if link in self.points else 0.0
         own = np.array(self.points[link]) if link in self.points else self.support_points(link)
         points = poses[:, np.newaxis, :3, 3] + own @ poses[:, :3, :3].transpose(0, 2, 1)

@@ -45,10 +45,7 @@ class _Tip:
         self.planes = [ConvexHull(points).equations for points in shapes]
 
     def spans(self, pose: RigidTransform, points: Vector, way: Vector) -> tuple[Vector, Vector]:
-        """Return where lines from points (k, 3) along a unit vector enter the tip at a pose, and where they leave it.
-
-        Shape (k,) each [m]; inf and -inf of those that miss it.
-        """
+        """Return where lines from (k, 3) along a unit vector enter and leave the tip, (k,) [m]; inf, -inf if never."""
         inside = pose.inverse()
         points, way = (inside @ points.T).T, inside.rotation() @ way
         first, last = np.full(len(points), np.inf), np.full(len(points), -np.inf)

@@ -26,10 +26,7 @@ _NAMES = 3
 
 
 def clearance_findings(config: StationConfig, references: Mapping[str, Reference]) -> list[Finding]:
-    """Look how near the shapes of a station's robots come to the ground, to themselves and to others.
-
-    That is along their references, where they follow these exactly; at the start where a controller leads.
-    """
+    """Look how near robots come to ground, themselves and others, along references, or as controllers begin."""
     if not config.robots:
         return []
     clearance = Clearance(config)

@@ -53,10 +53,7 @@ class ClearStart:
     """
 
     def __init__(self, clearance: Clearance, robot: StationRobot, duration: float, *, torque: bool) -> None:
-        """Look at a station's robot, whose root is held at the origin, and its first move, of a duration [s].
-
-        With ``torque`` its motors have to hold it.
-        """
+        """Look at a robot held at the origin, its first move [s] and, with ``torque``, what its motors have to hold."""
         self._clearance, self._robot, self._duration, self._torque = clearance, robot, duration, torque
         self._random, self._home, self._near = np.random.default_rng(0), robot.model.home, robot.model.home
         self._chain = max(clearance.chains(robot), key=lambda chain: len(chain[1]))

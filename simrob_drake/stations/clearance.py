@@ -77,10 +77,7 @@ def standing(station: StationPlant, robot: StationRobot, context: Context | None
 
 
 def shape_points(station: StationPlant, robot: StationRobot, context: Context) -> list[tuple[RigidBody, Vector]]:
-    """Return points of a robot's collision shapes in a state, of each the lowest over the floor, with their bodies.
-
-    They are in the world, shape (k, 3) [m].
-    """
+    """Return points of a robot's shapes in the world, of each the lowest over the floor, (k, 3) [m], with bodies."""
     plant, tilt = station.plant, station.ground.tilt
     inspector, from_floor = station.scene_graph.model_inspector(), tilt.inverse()
     found = []
@@ -317,10 +314,7 @@ def turned(robot: StationRobot, posture: Vector, axes: Iterable[int]) -> Iterato
 
 
 def untangled(clearance: Clearance, robot: StationRobot, posture: Vector, axes: Collection[int]) -> Vector:
-    """Return a posture (n,) whose links lie in each other less than in another one, if a turn of some axes does that.
-
-    Step by step that axis is turned, or slid, which takes the deepest overlap apart best.
-    """
+    """Return a posture (n,) less in itself, step by step by the axis that takes the deepest overlap apart best."""
     chains = {f"{robot.prefix}{body.name()}": set(order) for body, order in clearance.chains(robot)}
 
     def overlaps(tried: Vector) -> list[Overlap]:

@@ -304,10 +304,7 @@ def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[dic
 
 
 def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Add the outputs of every robot, inverse dynamics, and geometry poses.
-
-    The plant itself stands outside of the diagram: it is registered with the scene graph and never stepped.
-    """
+    """Add outputs, inverse dynamics and geometry poses of robots, their plant out of the diagram, never stepped."""
     for robot in ports.plant.robots.values():
         sources = {signal: ports.inputs[f"{robot.prefix}{signal}"].get_system() for signal in _MOTION}
         position, velocity = (sources[signal].get_output_port() for signal in _MOTION[:2])

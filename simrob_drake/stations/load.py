@@ -118,10 +118,7 @@ def _loaded(
 
 
 def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> StationConfig:
-    """Return a station with nothing but a robot, by name or URDF, kinematic unless overrides say otherwise.
-
-    Raises SimrobError: no such robot, or an override that cannot be, see :func:`load_station`.
-    """
+    """Return a station of a robot, named or URDF, alone, kinematic by default; raises SimrobError: no such, or key."""
     origin = "urdf" if is_robot_file(robot) else "model"
     content = {"name": Path(robot).stem, "mode": "kinematic", ONLY_ROBOT: {origin: robot}}
     return _configured(content, overrides or {}, robot, allow_code=False)

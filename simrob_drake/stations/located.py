@@ -37,10 +37,7 @@ _KEYS = (
 
 
 def located(content: Mapping[str, Any], folder: Path, border: Border | None = None) -> dict[str, Any]:
-    """Return sections of a station with absolute paths, from a folder; ``border`` is their file's, None where a user's.
-
-    Raises InvalidConfig: a path that may not be read; the message names file, key and what would allow it.
-    """
+    """Return sections with absolute paths from a folder, within a border; raises InvalidConfig: beyond it."""
     result: dict[str, Any] = deepcopy(dict(content))
     for section, last, key in paths_in(result):
         value = section[last]
@@ -70,10 +67,7 @@ def located_changes(changes: Mapping[str, Any], folder: Path, border: Border | N
 
 
 def located_program(program: Mapping[str, Any], folder: Path, border: Border | None) -> dict[str, Any]:
-    """Return the content of a program as a station carries it: its changes with absolute paths, and no station's name.
-
-    Parameters and errors are as of :func:`located`.
-    """
+    """Return a program as its station carries it, unnamed, paths absolute; otherwise as :func:`located`."""
     result = deepcopy({key: value for key, value in program.items() if key != "station"})
     changes = result.get("changes")
     for change in changes if isinstance(changes, list) else []:

@@ -103,10 +103,7 @@ def set_rotors(plant: MultibodyPlant, joints: list[Joint], robot: ResolvedRobot)
 def add_prescribed_motion(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, reference: OutputPort
 ) -> OutputPort:
-    """Add an input ``prescribed.<axis>`` for each such axis: position, velocity, acceleration, size 3 [rad or m].
-
-    Returns the reference (n,) of the robot with the positions of these axes in it.
-    """
+    """Add inputs ``prescribed.<axis>`` of position, rate, acceleration [rad or m], and return the robot's reference."""
     inputs = []
     for place in robot.prescribed:
         name = f"{robot.prefix}prescribed.{robot.axes[place]}"

@@ -76,11 +76,7 @@ def _sensors(config: StationConfig) -> dict[str, Sensor]:
 
 
 def check_parts(station: ResolvedStation) -> None:
-    """Check that a station can do what it is asked: that something moves, and that its parts find what they name.
-
-    Raises:
-        SimrobError: the first thing that cannot be; the message names the key, and what would be right.
-    """
+    """Check that something moves, and that parts find what they name; raises SimrobError: key, what would be right."""
     config = station.config
     _check_movers(config)
     _check_engine(config)
@@ -318,10 +314,7 @@ def _outward(config: StationConfig, parents: Mapping[str, str]) -> list[str]:
 def _mount(
     key: str, frame: str | None, parent: str, robots: Mapping[str, RobotModel], pieces: Mapping[str, PieceModel]
 ) -> str:
-    """Return the name of the frame of the plant that a piece hangs on; empty for the world.
-
-    On a robot that is one of its tools or links, see :func:`flange`; on a piece one of its frames.
-    """
+    """Return the plant's frame that a piece hangs on: a robot's (:func:`flange`), a piece's; empty for the world."""
     if parent in robots:
         places = [*robots[parent].tools, *robots[parent].links]
         if frame is not None:

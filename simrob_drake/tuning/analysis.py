@@ -70,10 +70,7 @@ def add_trials(found: Any, study: Study, records: Sequence[Record]) -> None:
 
 
 def sweep_in_optuna(name: str, vary: Mapping[str, Distribution], rows: Sequence[Row]) -> Any:
-    """Return the runs of a sweep that went to their ends as a study of Optuna, called ``name``, of all measures.
-
-    Raises SimrobError: the extra ``tune`` is missing.
-    """
+    """Return a sweep's runs that ended as a study of Optuna of all measures; raises SimrobError: no extra ``tune``."""
     ended = [row for row in rows if row["ended"] == COMPLETED]
     names = [name for name, values in measured(ended).items() if len(values) == len(ended)]
     found = _empty(name, names or ["nothing"], None)
@@ -124,11 +121,7 @@ def save_plots(found: Any, folder: Path) -> list[Path]:
 
 
 def save_convergence(file: Path, searches: Sequence[Any]) -> None:
-    """Write what the best so far costs over the trials of searches for the same thing; of several costs, their sum.
-
-    Raises:
-        OutputError: the disk does not take it.
-    """
+    """Write the best so far over trials, of several costs their sum; raises OutputError: the disk does not take it."""
     from optuna.visualization.matplotlib import plot_optimization_history
 
     several = len(searches[0].directions) > 1

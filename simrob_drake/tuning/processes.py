@@ -96,10 +96,7 @@ class Cluster:
 
 
 def _check(scheduler: str, found: Any) -> None:
-    """Check that a cluster has workers, and that they and its scheduler have the versions of this computer.
-
-    Raises InvalidParameter: it has no workers; SimrobError: another version.
-    """
+    """Check a cluster's workers and all versions there; raises InvalidParameter: no workers; SimrobError: a version."""
     if not found["workers"]:
         raise InvalidParameter("--scheduler", f"{scheduler}, without workers", "a scheduler that has some")
     here = {name: version for name, version in found["client"]["packages"].items() if name in _PACKAGES and version}
@@ -208,8 +205,5 @@ Engine = Processes | Cluster
 
 
 def engine(*, workers: int | None = None, scheduler: str | None = None) -> Engine:
-    """Return the workers of a Dask scheduler by its address, else ``workers`` processes, or one a processor.
-
-    Raises SimrobError: no such scheduler, or one that cannot be used.
-    """
+    """Return a Dask scheduler's workers, else ``workers`` processes, one a processor; raises SimrobError: none."""
     return Cluster(scheduler) if scheduler else Processes(workers)

@@ -95,10 +95,7 @@ class Proof(Strict):
         return [kind for kind in (*KINDS, *UNKNOWN) if kind not in doubted and kind not in own]
 
     def moved(self, doubted: Collection[str]) -> bool:
-        """Tell whether there are other moves than the search's, among its doubts or in its own conditions.
-
-        A station that is asked for none has none.
-        """
+        """Tell whether doubts or own conditions have other moves than the search's; a station without any has none."""
         own = self.study.proof.keys if self.study and self.study.proof else ()
         if MOVES in doubted or any(_ASKED.search(key) for key in own):
             return True
@@ -124,10 +121,7 @@ class ProofFolder:
     def run(
         self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True
     ) -> tuple[bool, list[str]]:
-        """Make the runs that are not made yet; write table and page; return whether it is proven, and why in words.
-
-        Args and errors are those of :func:`simrob_drake.tuning.journal.run`.
-        """
+        """Make runs as :func:`simrob_drake.tuning.journal.run`, write table and page; return proven or not, and why."""
         rows = table(run(self.journal, self.cases, workers=workers, scheduler=scheduler, progress=progress))
         judged = [{**row, **self._judged(row)} for row in rows]
         write_rows(self.folder / TABLE, judged)

@@ -237,11 +237,7 @@ class Study(Strict):
         return np.mean(costs, axis=0), float(np.mean(over))
 
     def check_measures(self, rows: Sequence[Row]) -> None:
-        """Check that where the search begins each measure means something in some run.
-
-        Raises:
-            InvalidConfig: one that is missing in all that went to their ends; there would be nothing to compare.
-        """
+        """Check measures where the search begins; raises InvalidConfig: one that no run to its end has."""
         ended = [row for row in rows if row["ended"] == COMPLETED]
         for name in self.measures:
             if ended and all(row.get(name) is None for row in ended):

@@ -95,10 +95,7 @@ def plain(value: Any) -> Any:
 
 
 def write_rows(file: Path, rows: list[Row]) -> None:
-    """Write rows as ``.csv`` and, where pyarrow is there, ``.parquet``: a column for all that one has, the rest empty.
-
-    Raises OutputError: the disk does not take it.
-    """
+    """Write rows as ``.csv`` and, with pyarrow, ``.parquet``, a column for all that one has; raises OutputError."""
     columns = list(dict.fromkeys(name for row in rows for name in row if name != "message"))
     columns += ["message"] if any("message" in row for row in rows) else []
     with replaced_at_once(file) as work, work.open("w", newline="", encoding="utf-8") as lines:

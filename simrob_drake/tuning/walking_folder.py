@@ -30,10 +30,7 @@ class WalkingFolder:
         self._journal = Journal(self.folder, f"{walking.name}.yaml", walking, digest, columns=columns, force=force)
 
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
-        """Make the trials that are not made yet, write table, summary and picture, and return the rows of the table.
-
-        Args and errors are those of :func:`simrob_drake.tuning.journal.run`.
-        """
+        """Make trials as :func:`simrob_drake.tuning.journal.run`, write table, summary, picture; return the rows."""
         rows = table(run(self._journal, self._trials, workers=workers, scheduler=scheduler, progress=progress))
         walking, place = self._walking, self.folder / self._walking.name
         write_rows(place.with_suffix(".csv"), rows)

@@ -81,11 +81,7 @@ class UnreadableMesh(Exception):
 
 
 def checked(data: bytes, kind: str) -> tuple[bytes, list[str]]:
-    """Return the bytes that a mesh library may read, and what was mended in them, in words.
-
-    Raises:
-        UnreadableMesh: the file is cut off, empty, or asks for far more than it holds.
-    """
+    """Return the bytes for a mesh library, and what was mended; raises UnreadableMesh: cut off, empty, too large."""
     if not data.strip(b"\0 \t\r\n"):
         raise UnreadableMesh("is empty")
     check: Callable[[bytes], tuple[bytes, list[str]]] | None = _CHECKS.get(kind)

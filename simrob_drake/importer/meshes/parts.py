@@ -148,10 +148,7 @@ _SMOOTH = np.deg2rad(35.0)  # faces that meet at less are one curved surface and
 
 
 def mend(part: MeshPart) -> MeshPart:
-    """Return a part with finite, distinct and used vertices, and faces that have an area.
-
-    Vertices at the same place become one; normals and texture belong to the corners of the faces and stay.
-    """
+    """Return a part with finite, distinct, used vertices and faces with an area; corners keep normals and texture."""
     near = np.all(abs(part.vertices) < _FARTHEST, axis=1)
     kept = part if near.all() else part.only(near[part.faces].all(axis=1))
     if not len(kept.faces):

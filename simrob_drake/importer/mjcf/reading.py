@@ -94,11 +94,7 @@ class _Source:
     report: ImportReport
 
     def put_in_includes(self, element: ET.Element) -> None:
-        """Put the content of files in the place of the ``include`` elements that name them.
-
-        Raises:
-            InvalidModel: a file is not there, may not be read, or they are too many.
-        """
+        """Put files in the place of ``include`` elements; raises InvalidModel: none there, not to be read, too many."""
         for _ in range(_MOST_FILES + 1):
             found = next(
                 ((owner, child) for owner in element.iter() for child in owner if child.tag == "include"), None

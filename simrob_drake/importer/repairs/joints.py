@@ -41,11 +41,7 @@ _ACCELERATION = f"{DRAKE}acceleration"
 
 
 def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
-    """Repair the types, axes, limits and dynamics of a robot's joints, in place.
-
-    Raises:
-        InvalidModel: a joint is of a kind that no station can drive, or its axis is zero.
-    """
+    """Repair a robot's joints in place: types, axes, limits, dynamics; raises InvalidModel: what none can drive."""
     for joint in robot.iterfind("joint"):
         _repair_type(joint, report)
     _free_root(robot, report)

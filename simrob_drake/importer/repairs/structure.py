@@ -102,11 +102,7 @@ def _drop_second_ones(robot: ET.Element, report: ImportReport) -> None:
 
 
 def repair_tree(robot: ET.Element, report: ImportReport) -> None:
-    """Make one tree of a robot's links and joints, in place.
-
-    Raises:
-        InvalidModel: it has no link, a loop, a link with two parents, or several trees of which none is the robot.
-    """
+    """Make one tree of links and joints, in place; raises InvalidModel: no link, a loop, two parents, several trees."""
     if not names(robot, "link"):
         raise report.refusal("", "has no link")
     dangling = _drop_dangling(robot, report)

@@ -98,10 +98,7 @@ class OwnController(Strict):
 
     @classmethod
     def of(cls, block: LeafSystem) -> "OwnController":
-        """Return the section that stands for a block that was given in Python.
-
-        What its constructor takes is known if the block has a mapping ``parameters``.
-        """
+        """Return the section of a block given in Python, with its ``parameters`` if it has this mapping."""
         kind, parameters = type(block), getattr(block, "parameters", {})
         return cls.model_validate(
             {
@@ -231,10 +228,7 @@ def _name_of(block: Any) -> str:
 
 
 def class_from(text: str, folder: Path) -> str:
-    """Return ``module:Class`` or ``file.py:Class`` as a station's file in ``folder`` means it.
-
-    Files start there, and a module that lies there comes before one of Python's search path.
-    """
+    """Return a station's ``module:Class`` or ``file.py:Class``, found in ``folder`` before Python's search path."""
     place, colon, name = text.partition(":")
     file = folder / (place if place.endswith(".py") else f"{place}.py")
     return f"{file}{colon}{name}" if place.endswith(".py") or isfile(file) else text

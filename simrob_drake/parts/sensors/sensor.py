@@ -155,10 +155,7 @@ def _after_the_run(
 def replayed(
     recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]
 ) -> tuple[float, dict[str, Vector]]:
-    """Let a sampled block, part of no diagram, go through a run that is over, as it would have while stepping.
-
-    Returns the time between samples [s], and each output at each sample, shape (k, size).
-    """
+    """Let a sampled block go through a past run; return its period [s], and its outputs at each sample, (k, size)."""
     period = block.GetUniquePeriodicDiscreteUpdateAttribute().period_sec()
     ticks = period * np.arange(int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1)
     ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}

@@ -100,10 +100,7 @@ class Gait(Strict):
 
     @abstractmethod
     def plan(self, walker: Walker, steps: int, amplitude: float) -> JointMotion:
-        """Return its motion for a robot in so many steps; the :attr:`scaled` parameters are scaled already.
-
-        Raises SimrobError: the robot cannot go so; tells why.
-        """
+        """Return its motion in so many steps, :attr:`scaled` parameters scaled by now; raises SimrobError: why not."""
 
     @property
     def hangs(self) -> bool:

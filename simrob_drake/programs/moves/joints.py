@@ -55,11 +55,7 @@ class JointMove(Move):
 
 
 def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMove:
-    """Return a checked move of what a user gave.
-
-    Raises:
-        InvalidParameter: no axis, an angle that is no finite number, or a duration that is not positive.
-    """
+    """Return a checked move of a user's; raises InvalidParameter: no axis, no finite angle, no positive duration."""
     return checked(JointMove, target_deg=target_deg, duration=duration)
 
 

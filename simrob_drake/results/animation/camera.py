@@ -93,10 +93,7 @@ def walked_way(result: RecordedRun) -> Way | None:
 
 
 def camera_on(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> Camera:
-    """Return the nearest camera that has all points (m, 3) [m] in a picture of an aspect, width over height.
-
-    Its eye is at ``azimuth``, counterclockwise from x [rad].
-    """
+    """Return the nearest camera at ``azimuth`` from x [rad] with all points (m, 3) [m] in a picture of an aspect."""
     axes = _camera_axes(azimuth)
     across, along = (points @ axes.T)[:, :2], points @ axes[2]
     half = np.tan(FIELD_OF_VIEW / 2) / _MARGIN * np.array([aspect, 1.0])

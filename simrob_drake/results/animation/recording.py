@@ -35,10 +35,7 @@ _LOOPS = 1_000_000  # "for ever", which Meshcat cannot say
 
 
 def save_recording(result: RecordedRun, file: Path, *, frames_per_second: float = 32.0) -> Path:
-    """Write a run's motion, with its tools' paths, as a page ``.html`` that plays and loops, and return the file.
-
-    Raises InvalidParameter: a rate [1/s] of frames that is not positive; OutputError: the file cannot be written.
-    """
+    """Write a run's motion and tools' paths as a looping ``.html``; raises InvalidParameter: the rate; OutputError."""
     page = _page(result, frame_times(result.stop_time, frames_per_second), frames_per_second)
     gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while
     with replaced_at_once(file) as work:

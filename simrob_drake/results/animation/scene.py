@@ -85,10 +85,7 @@ class ViewedStation(PosedStation):
         self._diagram.ForcedPublish(self._scene)
 
     def extents(self, positions: Vector) -> Vector:
-        """Return points, shape (m, 3) [m], around all that stands or moves in the configurations, shape (k, nq).
-
-        They are the origins of the links and the corners of their shapes' boxes; the floor is left out.
-        """
+        """Return points (m, 3) [m] around all links and shapes in configurations (k, nq), without the floor."""
         return self._corners(positions, None).reshape(-1, 3)
 
     def extents_of_run(self, result: RecordedRun, way: Way | None = None) -> Vector:
@@ -159,10 +156,7 @@ def add_floor_grid(scene_graph: SceneGraph, way: Vector, *, size: float, tilt: R
 
 
 def floor_under(scene: ViewedStation, place: Vector) -> list[dict[str, Any]]:
-    """Return what brings an even floor, and its lines, below a place [m] in Meshcat's page: there it has no end.
-
-    They go by whole meshes of the lines, so that these stay where they are.
-    """
+    """Return what brings a floor and lines below a place [m] in the page, by whole meshes, so that they stay."""
     tilt, mesh = scene.station.ground.tilt, SPACING * _BOLD
     inspector = scene.query().inspector()
     drawn = inspector.GetGeometries(inspector.world_frame_id(), Role.kIllustration)

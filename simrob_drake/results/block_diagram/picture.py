@@ -86,10 +86,7 @@ class Drawing:
         self._size = wide + 2 * _EDGE, bottom - self._top + _LEGEND + 2 * _EDGE
 
     def svg(self, *, live: bool = False) -> str:
-        """Return it as SVG: a group of class ``node`` with a title for each block.
-
-        A ``live`` one has a group of class ``wire`` for each signal, with a place for its value, too.
-        """
+        """Return it as SVG, a titled group ``node`` a block; ``live``, a group ``wire`` a signal for its value, too."""
         width, height = (f"{value:.0f}" for value in self._size)
         lines = [
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
