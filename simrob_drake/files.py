@@ -31,9 +31,8 @@ class TooLarge(NotRead):
 def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
     """Return the bytes of a file. Devices and pipes, which may have no end, are not waited for.
 
-    Raises:
-        NotRead: it is not there, is no regular file, or no file can have its name.
-        TooLarge: it has more bytes than ``largest``.
+    Raises NotRead: it is not there, is no regular file, or no file can have its name; TooLarge: it has more bytes than
+    ``largest``.
     """
     with opened(file) as content:
         size = os.fstat(content.fileno()).st_size
@@ -113,9 +112,8 @@ def read_columns(file: Path, names: Sequence[str]) -> tuple[NDArray[np.float64],
 def read_matrix(file: Path) -> NDArray[np.float64]:
     """Return the numbers of a table without names, shape (lines, columns).
 
-    Raises:
-        InvalidConfig: the file cannot be read, holds no line, or one of another length than the first or with something
-            that is no finite number.
+    Raises InvalidConfig: the file cannot be read, holds no line, or one of another length than the first or with
+    something that is no finite number.
     """
     rows = list[list[float]]()
     for line, row in _rows(file):

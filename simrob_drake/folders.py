@@ -103,8 +103,7 @@ def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterato
 def replaced_at_once(file: Path) -> Iterator[Path]:
     """Give a temporary file that takes the place of ``file`` once it is whole; a link goes on pointing at it.
 
-    Raises:
-        OutputError: the disk does not take it; what was there stays as it was.
+    Raises OutputError: the disk does not take it; what was there stays as it was.
     """
     target = Path(os.path.realpath(file))
     with writing(file), _workshop(target.parent, target.name) as place:

@@ -26,8 +26,7 @@ Frames = int | Literal["events"] | None
 def prepared_folder(config: StationConfig, saving: Saving) -> Path:
     """Return where the result will be saved, after looking at all that would keep it from that; say what will go wrong.
 
-    Raises:
-        SimrobError: the folder cannot be written, the station cannot be run, or videos cannot be made.
+    Raises SimrobError: the folder cannot be written, the station cannot be run, or videos cannot be made.
     """
     folder = saving.out or default_folder(config.name)
     check_folder(folder, marker=SUMMARY, force=saving.force)

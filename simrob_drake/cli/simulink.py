@@ -92,9 +92,8 @@ def refuse_model(reading: ModelReading, **others: Any) -> None:
 def model_options(options: ImportOptions | None, reading: ModelReading, set_: list[str] | None) -> dict[str, Any]:
     """Return the options of reading a model.
 
-    Raises:
-        InvalidParameter: a setting that is none, a file of variables that cannot be read, or a choice that only the
-            import of a URDF has.
+    Raises InvalidParameter: a setting that is none, a file of variables that cannot be read, or a choice that only the
+    import of a URDF has.
     """
     chosen = options or ImportOptions()
     refuse_import("left out with a Simulink model", chosen.model_copy(update={"mesh_path": ()}))

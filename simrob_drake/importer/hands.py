@@ -29,11 +29,8 @@ def of_hand(options: ImportOptions) -> ImportOptions:
 def add_hand(robot: ET.Element, read: Read, work: Path, options: ImportOptions, report: ImportReport) -> None:
     """Put the hand of the options on a repaired robot, in place: its root on a link, by a fixed joint.
 
-    Names that the robot has already get another one. ``work`` is the folder of the robot.
-
-    Raises:
-        InvalidModel: a defect of the hand that can't be repaired.
-        UnknownName: no such link.
+    Names that the robot has already get another one. ``work`` is the folder of the robot. Raises InvalidModel: a defect
+    of the hand that can't be repaired; UnknownName: no such link.
     """
     assert options.hand is not None
     (work / HAND).mkdir()

@@ -149,8 +149,7 @@ def _add_grasp(robot: ET.Element, file: Path, report: ImportReport) -> None:
 def _repaired(source: Path, work: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
     """Return the robot of a file after all repairs, in the order in which they stand on each other; meshes are written.
 
-    Raises:
-        InvalidModel: a defect that can't be repaired.
+    Raises InvalidModel: a defect that can't be repaired.
     """
     robot = read_source(source, report, options)
     repair_structure(robot, options, report)
@@ -246,11 +245,8 @@ _CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]
 def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> RobotModel:
     """Return the robot of any URDF: read as it is if it is clean, imported once if it is not, or if options ask for it.
 
-    One with fingers is imported, too, unless it is described: that tells where they grasp.
-
-    Raises:
-        InvalidModel: a defect that no import can repair.
-        OutputError: the cache cannot be written.
+    One with fingers is imported, too, unless it is described: that tells where they grasp. Raises InvalidModel: a
+    defect that no import can repair; OutputError: the cache cannot be written.
     """
     path = robot_file(path, "path")
     if options is None or options == ImportOptions(mesh_path=options.mesh_path):

@@ -145,12 +145,9 @@ def is_robot_file(text: str) -> bool:
 def robot_file(source: object, name: str) -> Path:
     """Return the absolute path of a robot's file, which may be named as in ``robot_descriptions``.
 
-    ``name`` is what the parameter is called that it was given as.
-
-    Raises:
-        InvalidParameter: no path.
-        UnknownName: no file, and no such description.
-        InvalidModel: a description that was not downloaded, or ``robot_descriptions`` is not installed.
+    ``name`` is what the parameter is called that it was given as. Raises InvalidParameter: no path; UnknownName: no
+    file, and no such description; InvalidModel: a description that was not downloaded, or ``robot_descriptions`` is not
+    installed.
     """
     path = as_path(source, name)
     if exists(path) or not _DESCRIPTION.fullmatch(path.name):

@@ -151,8 +151,7 @@ class BuiltStation:
     ) -> "BuiltStation":
         """Build a station; the arguments are those of :func:`~simrob_drake.stations.mujoco.model.mujoco_model`.
 
-        Raises:
-            SimrobError: one that cannot be, or that MJCF cannot say; the message names the part.
+        Raises SimrobError: one that cannot be, or that MJCF cannot say; the message names the part.
         """
         station = resolve(config)
         check_parts(station)

@@ -42,11 +42,8 @@ def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
 def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> SimulationResult:
     """Let a robot go through cells from where it is, while others hold their places; the run ends with the last one.
 
-    Sequencers that the station has for the robot do nothing meanwhile.
-
-    Raises:
-        InvalidParameter: no cell, a target beyond its limits, or a kinematic station.
-        InvalidConfig: a cell whose way takes longer than the time-out.
+    Sequencers that the station has for the robot do nothing meanwhile. Raises InvalidParameter: no cell, a target
+    beyond its limits, or a kinematic station; InvalidConfig: a cell whose way takes longer than the time-out.
     """
     if not cells:
         raise InvalidParameter("the program", "without references", "one with some: add_reference() stores them")

@@ -64,9 +64,7 @@ class Search:
         """Return a smooth way near straight lines: its parts (k,) from 0 to 1 by length, and postures (k, n) there.
 
         It is a spline whose control points lie on the lines, so it cuts the corners, as near as it must to be free.
-
-        Raises:
-            NoFreePath: it touches something at its nearest.
+        Raises NoFreePath: it touches something at its nearest.
         """
         whole, hit = self._length(corners), (0.0, ("", ""))
         if whole < _ROUNDING:

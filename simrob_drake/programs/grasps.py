@@ -46,9 +46,8 @@ def let_go(
 ) -> StationConfig:
     """Return a station in which a piece is let go: in the world of a dynamic one it is free, unless it is ``fixed``.
 
-    Raises:
-        InvalidParameter: it would fall for ever, or cannot be moved by gravity; tells why.
-        SimrobError: as :func:`reparented`.
+    Raises InvalidParameter: it would fall for ever, or cannot be moved by gravity; tells why; SimrobError: as
+    :func:`reparented`.
     """
     if piece in model.config.pieces and model.resolved.pieces[piece].parent == WORLD:
         raise InvalidParameter(f"{piece}, to be let go,", "held by nothing", "a piece that hangs on a robot or a piece")

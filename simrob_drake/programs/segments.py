@@ -65,12 +65,10 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
     """Return ways to one target each as one that passes their targets within zones [m], as RAPID's are.
 
     Two ways that meet are laid over each other within the zone: what is left of the first, and what is gone of the
-    second. Of the distance x before (negative) or behind the corner, in zones, :math:`g(x) = 2 t^3 - t^4` with
-    :math:`t = (x + 1) / 2` is gone of the second and :math:`g(-x)` left of the first, so that place, direction and
-    curvature go on without a jump: :math:`g'` rises from 0 to 1, and :math:`g(x) - g(-x) = x`.
-
-    Raises:
-        InvalidParameter: a zone larger than half of a way that leads into or out of it.
+    second. Of the distance x before (negative) or behind the corner, in zones, :math:`g(x) = 2 t^3 - t^4` with :math:`t
+    = (x + 1) / 2` is gone of the second and :math:`g(-x)` left of the first, so that place, direction and curvature go
+    on without a jump: :math:`g'` rises from 0 to 1, and :math:`g(x) - g(-x) = x`. Raises InvalidParameter: a zone
+    larger than half of a way that leads into or out of it.
     """
     ends = np.cumsum([way.length for way in ways])
     for index, pair in enumerate(pairwise(ways)):

@@ -63,9 +63,7 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[Move], station: StationConf
 def stages_of_program(robot: LeggedGeometry, program: Program, station: StationConfig, file: str = "") -> list[Stage]:
     """Cut a program into stages as :func:`stages_of` does; the references of an automatic one are a single stage.
 
-    Raises:
-        InvalidParameter: a program that does nothing.
-        SimrobError: as :func:`stages_of`.
+    Raises InvalidParameter: a program that does nothing; SimrobError: as :func:`stages_of`.
     """
     _check_references(robot, program, file)
     if program.automatic:
@@ -101,9 +99,8 @@ def check_takes_time(
 def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> tuple[ReferenceLike, float]:
     """Return the reference that moves of joints are from where a robot is, and its duration [s].
 
-    Raises:
-        InvalidParameter: no move, or one that is no move of joints.
-        SimrobError: what the robot cannot do; names the move.
+    Raises InvalidParameter: no move, or one that is no move of joints; SimrobError: what the robot cannot do; names the
+    move.
     """
     check_takes_time(moves)
     joint_moves = list[JointMove]()

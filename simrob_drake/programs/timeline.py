@@ -226,10 +226,8 @@ class Timed(Protocol):
 def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: float) -> SimulationResult:
     """Run references on a station whose timeline has a grid, from the state that it is in.
 
-    The run ends on the grid, not before ``duration`` [s]. The station's state and time stay as they are.
-
-    Raises:
-        SimrobError: a change that cannot be.
+    The run ends on the grid, not before ``duration`` [s]. The station's state and time stay as they are. Raises
+    SimrobError: a change that cannot be.
     """
     line, runs = cell.timeline, list[SimulationResult]()
     begun, state, left = line.now, cell.state, False

@@ -86,10 +86,8 @@ def timed(
     """Return the move that goes segment by segment by a law of time, and rests at the end of each.
 
     Where its time is left to us it takes as long as the joints need; with a speed alone it is sped up as they allow.
-    Past corners it keeps that speed: less acceleration would help there only by not reaching it.
-
-    Raises:
-        InvalidParameter: as :func:`arrivals`.
+    Past corners it keeps that speed: less acceleration would help there only by not reaching it. Raises
+    InvalidParameter: as :func:`arrivals`.
     """
     if profile_of(how) == TIME_OPTIMAL:
         return _by_motors(robot, segments, how, points, motors())
@@ -184,8 +182,7 @@ def _laws(segments: Sequence[Segment], how: How, points: int, acceleration: floa
 def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector, bool]:
     """Return when each segment ends that is gone smoothly, shape (k,) [s], and whether that was left to us.
 
-    Raises:
-        InvalidParameter: more than one of duration, times and speed; or one that cannot be.
+    Raises InvalidParameter: more than one of duration, times and speed; or one that cannot be.
     """
     stated = [key for key in ("duration", "times", "speed") if key in how]
     if len(stated) > 1:

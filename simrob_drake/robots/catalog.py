@@ -279,11 +279,8 @@ class RobotModel(Strict):
     def axis_vector(self, values: AxisValues, name: str, default: float | Vector = 0.0) -> Vector:
         """Spread a number, a list or a mapping, written under the key ``name``, over the axes: shape (n,), in order.
 
-        ``default`` is the value, or the values, of axes that a mapping leaves out.
-
-        Raises:
-            InvalidParameter: a list of the wrong length.
-            UnknownName: a mapping with a key that is no axis.
+        ``default`` is the value, or the values, of axes that a mapping leaves out. Raises InvalidParameter: a list of
+        the wrong length; UnknownName: a mapping with a key that is no axis.
         """
         count = len(self.axes)
         if isinstance(values, Mapping):
@@ -331,10 +328,7 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
     """Return the robot of any clean URDF: with the ``robot.yaml`` beside it if that names this file, else its joints.
 
     Where nothing is told of its home, joints that cannot be at zero are in the middle of their range there, and fingers
-    are open.
-
-    Raises:
-        InvalidModel: the file cannot be read or has a defect.
+    are open. Raises InvalidModel: the file cannot be read or has a defect.
     """
     path = as_path(path, "path")
     described = described_robot(path)

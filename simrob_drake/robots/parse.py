@@ -60,9 +60,7 @@ def held_robot(model: RobotModel, element: ET.Element | None = None) -> tuple[Mu
     """Return a plant of a robot alone, and its root, which stands at the world's origin.
 
     It has no shapes, so no mesh is looked for. ``element`` is its URDF with what it carries; its own unless given.
-
-    Raises:
-        InvalidModel: a URDF that Drake cannot read.
+    Raises InvalidModel: a URDF that Drake cannot read.
     """
     plant = MultibodyPlant(0.0)
     plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -STANDARD_GRAVITY]))

@@ -60,10 +60,8 @@ class SolidInertia:
 def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
     """Return the figures of bodies, at least one, as one; where two overlap, both count.
 
-    Every mesh must enclose a volume if ``closed``; if not, one that doesn't counts as its convex hull.
-
-    Raises:
-        InvalidModel: a mesh that Drake cannot read, or that must enclose a volume and doesn't.
+    Every mesh must enclose a volume if ``closed``; if not, one that doesn't counts as its convex hull. Raises
+    InvalidModel: a mesh that Drake cannot read, or that must enclose a volume and doesn't.
     """
     own = [
         _mesh_inertia(solid.shape, solid.scale, closed, solid.shape.stat().st_mtime_ns)
@@ -257,10 +255,7 @@ def piece_file(name: str) -> Path:
 def load_piece(name: str) -> PieceModel:
     """Return a piece of the package by its name, with all its figures.
 
-    Raises:
-        UnknownName: no such piece.
-        InvalidConfig: its file has a wrong entry.
-        InvalidModel: as for :func:`weighed`.
+    Raises UnknownName: no such piece; InvalidConfig: its file has a wrong entry; InvalidModel: as for :func:`weighed`.
     """
     return weighed(described_piece(piece_file(name)))
 
@@ -275,10 +270,7 @@ def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> P
     """Return a described piece with figures replaced, and all of them filled in.
 
     A mass replaces a density, and a density the mass; with it go a centre of mass and an inertia that are not changed.
-
-    Raises:
-        InvalidConfig: a figure that cannot be; the message names ``where``.
-        InvalidModel: as for :func:`weighed`.
+    Raises InvalidConfig: a figure that cannot be; the message names ``where``; InvalidModel: as for :func:`weighed`.
     """
     replaced = {*changes, *(("mass", "com", "inertia") if "density" in changes else ())}
     replaced |= {"density"} if "mass" in changes else set()
@@ -289,10 +281,8 @@ def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> P
 def weighed(piece: PieceModel) -> PieceModel:
     """Return a piece with mass, centre of mass and inertia filled in from its shapes, where they follow from them.
 
-    They do with a density, and with a mass but no inertia. Shapes are solid, and where two overlap both count.
-
-    Raises:
-        InvalidModel: a mesh cannot be read; with a density, a mesh does not enclose a volume, or there are no shapes.
+    They do with a density, and with a mass but no inertia. Shapes are solid, and where two overlap both count. Raises
+    InvalidModel: a mesh cannot be read; with a density, a mesh does not enclose a volume, or there are no shapes.
     """
     stated, shapes = piece.model_fields_set, piece.shapes
     if piece.density is None and ("inertia" in stated or piece.mass == 0 or not shapes):

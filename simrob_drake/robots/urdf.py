@@ -295,8 +295,7 @@ def drop_collision(robot: ET.Element) -> None:
 def mesh_file(uri: str, folder: Path) -> Path:
     """Return the file of a mesh that is named relative to a folder; robots that ship may share theirs.
 
-    Raises:
-        InvalidModel: it is missing, outside the folder, or in a format that Drake does not read.
+    Raises InvalidModel: it is missing, outside the folder, or in a format that Drake does not read.
     """
     try:
         path = (folder / uri.removeprefix("file://")).resolve()

@@ -57,8 +57,7 @@ Refuse = Callable[[str, str], InvalidModel]
 def checked_urdf(path: Path) -> ET.Element:
     """Return the ``robot`` element of a URDF file, as :func:`~simrob_drake.robots.urdf.read_urdf`, without a defect.
 
-    Raises:
-        InvalidModel: the file cannot be read or has a defect; names the element and what would be right.
+    Raises InvalidModel: the file cannot be read or has a defect; names the element and what would be right.
     """
     state = path.stat() if isfile(path) else None
     changed = state and (state.st_dev, state.st_ino, state.st_mtime_ns, state.st_size)

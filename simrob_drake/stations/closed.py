@@ -75,10 +75,7 @@ def closed_station(
     """Build a station with the sources of its references; its other inputs are zero.
 
     What each robot is asked is as the configuration says unless given; the other arguments are those of
-    :func:`~simrob_drake.stations.station.compose`.
-
-    Raises:
-        SimrobError: blocks that cannot be wired so.
+    :func:`~simrob_drake.stations.station.compose`. Raises SimrobError: blocks that cannot be wired so.
     """
     builder = DiagramBuilder()
     played = station_references(station) if references is None else references
@@ -182,9 +179,7 @@ def station_references(
 
     Samples that are given are joined by straight lines, as Simulink joins them, but by a smooth curve where their
     derivatives are needed. The configuration's references begin at ``starts`` (n,) [rad], else at the initial posture.
-
-    Raises:
-        SimrobError: a reference that does not fit the robot, or leaves its joint limits.
+    Raises SimrobError: a reference that does not fit the robot, or leaves its joint limits.
     """
     references = {}
     for robot in station.robots.values():

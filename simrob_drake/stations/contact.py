@@ -61,10 +61,7 @@ def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: Res
     """Write stiffness, dissipation, friction and modulus into the shapes of a plant.
 
     The plant is not finalized yet: a shape whose surface is written anew loses its collision filters, and finalizing
-    makes those between neighbours.
-
-    Raises:
-        InvalidParameter: a resolution that is too fine.
+    makes those between neighbours. Raises InvalidParameter: a resolution that is too fine.
     """
     config, contact = station.config, station.config.contact
     if contact is None:

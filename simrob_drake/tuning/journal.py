@@ -99,9 +99,8 @@ class Journal:
     def adding(self) -> Iterator[Callable[[Record], None]]:
         """Give what adds a record, and let no other process do so; the half of a line that one left is cut off.
 
-        Raises:
-            OutputError: another process is at work on them, or the disk does not take them.
-            InvalidConfig: a line is damaged.
+        Raises OutputError: another process is at work on them, or the disk does not take them; InvalidConfig: a line is
+        damaged.
         """
         with alone_in(self.folder):
             self.records, end = self._read()

@@ -63,10 +63,7 @@ class Cluster:
         """Yield what becomes of each task, as it comes; as :meth:`Processes.outcomes` does.
 
         Dask gives the tasks of a worker that is gone to others; one that several were working on when they died counts
-        as what killed them.
-
-        Raises:
-            SimrobError: the scheduler went away.
+        as what killed them. Raises SimrobError: the scheduler went away.
         """
         from distributed import KilledWorker, as_completed
         from distributed.client import ClosedClientError

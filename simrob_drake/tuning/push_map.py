@@ -190,10 +190,7 @@ def save_push_picture(spec: PushMap, rows: Sequence[Row], file: Path) -> None:
 
     A bar in each direction is the weakest of all moments and draws, a stroke over it their median; nothing stands
     between directions, where nothing was tried. Maps tell the weakest of all draws. Of pushes of one force all tell
-    which part of them is withstood.
-
-    Raises:
-        OutputError: the disk does not take it.
+    which part of them is withstood. Raises OutputError: the disk does not take it.
     """
     names = list(spec.settings)
     values = {name: _values(spec, [row for row in rows if row["settings"] == name]) for name in names}

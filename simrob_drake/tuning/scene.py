@@ -52,10 +52,8 @@ def run(config: StationConfig, reference: ReferenceLike | None = None) -> Simula
 def runner_of(config: StationConfig) -> Runner:
     """Return the runner of a station.
 
-    What was built for a run of the same station with other references, pushes, length or start is used again.
-
-    Raises:
-        SimrobError: a station that cannot be run at all.
+    What was built for a run of the same station with other references, pushes, length or start is used again. Raises
+    SimrobError: a station that cannot be run at all.
     """
     runner = next((found for kept in _KEPT if (found := kept.like(config)) is not None), None)
     if runner is None:

@@ -55,10 +55,8 @@ class StudyFolder:
     def __init__(self, folder: Path | str, study: Study, *, force: bool = False) -> None:
         """Begin a study in a new folder, or go on with the same one.
 
-        Raises:
-            SimrobError: a study that cannot be.
-            OutputError: the folder holds something else, or cannot be written.
-            InvalidConfig: its station has changed since it began, or a line of its journal is damaged.
+        Raises SimrobError: a study that cannot be; OutputError: the folder holds something else, or cannot be written;
+        InvalidConfig: its station has changed since it began, or a line of its journal is damaged.
         """
         folder = as_path(folder, "folder")
         self.folder, self.study = folder, study

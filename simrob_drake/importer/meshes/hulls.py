@@ -35,10 +35,8 @@ class Hull:
 def hull_of(points: Vector) -> Hull:
     """Return the convex hull of points (n, 3), with as many corners as it needs but no more than `MOST_CORNERS`.
 
-    The corners are points of the mesh, so the hull is never larger; its bounding box is the mesh's.
-
-    Raises:
-        UnreadableMesh: the points are too close together.
+    The corners are points of the mesh, so the hull is never larger; its bounding box is the mesh's. Raises
+    UnreadableMesh: the points are too close together.
     """
     solid, thickness = _thick(points)
     corners = solid[_convex(solid).vertices]

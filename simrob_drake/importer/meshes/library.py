@@ -110,11 +110,8 @@ def drake_mesh(file: Path) -> Path:
     """Return an OBJ file with the triangles of a mesh file, faces outwards; colours and textures are left out.
 
     It lies in the cache, in a folder whose name follows from the file's content. Other files that the mesh names, as
-    the buffers of a glTF, are read from its own folder only.
-
-    Raises:
-        InvalidModel: the file is missing, too large, of another format, garbage, or holds no triangles.
-        OutputError: the cache cannot be written.
+    the buffers of a glTF, are read from its own folder only. Raises InvalidModel: the file is missing, too large, of
+    another format, garbage, or holds no triangles; OutputError: the cache cannot be written.
     """
     kind = file.suffix.lower()
     if kind not in MESH_FORMATS:

@@ -38,10 +38,8 @@ def in_child(
 ) -> dict[str, Any]:
     """Let a module serve a job in a process of its own, and return the result.
 
-    ``answer`` gives what it asks for; it may take so many seconds.
-
-    Raises:
-        ChildFailed: it does not end in time, dies, or says what is wrong with the job.
+    ``answer`` gives what it asks for; it may take so many seconds. Raises ChildFailed: it does not end in time, dies,
+    or says what is wrong with the job.
     """
     environment = {name: os.environ[name] for name in _ENVIRONMENT if name in os.environ} | _SETTINGS
     environment["PYTHONPATH"] = os.pathsep.join(folder for folder in sys.path if folder)

@@ -28,10 +28,8 @@ _HIDDEN = re.compile(r"<(link|joint|visual|collision|inertial|transmission|geome
 def read_source(path: Path, report: ImportReport, options: ImportOptions | None = None) -> ET.Element:
     """Return the ``robot`` element of a URDF or xacro file, with every change noted in the report.
 
-    Elements and attributes of foreign namespaces, which no simulation uses, are left out; those of Drake stay.
-
-    Raises:
-        InvalidModel: it cannot be read, is too large, is no XML, declares entities, or holds no robot.
+    Elements and attributes of foreign namespaces, which no simulation uses, are left out; those of Drake stay. Raises
+    InvalidModel: it cannot be read, is too large, is no XML, declares entities, or holds no robot.
     """
     text = xml_text(path, report)
     robot, comments = parse_tree(text, report)

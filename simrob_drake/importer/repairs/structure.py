@@ -44,8 +44,7 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
 def _keep_known_elements(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Leave out, in place, what no simulation here uses, told once a tag; move misplaced links and joints up.
 
-    Raises:
-        InvalidModel: the robot closes a loop, or moves in a way that no station can drive.
+    Raises InvalidModel: the robot closes a loop, or moves in a way that no station can drive.
     """
     for element in [element for element in robot if element.tag in _CLOSING]:
         where = f"<{element.tag.removeprefix(DRAKE)}> '{name_of(element)}'"

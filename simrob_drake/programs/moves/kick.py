@@ -58,9 +58,8 @@ class KickMove(Move):
     def swing(self, robot: LeggedGeometry, station: StationConfig, aim: Mapping[str, Any]) -> JointMotion:
         """Plan the kick through the point of an aim.
 
-        Raises:
-            InvalidParameter: a speed at which a joint would turn faster than its motor does without load.
-            SimrobError: as :meth:`simrob_drake.LeggedRobot.act`.
+        Raises InvalidParameter: a speed at which a joint would turn faster than its motor does without load;
+        SimrobError: as :meth:`simrob_drake.LeggedRobot.act`.
         """
         own = {} if self.speed is None else {"speed": self.speed}
         motion = planned_gait(robot, self.gait, {**aim, **own, **(self.model_extra or {})}, station=station)

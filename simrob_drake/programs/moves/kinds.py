@@ -78,8 +78,7 @@ def check_move(content: Mapping[str, Any]) -> Move:
 def check_entry(entry: Any, where: str, kinds: Mapping[str, type[Move]] = KINDS) -> Move:
     """Return the move that an entry of a program's file is, checked by itself, so that messages can name it.
 
-    Raises:
-        InvalidConfig: no mapping, a kind that there is not, or a wrong key or value; names ``where``.
+    Raises InvalidConfig: no mapping, a kind that there is not, or a wrong key or value; names ``where``.
     """
     if not isinstance(entry, Mapping):
         raise InvalidConfig(where, "", f"must be a mapping of keys to values (it is {quoted(entry)})")

@@ -154,9 +154,7 @@ def goals_of(
 ) -> Vector:
     """Return the postures (m, n) within the limits that will do, nearest first.
 
-    Raises:
-        InvalidParameter: none or several targets, or what is no target.
-        Unreachable: there is no posture.
+    Raises InvalidParameter: none or several targets, or what is no target; Unreachable: there is no posture.
     """
     whole(seed, "seed", 0, _MOST_SEED)
     if (targets is None) == (joints is None):

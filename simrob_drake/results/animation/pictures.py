@@ -130,9 +130,7 @@ def _counted(images: Iterable[Pixels], move: Advance | None) -> Iterator[Pixels]
 def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) -> Path:
     """Write images of one size, shape (h, w, 3) of even numbers, as a video (H.264), and return its file.
 
-    Raises:
-        SimrobError: the package that writes videos is not installed.
-        OutputError: the file cannot be written.
+    Raises SimrobError: the package that writes videos is not installed; OutputError: the file cannot be written.
     """
     write_frames, images = frame_writer(), iter(images)
     first = next(images)
