@@ -28,8 +28,7 @@ _SPEEDS = JacobianWrtVariable.kV
 _PARTS = {"all": slice(0, 6), "translation": slice(0, 3), "rotation": slice(3, 6)}
 _FIRST_LOOKS, _SWEEPS, _ANGLES = 500, 3, 25
 """Postures that are tried for the weakest one, and how often and how finely each axis is searched from there."""
-_NOTHING = 1e-9
-"""A joint that a kilogram loads by less does not feel it [N·m or N]."""
+_NOTHING = 1e-9  # a joint that a kilogram loads by less does not feel it [N·m or N]
 
 
 class Dynamics:

@@ -5,8 +5,7 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-_LONGEST = 2000
-"""Letters of a message: lists of what is known are long, too, but what a user gave may be a megabyte."""
+_LONGEST = 2000  # letters of a message: lists of what is known are long, too, but what a user gave may be a megabyte
 
 
 class SimrobError(ValueError):

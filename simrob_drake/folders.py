@@ -17,8 +17,7 @@ from simrob_drake.errors import OutputError
 CACHE_VARIABLE = "XDG_CACHE_HOME"
 """The environment variable that says where caches lie; without it that is ``~/.cache``."""
 _KEPT = 90 * 24 * 3600.0  # s
-_WORKSHOP = ".simrob-part"
-"""How the hidden folders end in which work grows until it is whole."""
+_WORKSHOP = ".simrob-part"  # how the hidden folders end in which work grows until it is whole
 _YOUNG = 60.0  # s in which such a folder may not be locked yet
 _BEFORE = "before"  # what stands there is a user's
 

@@ -27,10 +27,8 @@ Vector = np.ndarray[Any, np.dtype[np.float64]]
 PoseLike: TypeAlias = RigidTransform | npt.ArrayLike
 """A pose in any form: a RigidTransform, a pose vector (6,), or a homogeneous matrix (4, 4)."""
 
-_RIGID = 1e-6
-"""By how much a matrix may miss a rotation: printed figures pass, a scaled matrix does not."""
-_APART = 1e-9
-"""Points nearer to each other, or to a line through others, define no frame [m]."""
+_RIGID = 1e-6  # by how much a matrix may miss a rotation: printed figures pass, a scaled matrix does not
+_APART = 1e-9  # points nearer to each other, or to a line through others, define no frame [m]
 
 
 def as_transform(pose: PoseLike) -> RigidTransform:

@@ -12,10 +12,8 @@ from scipy.spatial.transform import Rotation
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, Vector, as_transform, point
 
-_STRAIGHT = 1e-6
-"""Sine of the angle between two chords below which three points count as collinear."""
-_APART = 1e-6
-"""Points of an arc nearer to each other count as one [m]."""
+_STRAIGHT = 1e-6  # sine of the angle between two chords below which three points count as collinear
+_APART = 1e-6  # points of an arc nearer to each other count as one [m]
 
 
 def line(start: npt.ArrayLike, end: npt.ArrayLike, part: npt.ArrayLike) -> Vector:

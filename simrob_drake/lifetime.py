@@ -27,8 +27,7 @@ R = TypeVar("R")
 _PEERS = "_pydrake_internal_ref_cycle_peers"
 """Where Drake keeps what must live as long as an object: ports, callbacks of events, builders."""
 
-_FEW = 4
-"""Diagrams that may wait to be collected, of about 2 MB each."""
+_FEW = 4  # diagrams that may wait to be collected, of about 2 MB each
 _PAUSE = 4
 """Times as long as a collection took the next one waits: it is quick in a small process, and slow in a large one."""
 

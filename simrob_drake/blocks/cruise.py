@@ -26,8 +26,7 @@ _ROUNDING = 3.0
 """Parts of a ramp of an S-curve unless its jerk is told: in the first the acceleration rises, in the last it falls."""
 LONGEST_RAMP = _ROUNDING / (_ROUNDING - 1)
 """How many times as long it takes as that of a trapezoid of the same speed and acceleration."""
-_RAMP = 0.25
-"""Part of the whole time that a ramp takes where only that time is told."""
+_RAMP = 0.25  # part of the whole time that a ramp takes where only that time is told
 _NO_WAY = 1e-9  # rad or m
 _QUICKEST = 1e-4  # s: what a ramp takes at least, and its rise, so that they are times that can be told apart
 _LOOKS = 500  # at each polynomial of a law

@@ -138,8 +138,7 @@ def _stem(column: str) -> str:
 
 NUMBERS = "engines.csv"
 """The file that every folder of a comparison of engines holds."""
-_SMALLEST = 1e-4
-"""What a picture shows, as a part of the largest."""
+_SMALLEST = 1e-4  # what a picture shows, as a part of the largest
 _WORDS = {
     ("q", ""): "joint positions",
     ("v", ""): "joint speeds",

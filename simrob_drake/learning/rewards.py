@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from simrob_drake.frames import Vector
 
-_KERNEL = 0.4
-"""By how much speeds differ from the goal where tracking gives 1/e of its most [m/s]."""
+_KERNEL = 0.4  # by how much speeds differ from the goal where tracking gives 1/e of its most [m/s]
 
 
 @dataclass(frozen=True)

@@ -102,8 +102,7 @@ class PolicySensors:
         return sensor
 
 
-_FAR = 1e4
-"""Beyond any rate, goal or force that a robot bears [rad/s, m, N]."""
+_FAR = 1e4  # beyond any rate, goal or force that a robot bears [rad/s, m, N]
 
 
 def spaces(

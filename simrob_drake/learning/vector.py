@@ -37,8 +37,7 @@ _HELD = ("contact", "floor", "gravity", "joint_stops", "pieces", "servo", "robot
 _KNOWN = ("position", "velocity", "attitude", "angular_velocity", "action", "clock", "goal")
 _ASTRAY = 1e6  # of any coordinate
 _MOST = 100_000  # robots, or threads
-_STEADY = 100.0
-"""The largest kd h / I of a servo: of 32 that stand, roid1 loses none at 97, one at 193, 14 at 386."""
+_STEADY = 100.0  # the largest kd h / I of a servo: of 32 that stand, roid1 loses none at 97, one at 193, 14 at 386
 
 
 class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):

@@ -30,12 +30,9 @@ Posture = npt.ArrayLike | Mapping[str, npt.ArrayLike]
 _OUTPUTS = {"position": "q", "velocity": "v", "torque": "tau"}
 _TOOL = ("x", "y", "z", "rx", "ry", "rz")
 _MOST_STEPS = 30
-_AT_REST = 1e-9
-"""What is left of accelerations where a station rests [rad/s²]."""
-_ROUNDING = 1e-12
-"""And what part of the terms that they are made of."""
-_LONGEST = 0.2
-"""Of a step on the way to the rest [rad or m]."""
+_AT_REST = 1e-9  # what is left of accelerations where a station rests [rad/s²]
+_ROUNDING = 1e-12  # and what part of the terms that they are made of
+_LONGEST = 0.2  # of a step on the way to the rest [rad or m]
 
 
 class NoRest(SimrobError):

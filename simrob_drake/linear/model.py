@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 MODEL_FILE = "linear.yaml"
 _MATRICES, _POINT, _NAMES = ("A", "B", "C", "D"), ("x0", "u0", "y0"), ("states", "inputs", "outputs")
 _POINTS = 600
-_BEYOND = 10.0
-"""How many times slower and faster than the slowest and the fastest motion the frequencies go."""
+_BEYOND = 10.0  # how many times slower and faster than the slowest and the fastest motion the frequencies go
 
 
 @dataclass(frozen=True)

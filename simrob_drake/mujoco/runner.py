@@ -30,11 +30,9 @@ from simrob_drake.stations.config import MOST_SAMPLES, StationConfig
 from simrob_drake.stations.mujoco.model import STEP
 from simrob_drake.stations.station import StationLike, config_of
 
-_ASTRAY = 1e6
-"""No station has a position or velocity like this [SI units]: it has run away."""
+_ASTRAY = 1e6  # no station has a position or velocity like this [SI units]: it has run away
 _ROUNDING = 1e-9  # s, and as a part
-_STABLE = 2.0
-"""An explicit damper on a mass is stable while kd h / M stays below this."""
+_STABLE = 2.0  # an explicit damper on a mass is stable while kd h / M stays below this
 Onsets = dict[str, float]
 
 

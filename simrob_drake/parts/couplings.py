@@ -31,8 +31,7 @@ from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
 
 _ANCHOR = "couplings_anchor"
-_CLOSED = 1e-3
-"""How far apart at the start what is held together may be [m or rad]."""
+_CLOSED = 1e-3  # how far apart at the start what is held together may be [m or rad]
 STIFFNESS, RELAXES = 2000.0**2, 2e-4
 """Stiffness of a coupling by what it holds [1/s²], and its damper by that [s]."""
 _HALF_APART = 0.025  # m: of the points on a hinge's axis

@@ -172,8 +172,7 @@ class SineForce(ForceSection):
 
 
 _PERIOD = 0.01  # s between samples
-_LIFT = 0.25
-"""How far a target must be for a pull as strong as the weight of all that hangs together [m]."""
+_LIFT = 0.25  # how far a target must be for a pull as strong as the weight of all that hangs together [m]
 _LIGHTEST = 1e-3  # kg
 _JUST_AFTER = 1e-9
 """A sample at the time of a target's change is one of the target before, however both times are rounded [s]."""

@@ -241,8 +241,7 @@ class SineWave(ReferenceSection):
 
 
 TIME_COLUMN = "time"
-_MOST_VALUES = 500_000
-"""More take a gigabyte of memory in a run."""
+_MOST_VALUES = 500_000  # more take a gigabyte of memory in a run
 
 Interpolation = Literal["cubic", "linear", "hermite"]
 

@@ -16,8 +16,7 @@ from simrob_drake.files import content_of, read_matrix
 from simrob_drake.frames import Vector
 from simrob_drake.sections import Integer, Number, Positive, Strict
 
-_BELOW = 0.05
-"""How far the boxes reach below the lowest of their tops, and how thick what is soft is at least [m]."""
+_BELOW = 0.05  # how far the boxes reach below the lowest of their tops, and how thick what is soft is at least [m]
 _AROUND = 1.0  # level ground behind the field at least [m]
 MOST_BOXES = 1000  # contact looks at each
 _MOST_PIXELS = 100_000  # of a picture of heights

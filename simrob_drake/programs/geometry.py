@@ -217,8 +217,7 @@ class ArmGeometry(CellRobot):
         return self.dynamics.inverse_dynamics(self.position if q is None else q, v, a)
 
 
-_STAYS = (1e-4, 1e-3)
-"""What counts as a foot that stays [m, rad]: soles that sink in stand a little crooked."""
+_STAYS = (1e-4, 1e-3)  # what counts as a foot that stays [m, rad]: soles that sink in stand a little crooked
 _WHOLE_POSE = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 _PLACE_ONLY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 

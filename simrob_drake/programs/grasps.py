@@ -18,8 +18,7 @@ from simrob_drake.stations.resolve import resolve
 REACH = 0.03
 """How far from a piece the tool that takes it may be, or the link that it is put on [m]."""
 _THIN = 1e-9  # half of the sides of a point [m]
-_Box = tuple[RigidTransform, Vector]
-"""Pose in the world, and half of the sides (3,) [m]."""
+_Box = tuple[RigidTransform, Vector]  # pose in the world, and half of the sides (3,) [m]
 
 
 def taken(model: StationModel, piece: str, parent: str, *, frame: str | None = None) -> StationConfig:

@@ -31,8 +31,7 @@ from simrob_drake.stations.station import StationLike, config_of
 
 GOES_ON = ("completed", "monitor")
 """Endings of a run after which the next one begins where it ended."""
-_SAME_PLACE = 1e-9
-"""How far from the robot's reference a plan may begin [rad or m]."""
+_SAME_PLACE = 1e-9  # how far from the robot's reference a plan may begin [rad or m]
 
 
 class StatefulStation:

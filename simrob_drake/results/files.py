@@ -26,8 +26,7 @@ RUNS = Path("runs")
 SUMMARY = "summary.json"
 START = "start.json"
 EVENTS, PROGRAM, COMMANDS = "events.csv", "program.yaml", "commands.yaml"
-_TRAJECTORY_RATE = 1000.0
-"""Samples a second [Hz] of a Drake trajectory that is not made of smooth cubics."""
+_TRAJECTORY_RATE = 1000.0  # samples a second [Hz] of a Drake trajectory that is not made of smooth cubics
 
 
 class Saved(TypedDict, total=False):

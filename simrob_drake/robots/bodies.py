@@ -42,8 +42,7 @@ from simrob_drake.sections import Number, Positive, Strict
 
 _USUAL = re.compile(r"tool|tcp|flange|attachment|end_?effector|(^|_)ee(_|f?$)|tip|grasp", re.IGNORECASE)
 """Names that published robots give to the place of the tool."""
-_GRASPS = re.compile(r"tcp|tip|grasp", re.IGNORECASE)
-"""Those of them that say where fingers grasp."""
+_GRASPS = re.compile(r"tcp|tip|grasp", re.IGNORECASE)  # those of them that say where fingers grasp
 _SHAPES = ("visual", "collision")
 
 

@@ -44,8 +44,7 @@ from simrob_drake.sections import (
 )
 from simrob_drake.yaml_files import read_yaml
 
-_NOTHING = 1e-12
-"""Products of inertia smaller than this part of the largest moment are rounding."""
+_NOTHING = 1e-12  # products of inertia smaller than this part of the largest moment are rounding
 
 
 @dataclass(frozen=True)

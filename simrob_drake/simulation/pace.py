@@ -29,11 +29,9 @@ from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
 from simrob_drake.stations.steps import DISCRETE, apply_solver, bound_steps, controlled_by, stiffest
 
 _TRIAL = 0.3  # s of a clock, each
-_GAIN = 3.0
-"""So many times as far a trial without a suspect must get in its time: then that is to blame."""
+_GAIN = 3.0  # so many times as far a trial without a suspect must get in its time: then that is to blame
 _MOST = 4  # pairs that are tried without, one by one
-_SHORT = 0.1
-"""Part of ``max_step`` below which steps are short; longer ones are dear."""
+_SHORT = 0.1  # part of ``max_step`` below which steps are short; longer ones are dear
 _LOOKS = 3  # at what a step costs
 _HALF = 0.5  # of what a step costs: then a part is to blame
 _LONGEST = 1e3  # s of simulated time
@@ -197,13 +195,10 @@ def _discrete(config: StationConfig) -> tuple[str, StationConfig]:
 
 
 _OVER = 100  # steps
-_CREEPING = 1e-5
-"""A mean step as small creeps: a hundred thousand steps a simulated second [s]."""
+_CREEPING = 1e-5  # a mean step as small creeps: a hundred thousand steps a simulated second [s]
 _PATIENCE = 5.0  # s of a clock
-_SLOWEST = 0.02
-"""Part of real time that a run should make at least."""
-_BUSY = 0.5
-"""Part of a processor: a process that gets less has to wait for others."""
+_SLOWEST = 0.02  # part of real time that a run should make at least
+_BUSY = 0.5  # part of a processor: a process that gets less has to wait for others
 _OFTEN = 0.02  # s of a clock; a look at the processor's takes long on some machines
 _PAUSE, _IDLE = 0.5, 0.01
 """Where a step takes so long [s], and a processor works so small a part of that, somebody has paused the run."""
@@ -286,8 +281,7 @@ _IN_FLIGHT = (1e-3, 1e-3)
 """Longest step [s] and coarsest accuracy: a humanoid that moves its legs then keeps its momentum within 0.1 %."""
 _LOOK_EVERY = 5  # steps
 _JUST_OVER = 1e-3  # m
-_FALLS = 0.3
-"""Part of gravity by which a body must gain speed downward before that is done."""
+_FALLS = 0.3  # part of gravity by which a body must gain speed downward before that is done
 
 
 class Flight:

@@ -127,14 +127,12 @@ def listed(names: list[str]) -> str:
 
 
 _LISTED = 6  # links that carry
-_DROP = 2e-3
-"""A robot that starts higher over the floor than this drops on it [m]."""
+_DROP = 2e-3  # a robot that starts higher over the floor than this drops on it [m]
 
 _STEADY = np.tan(np.deg2rad(1.0))
 """Part of its height by which the centre of mass has to be inside of the support area: servos sag."""
 
-_FASTER = 1.001
-"""A speed by straight lines between looks counts as beyond a limit from this part of it on."""
+_FASTER = 1.001  # a speed by straight lines between looks counts as beyond a limit from this part of it on
 
 
 def check_station(config: StationConfig) -> list[Finding]:

@@ -30,8 +30,7 @@ from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.station import compose
 
 _MOTION = "reference", "reference_velocity", "reference_acceleration"
-_LOOKS = 500
-"""At how many times a reference is checked against the joint limits."""
+_LOOKS = 500  # at how many times a reference is checked against the joint limits
 
 
 @dataclass(frozen=True)

@@ -214,8 +214,7 @@ def _named(robot: RobotModel, values: Vector) -> dict[str, float]:
     return dict(zip(robot.axes, values.tolist(), strict=True))
 
 
-_WORK = 10_000
-"""Evaluations of the dynamics that a trial may take: about what 3 s in discrete steps of 1 ms cost."""
+_WORK = 10_000  # evaluations of the dynamics that a trial may take: about what 3 s in discrete steps of 1 ms cost
 _LEANS, _SINKS = 10.0, 0.1  # deg, and part of its height: a robot that leans or sinks more does not stand
 
 

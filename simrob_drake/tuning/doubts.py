@@ -285,8 +285,7 @@ _KINDS: dict[str, Callable[[_Thought], _Space]] = {
     "torque": _sagging,
     "latency": _late,
 }
-_ROBOTS = 5
-"""The place of the stream of whole robots, from when there were so many kinds."""
+_ROBOTS = 5  # the place of the stream of whole robots, from when there were so many kinds
 SOLVER, SECOND_ENGINE = NUMERICAL
 MOVES = "moves"
 KINDS = (*_KINDS, SOLVER, SECOND_ENGINE)

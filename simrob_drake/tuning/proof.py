@@ -30,8 +30,7 @@ from simrob_drake.tuning.study_folder import STUDY, winner_of
 from simrob_drake.tuning.trial import COMPLETED, Row, table, write_rows
 
 PROVE, TABLE, PAGE = "prove.yaml", "prove.csv", "prove.html"
-_ASKED = re.compile(r"(^|\.)(reference|gait|program|commands)(\.|$)")
-"""Keys that say what is asked."""
+_ASKED = re.compile(r"(^|\.)(reference|gait|program|commands)(\.|$)")  # keys that say what is asked
 
 
 class Proof(Strict):

@@ -32,8 +32,7 @@ from simrob_drake.sections import NotNegative, Number, Positive, Strict
 
 _TOUCHES = 0.003
 """How high above the lowest foot another still touches the floor, since servos and contacts give way [m]."""
-_REACHED = 0.7
-"""Part of a step after which the foot is as far as it goes, and only comes down."""
+_REACHED = 0.7  # part of a step after which the foot is as far as it goes, and only comes down
 
 
 class CaptureStep(Strict):

@@ -23,8 +23,7 @@ from simrob_drake.sections import NotNegative, Positive, Triple
 _DAMPED = 1e-6 * np.eye(6)
 """The damping of the least squares, squared: near a singularity joints move less, elsewhere it does not show."""
 
-_NEAR = 0.2
-"""How near the force must be to what is asked for, as a part of that, for the integral to act."""
+_NEAR = 0.2  # how near the force must be to what is asked for, as a part of that, for the integral to act
 
 
 def _unit(direction: Triple) -> Triple:

@@ -208,8 +208,7 @@ def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None
             raise InvalidParameter(f"controllers.{other}", conflict, expected)
 
 
-_FAR = 1e3
-"""Where an axis without limits is taken to end [rad or m]."""
+_FAR = 1e3  # where an axis without limits is taken to end [rad or m]
 
 
 def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSection]) -> None:

@@ -26,8 +26,7 @@ from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.robots.axis_map import PositiveAxisValues
 from simrob_drake.sections import Frequency, Number, Positive
 
-_LARGEST = 10_000_000
-"""Of a file [bytes]: a policy of a million weights has less than half of it."""
+_LARGEST = 10_000_000  # of a file [bytes]: a policy of a million weights has less than half of it
 _FLOATS = {"tensor(float)": np.float32, "tensor(double)": np.float64}
 
 

@@ -17,10 +17,8 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 
-_COUNTS = 0.003
-"""By how much a point of the feet is higher than the lowest when it counts e times less [m]."""
-_LOWEST = 0.01
-"""The least height of the centre of mass that is reckoned with [m]: a robot that lies has fallen."""
+_COUNTS = 0.003  # by how much a point of the feet is higher than the lowest when it counts e times less [m]
+_LOWEST = 0.01  # the least height of the centre of mass that is reckoned with [m]: a robot that lies has fallen
 
 Direction = Literal["sagittal", "lateral", "forward", "backward", "left", "right"]
 _SENSES: dict[Direction, tuple[float, float, float]] = {

@@ -42,12 +42,9 @@ from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundi
 from simrob_drake.sections import Boolean, Positive
 from simrob_drake.signals import Panel, Signal
 
-_COUNTS = 0.003
-"""By how much a point of the feet is higher than the lowest when it counts e times less [m]."""
-_BIAS = 1.0
-"""Time constant of the bias of the accelerometer [s]."""
-_LEVELS = 1.0
-"""Time constant of the height over level ground [s]."""
+_COUNTS = 0.003  # by how much a point of the feet is higher than the lowest when it counts e times less [m]
+_BIAS = 1.0  # time constant of the bias of the accelerometer [s]
+_LEVELS = 1.0  # time constant of the height over level ground [s]
 _READS = {"position": "encoders", "orientation": "imu", "angular_velocity": "imu", "specific_force": "imu"}
 _PARTS = {
     "base_pose": (XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, "position [m]"),

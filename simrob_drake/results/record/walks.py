@@ -17,8 +17,7 @@ from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.run import RecordedRun, fallen
 from simrob_drake.results.record.touch import legged
 
-_SHORTEST_WAY = 0.01
-"""Way below which a cost of transport means nothing [m]."""
+_SHORTEST_WAY = 0.01  # way below which a cost of transport means nothing [m]
 _AT_LIMIT = 0.999  # share of a torque limit
 
 

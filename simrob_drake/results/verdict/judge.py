@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 AT_LIMIT = 0.999
 """From which part of it on an axis is at its limit of torque."""
-_WENT_ON = "completed", "monitor"
-"""How runs end at whose end axes should be where they are asked to be."""
+_WENT_ON = "completed", "monitor"  # how runs end at whose end axes should be where they are asked to be
 
 
 class _Axes(NamedTuple):

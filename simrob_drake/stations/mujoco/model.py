@@ -154,8 +154,7 @@ mujoco.set_mju_user_warning(lambda _: None)  # runs that go astray are told by t
 STEP = 2e-3
 """Length of MuJoCo's steps unless given [s]."""
 _FAR = 10.0  # m
-_STICK = 1.0
-"""How much harder friction is than the mass of what slides: more takes MuJoCo's solver twice as long."""
+_STICK = 1.0  # how much harder friction is than the mass of what slides: more takes MuJoCo's solver twice as long
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,7 @@ from simrob_drake.stations.mujoco.model import mujoco_model
 from simrob_drake.stations.mujoco.servos import Servos
 from simrob_drake.stations.resolve import ResolvedStation
 
-_NOT_YET = np.inf
-"""In place of accelerations, before the first step."""
+_NOT_YET = np.inf  # in place of accelerations, before the first step
 
 
 class Step(NamedTuple):

@@ -26,8 +26,7 @@ from simrob_drake.stations.mujoco.coordinates import Names
 _TOGETHER, _ROUNDS = 5, 100
 """So often all motors that are on a wrong side change together; then the first of them alone, which cannot go on for
 ever where torques turn joints their way (Murty's least-index rule for linear complementarity)."""
-_LINE = 2.0
-"""The side, to either hand, of a motor at the line of its torque over its speed; 1 is at its limit."""
+_LINE = 2.0  # the side, to either hand, of a motor at the line of its torque over its speed; 1 is at its limit
 _NO_LIMIT = np.finfo(float).max  # as good as none, and zero times it is zero
 
 

@@ -27,8 +27,7 @@ from simrob_drake.parts.site import StationPlant
 from simrob_drake.parts.targets import own_name
 from simrob_drake.stations.mujoco.coordinates import Names, free_name
 
-_LEAST = 1e-9
-"""MuJoCo takes no body without moments of inertia, as point masses on a link are [kg m²]."""
+_LEAST = 1e-9  # MuJoCo takes no body without moments of inertia, as point masses on a link are [kg m²]
 _JOINTS = {RevoluteJoint: mujoco.mjtJoint.mjJNT_HINGE, PrismaticJoint: mujoco.mjtJoint.mjJNT_SLIDE}
 
 
