@@ -15,9 +15,9 @@ from simrob_drake.frames import PoseLike
 from simrob_drake.kinematics.analytic import SolverLike
 from simrob_drake.programs.automatic import pace_of, run_cells
 from simrob_drake.programs.geometry import ArmGeometry
-from simrob_drake.programs.method_help import describe
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kinds import move_from
+from simrob_drake.programs.moves.motion import describe
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, move_name, naming
 from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
 from simrob_drake.programs.moves.move_c import plan_move_c

@@ -138,22 +138,6 @@ class ProofFolder:
         return {**named(costs), "over_limits": over}
 
 
-_PAGE = Template("""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>$title</title><style>
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color: #222 }
-table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }
-td, th { padding: .2rem .8rem; border-bottom: 1px solid #ddd; text-align: right }
-td:first-child, th:first-child { text-align: left }
-.conclusion { border-left: .4rem solid $colour; padding: .2rem 1rem; background: #f6f6f6 }
-img { max-width: 100% }
-</style></head><body>
-<h1>$title</h1>
-<div class="conclusion">$conclusion</div>
-<h2>Under which doubt</h2>$doubts
-<h2>What was measured</h2>$measures<img alt="what was measured, by doubt" src="data:image/png;base64,$plot">
-<h2>What is compared</h2>$compared
-</body></html>
-""")
 _WIDTH, _HEIGHT, _COLUMNS, _DPI = 4.6, 2.8, 3, 100  # inches of a frame, and frames in a row
 _ASIDE = 0.15  # of the two that are compared, so that their dots stand side by side
 
@@ -161,7 +145,7 @@ _ASIDE = 0.15  # of the two that are compared, so that their dots stand side by 
 def page(title: str, proven: bool, words: Sequence[str], rows: Sequence[Row], of: Mapping[str, Parameters]) -> str:
     """Return the page: the conclusion, its sentences, the shortest first, the runs, and what is compared."""
     first, *others = (escape(words[0]), *(f"<p>{escape(sentence)}</p>" for sentence in words[1:]))
-    return _PAGE.substitute(
+    return Template(Path(__file__).with_suffix(".html").read_text(encoding="utf-8")).substitute(
         title=escape(title),
         colour=GOOD if proven else BAD,
         conclusion=f"<p><strong>{first}</strong></p>{''.join(others)}",
