@@ -35,8 +35,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.sections import Boolean, NotNegative, Number, Strict
 from simrob_drake.yaml_files import parse_yaml
 
-Values = dict[str, Any]
-"""Of keys, by dotted paths."""
+Values = dict[str, Any]  # of keys, by dotted paths
 _MOST = 10_000
 _FAR = 1e-12  # a normal distribution is cut off where so small a part of all draws lies beyond
 

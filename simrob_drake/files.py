@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from simrob_drake.errors import InvalidConfig, shortened
 
-LARGEST_TEXT = 1_000_000
-"""Of files that are written by hand [bytes]: a station's has some thousand."""
+LARGEST_TEXT = 1_000_000  # of files that are written by hand [bytes]: a station's has some thousand
 
 
 class NotRead(OSError):
@@ -79,8 +78,7 @@ def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
         raise NotRead(f"it is no text in UTF-8: {problem.reason} in byte {problem.start}") from problem
 
 
-LARGEST_TABLE = 100_000_000
-"""Of a file [bytes]: a million rows of seven columns."""
+LARGEST_TABLE = 100_000_000  # of a file [bytes]: a million rows of seven columns
 _LONGEST_LINE = 1_000_000  # letters
 
 

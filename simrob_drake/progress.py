@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from rich.console import Console  # it is loaded where something is said
 
-REFRESH = 0.1
-"""Time between two movements of a bar [s]."""
-SELDOM = 60.0
-"""Time between two remarks where there is no bar, as in a log [s]."""
+REFRESH = 0.1  # time between two movements of a bar [s]
+SELDOM = 60.0  # time between two remarks where there is no bar, as in a log [s]
 
 
 def note(text: str, *, shown: bool) -> None:

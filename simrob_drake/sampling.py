@@ -15,8 +15,7 @@ from simrob_drake.sections import Integer, Strict
 
 Sampling = Literal["sobol", "latin", "random", "grid"]
 """Sobol's sequence, scrambled; a Latin hypercube; independent draws; or all combinations of even spacings."""
-COUNT = 16
-"""How many cases, unless told."""
+COUNT = 16  # how many cases, unless told
 _Case = TypeVar("_Case")
 _MOST, _MOST_CASES = 10_000, 100_000
 
@@ -28,8 +27,7 @@ def _in_order(space: dict[str, AnyDistribution]) -> dict[str, AnyDistribution]:
     return space
 
 
-Space = Annotated[dict[str, AnyDistribution], AfterValidator(_in_order)]
-"""Distributions by the dotted paths of keys."""
+Space = Annotated[dict[str, AnyDistribution], AfterValidator(_in_order)]  # distributions by the dotted paths of keys
 
 
 def applying(space: Mapping[str, Distribution], values: Sequence[Any]) -> Values:

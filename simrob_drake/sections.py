@@ -36,8 +36,7 @@ else:
     ModelMetaclass = type(BaseModel)  # which has no public name
 
 Model = TypeVar("Model", bound=BaseModel)
-Number = Annotated[float, Field(strict=True)]
-"""A number, and no text or truth value that could pass for one."""
+Number = Annotated[float, Field(strict=True)]  # a number, and no text or truth value that could pass for one
 Integer = Annotated[int, Field(strict=True)]
 Boolean = Annotated[bool, Field(strict=True)]
 _DEEPEST = 60
@@ -66,8 +65,7 @@ def check_plain(name: str) -> None:
         raise ValueError(f"'{shortened(name)}' is no plain name ({rule})")
 
 
-FileName = Annotated[str, AfterValidator(_file_name)]
-"""A name that folders may be called by: one segment of a path."""
+FileName = Annotated[str, AfterValidator(_file_name)]  # a name that folders may be called by: one segment of a path
 
 
 _QUOTED = re.compile(r"'([^']+)'")
@@ -90,8 +88,7 @@ class Strict(BaseModel, metaclass=_CheckedModel):
     """Base of everything read from YAML: unknown keys are errors, and nothing changes after reading."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
-    of_any_size: ClassVar[bool] = False
-    """Whether its figures may be of any size, as measured ones may."""
+    of_any_size: ClassVar[bool] = False  # whether its figures may be of any size, as measured ones may
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy with other values of some fields; what was worked out of the fields before is not copied."""
@@ -288,21 +285,17 @@ def schema_branches(node: dict[str, Any], schema: dict[str, Any]) -> list[dict[s
     return [branch for one in alternatives for branch in schema_branches(one, schema)] if alternatives else [node]
 
 
-FASTEST_RATE = 1e4
-"""Largest rate at which signals are sampled [Hz]: ten samples in a step of 1 ms."""
+FASTEST_RATE = 1e4  # largest rate at which signals are sampled [Hz]: ten samples in a step of 1 ms
 
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
-Length = Annotated[Positive, Field(le=100)]
-"""Of a robot, or of what it does [m]."""
-Speed = Annotated[NotNegative, Field(le=100)]
-"""Of a robot over the ground [m/s]: 360 km/h."""
+Length = Annotated[Positive, Field(le=100)]  # of a robot, or of what it does [m]
+Speed = Annotated[NotNegative, Field(le=100)]  # of a robot over the ground [m/s]: 360 km/h
 Frequency = Annotated[Number, Field(gt=0, le=FASTEST_RATE)]
 """Of something that swings [Hz]: no faster than signals can show."""
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Triple = tuple[Number, Number, Number]
-FARTHEST, MOST_TURN = 30.0, 2.01 * pi
-"""What is told in other units than m and rad lies beyond that."""
+FARTHEST, MOST_TURN = 30.0, 2.01 * pi  # what is told in other units than m and rad lies beyond that
 
 
 def _in_metres(place: Any) -> Any:
@@ -311,12 +304,9 @@ def _in_metres(place: Any) -> Any:
     return place
 
 
-Place = Annotated[Triple, AfterValidator(_in_metres)]
-"""[x y z] on a body [m]."""
-Pose = tuple[Number, Number, Number, Number, Number, Number]
-"""[x y z Rz Ry Rx], R = Rz·Ry·Rx [m, rad]."""
-Colour = tuple[Fraction, Fraction, Fraction, Fraction]
-"""Red, green, blue, opacity."""
+Place = Annotated[Triple, AfterValidator(_in_metres)]  # [x y z] on a body [m]
+Pose = tuple[Number, Number, Number, Number, Number, Number]  # [x y z Rz Ry Rx], R = Rz·Ry·Rx [m, rad]
+Colour = tuple[Fraction, Fraction, Fraction, Fraction]  # red, green, blue, opacity
 ORIGIN: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -327,10 +317,8 @@ def _time(time: float) -> float:
     return time
 
 
-Duration = Annotated[Number, Field(gt=0), AfterValidator(_time)]
-"""A time that something takes [s]."""
-Instant = Annotated[Number, Field(ge=0), AfterValidator(_time)]
-"""When something begins, from the start of the run [s]."""
+Duration = Annotated[Number, Field(gt=0), AfterValidator(_time)]  # a time that something takes [s]
+Instant = Annotated[Number, Field(ge=0), AfterValidator(_time)]  # when something begins, from the start of the run [s]
 
 
 def _possible(inertia: tuple[float, ...]) -> tuple[float, ...]:

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from simrob_drake.cli import ExitCode
 
-DEBUG = "SIMROB_DEBUG"
-"""The environment variable that shows tracebacks."""
+DEBUG = "SIMROB_DEBUG"  # the environment variable that shows tracebacks
 
 
 def main() -> None:

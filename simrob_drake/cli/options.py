@@ -130,10 +130,8 @@ def with_group(group: type[Any], name: str) -> Callable[[Callable[..., Any]], Ca
     return with_options
 
 
-with_saving = with_group(Saving, "saving")
-"""Give a command the options of :class:`Saving`."""
-with_rapid = with_group(RapidOptions, "rapid")
-"""Give a command those of :class:`RapidOptions`."""
+with_saving = with_group(Saving, "saving")  # give a command the options of :class:`Saving`
+with_rapid = with_group(RapidOptions, "rapid")  # give a command those of :class:`RapidOptions`
 
 
 def _signature(command: Callable[..., Any], name: str, instead: list[inspect.Parameter]) -> inspect.Signature:

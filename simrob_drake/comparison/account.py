@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-FINER = 4
-"""How many times finer the second run is."""
+FINER = 4  # how many times finer the second run is
 _QUATERNION = 4
 _NEXT_TO_NOTHING = 1e-3  # SI units; rounding does not end with what is zero
 _IMPOSED = ("reference", "applied")  # what went in
@@ -43,8 +42,7 @@ class Quantity:
     unit: str
 
 
-Values = Mapping[Quantity, Vector]
-"""Quantities at times (m,), shape (m, k) each."""
+Values = Mapping[Quantity, Vector]  # quantities at times (m,), shape (m, k) each
 
 
 @dataclass(frozen=True)
@@ -136,8 +134,7 @@ def _stem(column: str) -> str:
     return column if kind in ("", "distance") else kind
 
 
-NUMBERS = "engines.csv"
-"""The file that every folder of a comparison of engines holds."""
+NUMBERS = "engines.csv"  # the file that every folder of a comparison of engines holds
 _SMALLEST = 1e-4  # what a picture shows, as a part of the largest
 _WORDS = {
     ("q", ""): "joint positions",

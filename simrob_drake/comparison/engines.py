@@ -16,8 +16,7 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, MujocoSolver, SolverConfig
 
-MUJOCO_STEP = 1e-3
-"""Of MuJoCo's coarser run [s]."""
+MUJOCO_STEP = 1e-3  # of MuJoCo's coarser run [s]
 _RATE = 1000.0  # samples a second for accelerations out of speeds [Hz]
 _EXPLICIT = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3")
 

@@ -12,8 +12,7 @@ from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.robots.bodies import tool_links
 from simrob_drake.robots.urdf import add_joint, name_of, root_link
 
-HAND = "hand"
-"""The folder of its meshes, and what stands before names that the arm has, too."""
+HAND = "hand"  # the folder of its meshes, and what stands before names that the arm has, too
 _NAMED = ("link", "joint", "frame", "material", "transmission")
 _NAMES = ("link", "joint", "name")  # attributes that name what else is in the tree
 

@@ -17,8 +17,7 @@ from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.mujoco.coordinates import turned
 
-Places = npt.NDArray[np.intp]
-"""Of some of the robots among all."""
+Places = npt.NDArray[np.intp]  # of some of the robots among all
 Value = Callable[[str, Vector], Vector]
 """Gives an output of the robot, shape (m, size), by motions (m, nq + nv) of the plant."""
 Sensor = TypeVar("Sensor", Encoders, Imu)

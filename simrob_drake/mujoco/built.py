@@ -119,8 +119,7 @@ def force_values(force: ForceConfig | None, starts: Vector, ends: Vector) -> Vec
     return np.outer(np.sin(angles), force.amplitude)
 
 
-STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
-"""What MuJoCo keeps of each step."""
+STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # what MuJoCo keeps of each step
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from simrob_drake.mujoco.runner import MujocoRunner, RunRequest
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.mujoco.model import STEP
 
-CONTROLS = "controls.csv"
-"""The file beside an MJCF file that holds a row of controls for each step."""
+CONTROLS = "controls.csv"  # the file beside an MJCF file that holds a row of controls for each step
 
 
 def save_mjcf(config: StationConfig, file: Path | str, *, step: float = STEP, force: bool = False) -> list[Path]:

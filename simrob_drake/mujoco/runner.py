@@ -190,8 +190,7 @@ class RunRequest:
     start: State | None = None  # where it begins, such as the ``final_state`` of another result, also of one in Drake
 
 
-Wanted = RunRequest
-"""Its former name."""
+Wanted = RunRequest  # its former name
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import AxisValues, with_units
 from simrob_drake.robots.catalog import RobotModel
 
-MANY = 8
-"""How many joints, or figures, are told each for itself."""
+MANY = 8  # how many joints, or figures, are told each for itself
 
 _WIDTH = 26
 

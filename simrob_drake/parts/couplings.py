@@ -32,8 +32,7 @@ from simrob_drake.sections import ORIGIN, NotNegative, Number, Pose, Positive, S
 
 _ANCHOR = "couplings_anchor"
 _CLOSED = 1e-3  # how far apart at the start what is held together may be [m or rad]
-STIFFNESS, RELAXES = 2000.0**2, 2e-4
-"""Stiffness of a coupling by what it holds [1/s²], and its damper by that [s]."""
+STIFFNESS, RELAXES = 2000.0**2, 2e-4  # stiffness of a coupling by what it holds [1/s²], and its damper by that [s]
 _HALF_APART = 0.025  # m: of the points on a hinge's axis
 _SHORTEST = 1e-9  # m: Drake wants a length, though it need not have one
 
@@ -41,8 +40,7 @@ _SHORTEST = 1e-9  # m: Drake wants a length, though it need not have one
 class CouplingSection(Strict, ABC):
     """A section of ``couplings``."""
 
-    constrains: ClassVar[bool] = True
-    """Whether it is a constraint, or so stiff a spring that it counts as one."""
+    constrains: ClassVar[bool] = True  # whether it is a constraint, or so stiff a spring that it counts as one
     schemes: ClassVar[tuple[str, ...]] = ("radau3", "radau1", "implicit_euler", "velocity_implicit_euler")
     """Continuous schemes that hold it."""
     kind: str

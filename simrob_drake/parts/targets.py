@@ -12,8 +12,7 @@ from pydrake.multibody.tree import Frame, RigidBody
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
 
-FLOOR = "floor"
-"""The whole name of the floor's shape; boxes of its terrain are called `floor.<number>`."""
+FLOOR = "floor"  # the whole name of the floor's shape; boxes of its terrain are called `floor.<number>`
 
 
 def own_name(inspector: SceneGraphInspector, shape: GeometryId) -> str:

@@ -18,8 +18,7 @@ from simrob_drake.sections import Positive, validated
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
 
-NAME = "automatic"
-"""What the sequencer is called in the station that runs a program."""
+NAME = "automatic"  # what the sequencer is called in the station that runs a program
 
 
 class Automatic(Pace):

@@ -16,11 +16,9 @@ from simrob_drake.programs.plan import TOUCH
 from simrob_drake.stations.clearance import TOUCH as ROUGH
 
 Bodies = tuple[str, str]
-Hit = tuple[float, Bodies]
-"""How deep what lies in what [m]."""
+Hit = tuple[float, Bodies]  # how deep what lies in what [m]
 _AT_ALL = 1e-9
-SEARCHED = 0.5
-"""The part of what is allowed that a search keeps to, so that the way that is made of it keeps to all."""
+SEARCHED = 0.5  # the part of what is allowed that a search keeps to, so that the way that is made of it keeps to all
 
 
 @dataclass(eq=False)

@@ -15,8 +15,7 @@ from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
-REACH = 0.03
-"""How far from a piece the tool that takes it may be, or the link that it is put on [m]."""
+REACH = 0.03  # how far from a piece the tool that takes it may be, or the link that it is put on [m]
 _THIN = 1e-9  # half of the sides of a point [m]
 _Box = tuple[RigidTransform, Vector]  # pose in the world, and half of the sides (3,) [m]
 

@@ -25,8 +25,7 @@ from simrob_drake.programs.segments import Stretch, named_point, trajectory
 Check = Literal["nothing", "limits", "collision"]
 """What is looked at before a move beside its reach: joint limits, speeds and accelerations, or these and collisions;
 None, as ``limits``, leaves collisions out."""
-CHECKED: Check = "collision"
-"""What is looked at unless told."""
+CHECKED: Check = "collision"  # what is looked at unless told
 _LOOKS = 4  # a point
 
 
@@ -115,12 +114,10 @@ def look_times(duration: float, points: int) -> Vector:
     return np.linspace(0.0, duration, _LOOKS * max(points, 10) + 1)
 
 
-Naming = Callable[[float], tuple[int, str]]
-"""From a time [s] of a move to the number of its point and the point's name."""
+Naming = Callable[[float], tuple[int, str]]  # from a time [s] of a move to the number of its point and the point's name
 Remedy = Callable[[float, float], str]
 """From how many times slower a move can be done, and in what time [s], to what its user may do about it."""
-TOUCH = 1e-3
-"""How deep shapes may be in each other before it counts [m]: what stands, or is held, touches."""
+TOUCH = 1e-3  # how deep shapes may be in each other before it counts [m]: what stands, or is held, touches
 
 _ROUNDING = 1e-9  # rad or m
 _MARGIN = 1.02  # of what messages propose

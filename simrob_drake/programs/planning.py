@@ -132,8 +132,7 @@ def row_numbers(targets: Any) -> Any:
     return values.tolist() if values.shape[-2:] != (4, 4) else poses_from_matrices(pose_matrices(targets, "")).tolist()
 
 
-POINTS, ARC_POINTS = 10, 20
-"""Points on the way to a target unless others are asked for, as in SimRob; of arcs."""
+POINTS, ARC_POINTS = 10, 20  # points on the way to a target unless others are asked for, as in SimRob; of arcs
 
 _MOST_POINTS = 10_000
 _POINTS_A_ZONE, _ENOUGH = 4, 2000

@@ -103,5 +103,4 @@ class RecordedStation(StatefulStation):
             (self.attach if key == "attach" else self.release)(**content)
 
 
-STATION = "station.yaml"
-"""Where a saved program finds the station that it began in."""
+STATION = "station.yaml"  # where a saved program finds the station that it began in

@@ -33,8 +33,7 @@ _SMALLEST = 3e-4  # m: z0
 _KNOWN = f"'fine', 'z0' to 'z{_LARGEST}' for so many millimetres, or a number from {_SMALLEST:g} [m]"
 _TOO_WIDE = 1 + 1e-9
 
-Curve = Callable[[Vector], Vector]
-"""Gives postures (k, n), or poses (k, 4, 4), at parts (k,) of a way."""
+Curve = Callable[[Vector], Vector]  # gives postures (k, n), or poses (k, 4, 4), at parts (k,) of a way
 
 
 @dataclass(frozen=True)
@@ -111,8 +110,7 @@ def _laid_over(left: Vector, corner: Vector, entered: Vector) -> Vector:
     return stacked(places, left[:, :3, :3] @ corner[:3, :3].T @ entered[:, :3, :3])
 
 
-PATH_TOLERANCE = 2e-5
-"""How far the tool may be from its line or arc between two points [m]."""
+PATH_TOLERANCE = 2e-5  # how far the tool may be from its line or arc between two points [m]
 
 _LEAST_POINTS = 8
 _MOST_POINTS = 5000
@@ -233,8 +231,7 @@ def free_spline(parts: Vector, postures: Vector) -> BSpline:
     return result
 
 
-Slopes = tuple[Vector, Vector]
-"""First and second derivative at an end of a curve, each of shape (n,)."""
+Slopes = tuple[Vector, Vector]  # first and second derivative at an end of a curve, each of shape (n,)
 
 
 def spline(times: Vector, postures: Vector, ends: tuple[Slopes, Slopes] | None = None) -> BSpline:

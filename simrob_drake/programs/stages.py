@@ -28,8 +28,7 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import ReferenceLike
 from simrob_drake.stations.config import StationConfig
 
-SEQUENCE = "step"
-"""The sequence of a robot's ``gaits.yaml`` that is a step by joint angles, if it has one."""
+SEQUENCE = "step"  # the sequence of a robot's ``gaits.yaml`` that is a step by joint angles, if it has one
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.station import StationLike, config_of
 
-GOES_ON = ("completed", "monitor")
-"""Endings of a run after which the next one begins where it ended."""
+GOES_ON = ("completed", "monitor")  # endings of a run after which the next one begins where it ended
 _SAME_PLACE = 1e-9  # how far from the robot's reference a plan may begin [rad or m]
 
 

@@ -26,8 +26,7 @@ from simrob_drake.stations.config import StationConfig
 _SAME = 1e-12  # m and parts of a rotation: rounding
 _JOINS = 1e-9  # rad or m between the end of a move and the beginning of the next
 
-Entry: TypeAlias = dict[str, Any]
-"""A move as a program's file has it; between runs one that takes no time."""
+Entry: TypeAlias = dict[str, Any]  # a move as a program's file has it; between runs one that takes no time
 Stage: TypeAlias = tuple[Mapping[str, ReferenceLike], float]
 """References by robot, and for how long they are followed [s]."""
 

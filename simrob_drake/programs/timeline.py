@@ -24,8 +24,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, with_settings
 from simrob_drake.stations.resolve import resolve
 
-GRID = 0.05
-"""From one moment of the grid to the next, unless told otherwise [s]."""
+GRID = 0.05  # from one moment of the grid to the next, unless told otherwise [s]
 _SERVO = "servo."
 
 
@@ -203,8 +202,7 @@ def _for_robots(settings: Mapping[str, Any], config: StationConfig) -> dict[str,
     return found
 
 
-USER = "user"
-"""Who stops a run that its timeline ends."""
+USER = "user"  # who stops a run that its timeline ends
 _END = 1e-9  # s
 
 

@@ -15,10 +15,8 @@ from simrob_drake.programs.plan import Check, Plan, rate_ratio
 from simrob_drake.programs.segments import Segment, Stretch, by_law, rest
 from simrob_drake.programs.time_optimal import Motors
 
-POINT_TIME = 0.1
-"""Time that a point of a move takes unless something else is asked [s]; Ts in SimRob."""
-ACCELERATION = 2.0
-"""How fast the tool is sped up to its cruise speed unless told [m/s²], or less where an axis cannot."""
+POINT_TIME = 0.1  # time that a point of a move takes unless something else is asked [s]; Ts in SimRob
+ACCELERATION = 2.0  # how fast the tool is sped up to its cruise speed unless told [m/s²], or less where an axis cannot
 
 Profile = Literal["smooth", "trapezoid", "s_curve", "time_optimal"]
 """How a move is sped up and slowed down: by a polynomial of degree five, evenly, or with an acceleration that does not

@@ -167,8 +167,7 @@ def tool_links(root: ET.Element, palm: str = "") -> list[str]:
 
 
 _MOST = 5  # fingers of a hand
-FOLLOWS = "follows"
-"""What an import calls a ``mimic``, which no solver of ours does: the joint has a motor of its own."""
+FOLLOWS = "follows"  # what an import calls a ``mimic``, which no solver of ours does: the joint has a motor of its own
 
 
 class Gripper(Strict):

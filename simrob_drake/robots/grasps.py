@@ -15,8 +15,7 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.outlines import shape_outline
 from simrob_drake.robots.parse import lone_robot
 
-GRASP = "grasp"
-"""The frame in which fingers grasp: z points out of the hand, and the fingers close along y."""
+GRASP = "grasp"  # the frame in which fingers grasp: z points out of the hand, and the fingers close along y
 
 _LINES = 80  # along each side of the grid
 _HALVINGS = 12  # of the way, to find where fingers meet

@@ -30,8 +30,7 @@ from simrob_drake.robots.urdf import DRAKE, add_joint, child_of, copied, name_of
 from simrob_drake.sections import NotNegative, Number, Positive, Strict, validated
 from simrob_drake.yaml_files import read_yaml
 
-MOTORS_FILE = "motors.yaml"
-"""The motors that have names, in the folder of models."""
+MOTORS_FILE = "motors.yaml"  # the motors that have names, in the folder of models
 OF_URDF, NO_MOTOR = "urdf", "none"
 """A motor with the URDF's effort as stall torque and its velocity as no-load speed; and a servo without a motor."""
 
@@ -137,8 +136,7 @@ def rated_torques(motors: Iterable[Motor | None]) -> Vector:
     return np.array([np.inf if motor is None else motor.rated_torque or np.inf for motor in motors])
 
 
-PLAY = "_play"
-"""How the joints end, after the names of their motors' sides, between which links are free."""
+PLAY = "_play"  # how the joints end, after the names of their motors' sides, between which links are free
 _GEAR_MASS, _GEAR_INERTIA = 1e-3, 1e-7  # kg, kg m²: cenic takes no body without any
 
 _Figure = Annotated[AxisValues, every_axis(lambda value: 0 <= value <= 1e9, "it is not negative, and at most 1e9")]

@@ -116,8 +116,7 @@ def _sorted_rows(
     return rows[np.lexsort(rows.T)]
 
 
-TCP = "tcp"
-"""The frame that every piece has."""
+TCP = "tcp"  # the frame that every piece has
 
 _MOST_FRAMES = 1000  # of one series
 
@@ -324,8 +323,7 @@ def _series_poses(series: FrameSeries, name: str) -> tuple[tuple[str, Pose], ...
     return tuple(found)
 
 
-FRICTION = {"mu_static": 1.0, "mu_dynamic": 0.9}
-"""Of all pieces and floors: the contacts of the Simulink library."""
+FRICTION = {"mu_static": 1.0, "mu_dynamic": 0.9}  # of all pieces and floors: the contacts of the Simulink library
 
 
 def add_piece(robot: ET.Element, *, name: str, piece: PieceModel, parent: str, pose: RigidTransform) -> None:

@@ -164,15 +164,12 @@ def impossible(moments: Vector) -> str:
     return f"no body has the principal moments {listed} kg m²: none is negative, none exceeds the others' sum"
 
 
-LARGEST_URDF = 10_000_000
-"""Of a description [bytes]: published ones stay far below, for meshes are files of their own."""
-MOST_TAGS = 300_000
-"""Of a description: a robot of a thousand links has some forty thousand."""
+LARGEST_URDF = 10_000_000  # of a description [bytes]: published ones stay far below, for meshes are files of their own
+MOST_TAGS = 300_000  # of a description: a robot of a thousand links has some forty thousand
 MOVABLE_JOINTS = ("revolute", "continuous", "prismatic")
 LIMITED_JOINTS = ("revolute", "prismatic")
 _STRONG, _LIGHT = 500.0, 5.0  # N·m that a link below so many kg does not have
-DRAKE = "{http://drake.mit.edu}"
-"""What stands before the names of Drake's own elements, such as acceleration limits."""
+DRAKE = "{http://drake.mit.edu}"  # what stands before the names of Drake's own elements, such as acceleration limits
 
 ET.register_namespace("drake", DRAKE.strip("{}"))
 MESH_FORMATS = (".obj", ".gltf", ".vtk")

@@ -44,14 +44,12 @@ SHAPE_SIZES = {
 }
 """The shapes but for meshes, and how many numbers each of their sizes is."""
 
-MOST_LINKS = 3000
-"""Of a robot: Drake keeps a dozen dense matrices of its joints, 1.2 GB with 3000 of them."""
+MOST_LINKS = 3000  # of a robot: Drake keeps a dozen dense matrices of its joints, 1.2 GB with 3000 of them
 
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _WORLD = "world"  # Drake's own link
 
-Refuse = Callable[[str, str], InvalidModel]
-"""Makes the error for an element and what is wrong with it."""
+Refuse = Callable[[str, str], InvalidModel]  # makes the error for an element and what is wrong with it
 
 
 def checked_urdf(path: Path) -> ET.Element:

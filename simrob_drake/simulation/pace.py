@@ -36,8 +36,7 @@ _LOOKS = 3  # at what a step costs
 _HALF = 0.5  # of what a step costs: then a part is to blame
 _LONGEST = 1e3  # s of simulated time
 
-Pair = frozenset[str]
-"""The names of two bodies."""
+Pair = frozenset[str]  # the names of two bodies
 
 
 @dataclass(frozen=True)

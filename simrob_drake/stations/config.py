@@ -58,8 +58,7 @@ Law = Literal["pid", "cascade", "computed_torque"]
 Feedforward = Literal["none", "gravity", "inverse_dynamics"]
 MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
-MOST_LATE = 10_000
-"""By so many samples a sensor may be late."""
+MOST_LATE = 10_000  # by so many samples a sensor may be late
 MOST_STEPS = 10_000_000
 """Steps that a run may have, and samples of a sensor: a day of steps of 10 ms. A robot's states fill 4 GB then."""
 

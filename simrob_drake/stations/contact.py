@@ -47,8 +47,7 @@ _STEPS_A_CONTACT = 10
 _SAP_FACTOR = 3.3
 _SAP_RELAXATION = 0.1  # s, Drake's default
 
-MODULUS = 1e7
-"""Hydroelastic modulus [Pa] where none is given: stiff rubber."""
+MODULUS = 1e7  # hydroelastic modulus [Pa] where none is given: stiff rubber
 
 
 def needs_shapes(config: StationConfig) -> bool:

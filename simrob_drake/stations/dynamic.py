@@ -281,8 +281,7 @@ def _add_admittance_servos(
     ports.add(output, port, axis_signal(robot, "felt", "felt_torque", "effort"))
 
 
-STEP = 0.01
-"""How often monitors look [s]: nothing is integrated here, so a simulator would go to the end in one step."""
+STEP = 0.01  # how often monitors look [s]: nothing is integrated here, so a simulator would go to the end in one step
 
 _MOTION = ("reference", "reference_velocity", "reference_acceleration")
 

@@ -24,8 +24,7 @@ from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, MujocoSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES, place_of, read_yaml
 
-ONLY_ROBOT = "robot"
-"""The name of the robot of a station that says ``robot:`` instead of ``robots:``."""
+ONLY_ROBOT = "robot"  # the name of the robot of a station that says ``robot:`` instead of ``robots:``
 
 ENTRIES = ("pieces", "sensors", "monitors", "couplings", "forces", "controllers")
 """Sections of entries by name, which an override can take out: `pieces.load=null`."""

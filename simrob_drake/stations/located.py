@@ -106,8 +106,7 @@ def _paths_at(node: Any, way: list[str], before: str = "") -> Iterator[tuple[dic
             yield node, key, f"{before}{key}"
 
 
-FILES = "files"
-"""The folder of the copies."""
+FILES = "files"  # the folder of the copies
 _FILES = (ROBOT_FILE, "gaits.yaml", "walking.yaml")  # what is read of a robot beside its URDF
 
 

@@ -6,8 +6,7 @@ from pydantic import Field, model_validator
 
 from simrob_drake.sections import Boolean, NotNegative, Number, Positive, Strict
 
-TIGHTER = 10.0
-"""How much tighter `simrob run --converge` reruns."""
+TIGHTER = 10.0  # how much tighter `simrob run --converge` reruns
 
 ContinuousScheme = Literal[
     "cenic",

@@ -25,8 +25,7 @@ _STIFF_STOPS = 2e10
 _STIFF_SERVO = 1e12
 """And through servos up to this [1/s²]: beyond, the inertia is lost in the rounding of the mass matrix."""
 _NEAR = np.deg2rad(1.0), 1e-3  # how near to a stop a joint may come that leans on it, and one that slides [rad, m]
-DISCRETE = "take solver.kind discrete and servo.realization implicit"
-"""What helps where a continuous scheme creeps."""
+DISCRETE = "take solver.kind discrete and servo.realization implicit"  # what helps where a continuous scheme creeps
 
 Level = Literal["ok", "warning", "note"]
 

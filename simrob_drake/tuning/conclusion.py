@@ -9,8 +9,7 @@ from scipy.stats import binomtest, quantile_test
 
 from simrob_drake.tuning.trial import COMPLETED, Row
 
-START, WON = "start", "winner"
-"""What is compared: where a search began, and what it found."""
+START, WON = "start", "winner"  # what is compared: where a search began, and what it found
 THOUGHT, NUMERICAL = "as thought", ("solver", "engine")
 """The runs without a doubt, and the doubts that change nothing but who integrates."""
 _SURE = 0.95

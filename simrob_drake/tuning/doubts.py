@@ -288,10 +288,8 @@ _KINDS: dict[str, Callable[[_Thought], _Space]] = {
 _ROBOTS = 5  # the place of the stream of whole robots, from when there were so many kinds
 SOLVER, SECOND_ENGINE = NUMERICAL
 MOVES = "moves"
-KINDS = (*_KINDS, SOLVER, SECOND_ENGINE)
-"""All that can be doubted."""
-UNKNOWN = ("backlash",)
-"""What no doubt changes, as too little is known of it; conditions may."""
+KINDS = (*_KINDS, SOLVER, SECOND_ENGINE)  # all that can be doubted
+UNKNOWN = ("backlash",)  # what no doubt changes, as too little is known of it; conditions may
 
 
 def moves(scene: Scene) -> bool:

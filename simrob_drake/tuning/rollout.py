@@ -34,8 +34,7 @@ UNITS = {
 With several robots each has its own, ``<robot>.<measure>``. Errors are of all axes of a robot, in radians, and metres
 for axes that slide.
 """
-SIGNED = ("ahead", "speed", "smallest_height")
-"""Those that may be negative."""
+SIGNED = ("ahead", "speed", "smallest_height")  # those that may be negative
 _WALKS = ("distance", "ahead", "speed", "tilt", "smallest_height", "cost_of_transport")
 _STILL = 1e-3  # a reference that moves less has nothing to overshoot [rad or m]
 

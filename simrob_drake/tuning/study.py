@@ -65,11 +65,9 @@ def located_space(space: Mapping[str, AnyDistribution], folder: Path, border: Bo
 
 
 Method = Literal["cma", "tpe", "gp", "genetic", "random", "nelder_mead", "powell", "differential_evolution"]
-SEVERAL_AIMS = ("genetic", "tpe", "gp", "random")
-"""Methods that look for the best trades between several costs."""
+SEVERAL_AIMS = ("genetic", "tpe", "gp", "random")  # methods that look for the best trades between several costs
 Weights = Annotated[dict[str, Number], Field(min_length=1)]
-Parameters = Values
-"""Values of what varies, by key."""
+Parameters = Values  # values of what varies, by key
 
 
 class Study(Strict):

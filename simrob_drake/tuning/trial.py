@@ -16,8 +16,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.folders import replaced_at_once
 from simrob_drake.sections import Strict
 
-Row = dict[str, Any]
-"""Of a table, by column."""
+Row = dict[str, Any]  # of a table, by column
 COMPLETED, REFUSED, KILLED = "completed", "refused", "killed"
 """How trials end: at their end; or never begun, their station cannot be; or with their process."""
 _LARGEST = 2**63

@@ -31,8 +31,7 @@ from simrob_drake.tuning.doubts import Change, drawn
 from simrob_drake.tuning.scene import DRAKE, ENGINE, GAIT, PROGRAM, Scene
 from simrob_drake.tuning.trial import COMPLETED, Row, Trial
 
-UNCHANGED = "as given"
-"""What the settings are called that nothing beside changes."""
+UNCHANGED = "as given"  # what the settings are called that nothing beside changes
 _REST = 2.0  # before a gait ends its robot slows down and stands: trials end before that [s]
 _FEW = 12  # steps
 
@@ -40,8 +39,7 @@ _FEW = 12  # steps
 class Walking(Strict, ABC):
     """What trials of a robot that walks have in common."""
 
-    name: ClassVar[str]
-    """What their files are called."""
+    name: ClassVar[str]  # what their files are called
     station: str
     """A name, or a file."""
     overrides: dict[str, Any] = Field(default_factory=dict)

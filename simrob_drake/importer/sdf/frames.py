@@ -57,8 +57,7 @@ class Frames:
     """All frames of one model and of the models within it, by their full names."""
 
     report: ImportReport
-    place: RigidTransform
-    """Of the model in the world."""
+    place: RigidTransform  # of the model in the world
     links: dict[str, ET.Element] = field(default_factory=dict, init=False)
     joints: dict[str, tuple[str, ET.Element]] = field(default_factory=dict, init=False)
     """By the full name of its frame: what stands before the names of the model that the joint is in, and the joint."""

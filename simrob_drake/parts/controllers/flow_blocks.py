@@ -70,8 +70,7 @@ class FlowBlock(Strict):
     are equations of numbers and of symbolic expressions alike.
     """
 
-    takes: ClassVar[tuple[int, int]] = (1, 1)
-    """How few and how many inputs there may be."""
+    takes: ClassVar[tuple[int, int]] = (1, 1)  # how few and how many inputs there may be
 
     kind: str
     of: Sum | tuple[Sum, ...] = ()

@@ -34,8 +34,7 @@ class Wired:
     components: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
-ASKED = "asked"
-"""What an input is called that is the reference as it is below a loop."""
+ASKED = "asked"  # what an input is called that is the reference as it is below a loop
 
 Weight = Annotated[Number, Field(gt=0, le=1)]
 
@@ -49,12 +48,10 @@ class LoopSection(Strict):
     ``asked`` (n) is the reference as it is below the loop [rad or m].
     """
 
-    needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()
-    """Inputs of robots that it drives beside the reference."""
+    needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()  # inputs of robots that it drives beside the reference
     stages: ClassVar[tuple[str, ...]] = ()
     """What it does at each sample, one after the other, as the block picture shows it."""
-    uppermost: ClassVar[bool] = False
-    """Whether it lies above all others, whatever their priorities."""
+    uppermost: ClassVar[bool] = False  # whether it lies above all others, whatever their priorities
 
     kind: str
     robot: str | None = None

@@ -20,8 +20,7 @@ from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import NotNegative, Number, Positive, Strict
 
-REACHED = "reached"
-"""What the block remembers last: when each cell was reached [s], -1 until then."""
+REACHED = "reached"  # what the block remembers last: when each cell was reached [s], -1 until then
 
 
 class Cell(Strict):

@@ -15,8 +15,7 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import Integer, NotNegative, Number, Strict, validated
 from simrob_drake.walking.parameters import REACTING, Bearing
 
-Pace = Annotated[Number, Field(gt=0, le=100)]
-"""Time of a step, or of a part of one [s]."""
+Pace = Annotated[Number, Field(gt=0, le=100)]  # time of a step, or of a part of one [s]
 
 
 class ArmBearing(Bearing):

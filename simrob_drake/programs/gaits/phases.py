@@ -10,8 +10,7 @@ from simrob_drake.blocks.references import smooth
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
-SAMPLE = 0.01
-"""Time between the samples of a plan [s]."""
+SAMPLE = 0.01  # time between the samples of a plan [s]
 _LONGEST, _MOST_STEPS = 1000.0, 10_000  # of a plan [s], which takes 50 ms of the processor for a second of it
 
 

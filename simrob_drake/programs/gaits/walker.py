@@ -18,13 +18,11 @@ _SIDES = {"left": "right", "right": "left"}
 class Walker:
     """What planners know of a robot."""
 
-    skeleton: Skeleton
-    """The robot, with what it carries."""
+    skeleton: Skeleton  # the robot, with what it carries
     gaits: GaitsFile
     gravity: Vector = field(default_factory=LEVEL.copy)
     """In the frame of the ground, the robot looking along x, shape (3,) [m/s²]."""
-    differs: bool = False
-    """Whether it carries something or stands on a slope, which its gaits are not made for."""
+    differs: bool = False  # whether it carries something or stands on a slope, which its gaits are not made for
 
     @classmethod
     def of(cls, robot: "str | RobotModel | Walker") -> "Walker":

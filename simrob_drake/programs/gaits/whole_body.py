@@ -24,8 +24,7 @@ from simrob_drake.programs.gaits.zmp import com_from_zmp, whole_body_zmp
 from simrob_drake.results.record.history import parts
 
 AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-ROUNDS = 4
-"""How often the zero-moment point is mended."""
+ROUNDS = 4  # how often the zero-moment point is mended
 _NUDGE = 1e-3  # lean whose effect is measured [rad]
 
 

@@ -26,8 +26,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import Skeleton
 
-LEVEL = np.array([0.0, 0.0, -STANDARD_GRAVITY])
-"""Gravity over a level floor [m/s²]."""
+LEVEL = np.array([0.0, 0.0, -STANDARD_GRAVITY])  # gravity over a level floor [m/s²]
 _CHUNK = 1000  # postures at a time, so that memory stays small
 
 

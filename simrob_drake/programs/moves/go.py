@@ -18,8 +18,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.walking.commands import Commanded
 
-GO_TIME = 3.0
-"""Time of a walk by commands unless another one is asked for [s]: enough to stop."""
+GO_TIME = 3.0  # time of a walk by commands unless another one is asked for [s]: enough to stop
 _BEYOND = 1.0  # floor beyond the way that a robot goes [m]
 
 

@@ -36,10 +36,8 @@ _ALL: tuple[type[Move], ...] = (
     OpenMove,
     TogetherMove,
 )
-KINDS: dict[str, type[Move]] = {kind.key: kind for kind in _ALL}
-"""By the key that tells them apart."""
-LEG_KINDS = [key for key, kind in KINDS.items() if kind.of_legs]
-"""The keys of those that robots with legs can do."""
+KINDS: dict[str, type[Move]] = {kind.key: kind for kind in _ALL}  # by the key that tells them apart
+LEG_KINDS = [key for key, kind in KINDS.items() if kind.of_legs]  # the keys of those that robots with legs can do
 
 if TYPE_CHECKING:
     AnyMove = Move

@@ -23,8 +23,7 @@ class ArmMotion(Move):
 
     brief: ClassVar[bool] = True
     of_legs: ClassVar[bool] = False
-    of_axes: ClassVar[bool] = False
-    """Whether targets are postures, not poses."""
+    of_axes: ClassVar[bool] = False  # whether targets are postures, not poses
 
     targets: Rows | None = None
     """Where to, one or many, in SI units: postures [rad or m], places [x y z] that keep the orientation, or poses

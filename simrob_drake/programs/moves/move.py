@@ -35,10 +35,8 @@ Run: TypeAlias = Callable[[list[Plan], float | None], Any]
 Stage: TypeAlias = Callable[[LeggedGeometry], SimulationResult | None]
 """A part of a program, checked and ready, that a robot with legs does from where it is; None: it takes no time."""
 
-MOVE_TIME = 1.0
-"""Time of a move of joints unless another one is asked for [s]; ``tinc`` of the thesis."""
-MOST_STEPS, MOST_AMPLITUDE = 10_000, 100
-"""Of one walk: about an hour; far beyond what legs can do."""
+MOVE_TIME = 1.0  # time of a move of joints unless another one is asked for [s]; ``tinc`` of the thesis
+MOST_STEPS, MOST_AMPLITUDE = 10_000, 100  # of one walk: about an hour; far beyond what legs can do
 _EXPECTED = {
     "duration": f"a positive time [s], {SHORTEST:g} to {LONGEST:g}",
     "target_deg": "a mapping of at least one axis to degrees",

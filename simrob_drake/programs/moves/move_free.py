@@ -27,8 +27,7 @@ from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How, timed
 from simrob_drake.sections import Boolean, Integer, Pose, Positive
 
-PLANNING_TIME = 10.0
-"""How long a search for a way may take unless told [s]."""
+PLANNING_TIME = 10.0  # how long a search for a way may take unless told [s]
 _MOST_SEED = 2**31 - 2
 _TURNS = 24  # about the tool, where that is free
 _GOALS, _TRIED = 16, 400  # that a search is for, and that are looked at

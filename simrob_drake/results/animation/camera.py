@@ -11,10 +11,8 @@ from simrob_drake.parts.site import StationPlant
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import headings, legged_robots
 
-FIELD_OF_VIEW = np.deg2rad(35.0)
-"""Vertical opening of the cameras [rad]; narrow, so that links keep their proportions."""
-WINDOW_ASPECT = 1.4
-"""Width over height of a browser window that still shows all: most are wider."""
+FIELD_OF_VIEW = np.deg2rad(35.0)  # vertical opening of the cameras [rad]; narrow, so that links keep their proportions
+WINDOW_ASPECT = 1.4  # width over height of a browser window that still shows all: most are wider
 
 _ASIDE = float(np.deg2rad(-50.0))  # of the eye from where a robot faces: it stands to the right of its front
 _ELEVATION = np.deg2rad(20.0)
@@ -26,8 +24,7 @@ _EVERY = 0.02  # s between the places of the camera
 _HALF = 25  # places before and after, of which the camera takes the mean: a second in all, so that it does not sway
 _MEAN = np.full(2 * _HALF + 1, 1.0 / (2 * _HALF + 1))
 
-Way = Callable[[Vector], Vector]
-"""How far something has gone at the times (k,) [s] of a run: shape (k, 3) [m]."""
+Way = Callable[[Vector], Vector]  # how far something has gone at the times (k,) [s] of a run: shape (k, 3) [m]
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,8 @@ from simrob_drake.results.animation.scene import ViewedStation
 from simrob_drake.results.colours import PATHS, rgb
 from simrob_drake.results.record.run import RecordedRun
 
-Command = str | dict[str, Any]
-"""To Meshcat's page: a dictionary, or one in MessagePack and base64."""
-Prefixes = Mapping[str, Role]
-"""Where in Meshcat's tree the geometry of a role hangs."""
+Command = str | dict[str, Any]  # to Meshcat's page: a dictionary, or one in MessagePack and base64
+Prefixes = Mapping[str, Role]  # where in Meshcat's tree the geometry of a role hangs
 
 _TOP, _BOTTOM = [1.0, 1.0, 1.0], [0.86, 0.88, 0.91]  # background
 _AMBIENT = 1.1  # intensity; Meshcat's own leaves steep faces dark
@@ -129,10 +127,8 @@ def look(meshcat: Meshcat, camera: Camera) -> None:
     meshcat.SetCameraPose(camera.eye, camera.target)
 
 
-GHOSTS = "/drake/ghosts"
-"""Where in Meshcat's tree they hang."""
-SHOWN = "/drake/station"
-"""Where what they are copies of does."""
+GHOSTS = "/drake/ghosts"  # where in Meshcat's tree they hang
+SHOWN = "/drake/station"  # where what they are copies of does
 GOOD, BAD = (colours.GOOD, 0.3), (colours.BAD, 0.12)
 """Colour and opacity of a posture that the robot can take, and of one that it cannot."""
 

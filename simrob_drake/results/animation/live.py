@@ -21,8 +21,7 @@ from simrob_drake.stations.resolve import resolve
 from simrob_drake.walking.commands import Commanded
 from simrob_drake.walking.parameters import MaxSpeed
 
-FRAME = 1 / 30
-"""Simulated time from one picture to the next [s]."""
+FRAME = 1 / 30  # simulated time from one picture to the next [s]
 _PREFIXES = {"station": Role.kIllustration}
 Tell = Callable[[str, Sequence[Command]], object]
 

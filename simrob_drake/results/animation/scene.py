@@ -27,10 +27,8 @@ from simrob_drake.results.record.run import RecordedRun, begins_of
 from simrob_drake.stations.clearance import PosedStation
 from simrob_drake.stations.config import StationConfig
 
-RENDERER = "renderer"
-"""The name of the render engine in the scene graph."""
-SPACING = 0.1
-"""From one line to the next [m]."""
+RENDERER = "renderer"  # the name of the render engine in the scene graph
+SPACING = 0.1  # from one line to the next [m]
 
 _COLOUR, _DARK = Rgba(0.66, 0.69, 0.73, 1.0), Rgba(0.36, 0.40, 0.46, 1.0)
 _BOLD = 5  # every so many lines one is darker and wider: by it a way is told from picture to picture
@@ -38,8 +36,7 @@ _AROUND = 1.5  # m of lines about the way
 _WIDTH, _TOP = 0.004, 0.0005  # m
 
 _SEEN = 5.0  # m
-LINES = "/drake/station/lines"
-"""Where they hang in Meshcat's tree: they go with the station."""
+LINES = "/drake/station/lines"  # where they hang in Meshcat's tree: they go with the station
 _LOOKS = 24  # configurations that stand for a motion
 _BOX_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 

@@ -220,8 +220,7 @@ def _path(points: Sequence[Point]) -> str:
     return "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
 
 
-SUFFIXES = (".svg", ".png", ".pdf", ".dot", ".mmd")
-"""Of files that pictures are written to."""
+SUFFIXES = (".svg", ".png", ".pdf", ".dot", ".mmd")  # of files that pictures are written to
 
 
 def station_dot(config: StationConfig) -> str:

@@ -21,11 +21,9 @@ from simrob_drake.results.colours import COLOURS, RED
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 
 VALUE, REFERENCE, ERROR = COLOURS[:3]
-ERROR_HEIGHT = 0.65
-"""Of the plot of an error under that of its value [inches]."""
+ERROR_HEIGHT = 0.65  # of the plot of an error under that of its value [inches]
 
-Span = tuple[float, float]
-"""Begin and end of the time that is shown [s]."""
+Span = tuple[float, float]  # begin and end of the time that is shown [s]
 
 _MARGIN, _GAP, _LABEL = 0.2, 0.25, 0.2  # inches: about the figure, between stacks, for the label of an axis
 _TITLE, _BELOW, _BETWEEN = 0.3, 0.3, 0.13  # inches: over a stack, for the ticks under it, between its plots

@@ -18,8 +18,7 @@ from simrob_drake.results.colours import looks
 from simrob_drake.results.plots.formats import UNDATED, plot_format
 from simrob_drake.results.plots.grid import style
 
-DPI = 110
-"""Pixels an inch of pictures that are made of pixels."""
+DPI = 110  # pixels an inch of pictures that are made of pixels
 
 _CURVES = 32  # that differ in colour or kind of line
 _BOLD = FontProperties(size=13, weight="bold")

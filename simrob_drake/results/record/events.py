@@ -13,8 +13,7 @@ _APART = 0.1  # s that two bodies are apart before they touch again: what trembl
 _TOGETHER = 0.01  # part of the whole time in which two events are one
 _MOST = 24  # of those that a picture has room for
 
-Event = tuple[float, str]
-"""When [s], and what in a few words."""
+Event = tuple[float, str]  # when [s], and what in a few words
 
 
 def all_events(result: RecordedRun) -> list[Event]:

@@ -16,8 +16,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
 Rates = Callable[[Vector], Vector]
-RUNAWAY = 1e8
-"""A position or speed [rad, m, rad/s, m/s] that no robot has: a run that gets there has diverged."""
+RUNAWAY = 1e8  # a position or speed [rad, m, rad/s, m/s] that no robot has: a run that gets there has diverged
 
 
 _GO_ON = EventStatus.DidNothing()

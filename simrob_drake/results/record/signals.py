@@ -181,11 +181,9 @@ def sampled(sampler: Sampler, site: Site, times: Vector) -> Vector:
     return values
 
 
-TOLERANCE = 1e-4
-"""How narrowly the moment is found [s]."""
+TOLERANCE = 1e-4  # how narrowly the moment is found [s]
 
-Holds = Callable[[Sampler, float], bool]
-"""Whether the condition holds at a time [s] of a sampler's run."""
+Holds = Callable[[Sampler, float], bool]  # whether the condition holds at a time [s] of a sampler's run
 Step = Callable[[StateHistory, float], StateHistory]
 """Steps from the last state of a history before a time to that time [s], and returns the state there."""
 

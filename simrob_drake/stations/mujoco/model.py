@@ -58,8 +58,7 @@ from simrob_drake.stations.resolve import ResolvedStation
 LEAST_IMPEDANCE = 1e-4
 """d_0: MuJoCo knows no smaller one; a contact has then a ten-thousandth of the inertia of what touches."""
 LARGEST_IMPEDANCE = 0.9999
-FOOT_SPEED = 0.1
-"""At which feet and tools come down, and so the v of damping where nothing falls from higher [m/s]."""
+FOOT_SPEED = 0.1  # at which feet and tools come down, and so the v of damping where nothing falls from higher [m/s]
 _STEPS_A_SWING = 2.0
 _TINY = 1e-12
 
@@ -151,8 +150,7 @@ def _stiffness_and_damping(properties: ProximityProperties, usual: DefaultProxim
 
 mujoco.set_mju_user_warning(lambda _: None)  # runs that go astray are told by their results
 
-STEP = 2e-3
-"""Length of MuJoCo's steps unless given [s]."""
+STEP = 2e-3  # length of MuJoCo's steps unless given [s]
 _FAR = 10.0  # m
 _STICK = 1.0  # how much harder friction is than the mass of what slides: more takes MuJoCo's solver twice as long
 
