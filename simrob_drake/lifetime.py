@@ -41,7 +41,7 @@ def release(builder: DiagramBuilder, diagram: Diagram) -> None:
     _COLLECTOR.watch(diagram)
     if sys.version_info >= (3, 12):  # there Drake is 1.58 or newer, and does it by itself
         return
-    blocks = [block for block in diagram.GetSystems() if _is_python(block)]
+    blocks = [block for block in diagram.GetSystems() if not type(block).__module__.startswith("pydrake.")]
     for block in blocks:
         vars(block).get(_PEERS, set()).discard(builder)
     weakref.finalize(diagram, _empty, blocks).atexit = False
@@ -92,10 +92,6 @@ class _Collector:
 
 
 _COLLECTOR = _Collector()
-
-
-def _is_python(block: System) -> bool:
-    return not type(block).__module__.startswith("pydrake.")
 
 
 def _empty(blocks: Iterable[System]) -> None:

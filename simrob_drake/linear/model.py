@@ -189,7 +189,8 @@ def bode_figure(model: LinearModel, pairs: Sequence[tuple[str, str]] | None = No
 
     from simrob_drake.results.plots.grid import style
 
-    chosen = list(_own_pairs(model) if pairs is None else pairs)
+    own = [(name, name.replace("reference.", "q.")) for name in model.inputs if "reference." in name]
+    chosen = own if pairs is None else list(pairs)
     sizes = np.abs(model.poles[model.poles != 0]) / (2 * np.pi)
     slowest, fastest = (sizes.min(), sizes.max()) if sizes.size else (1.0, 1.0)
     frequencies = np.geomspace(slowest / _BEYOND, fastest * _BEYOND, _POINTS)
@@ -207,7 +208,3 @@ def bode_figure(model: LinearModel, pairs: Sequence[tuple[str, str]] | None = No
     phase.set_xlabel("frequency [Hz]")
     figure.legend(loc="outside right upper", fontsize=8, frameon=False)
     return figure
-
-
-def _own_pairs(model: LinearModel) -> list[tuple[str, str]]:
-    return [(name, name.replace("reference.", "q.")) for name in model.inputs if "reference." in name]

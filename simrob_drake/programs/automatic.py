@@ -15,7 +15,6 @@ from simrob_drake.programs.geometry import CellRobot
 from simrob_drake.programs.moves.joints import JointMove
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.sections import Positive, validated
-from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
 
 NAME = "automatic"  # what the sequencer is called in the station that runs a program
@@ -47,7 +46,11 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
     if not cells:
         raise InvalidParameter("the program", "without references", "one with some: add_reference() stores them")
     cell, own = robot.cell, robot.cell.config
-    others = {name: one for name, one in own.controllers.items() if not _is_sequencer_of(one, robot.name, own)}
+    others = {
+        name: one
+        for name, one in own.controllers.items()
+        if not (isinstance(one, Sequencer) and (one.robot or own.only_robot) == robot.name)
+    }
     section = validated(
         Sequencer,
         {
@@ -72,7 +75,3 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
         left = {name: block for name, block in cell.state.blocks.items() if name != f"controller.{NAME}"}
         cell.state = replace(cell.state, blocks=left)
     return result
-
-
-def _is_sequencer_of(section: object, robot: str, station: StationConfig) -> bool:
-    return isinstance(section, Sequencer) and (section.robot or station.only_robot) == robot

@@ -66,7 +66,8 @@ class Search:
         It is a spline whose control points lie on the lines, so it cuts the corners, as near as it must to be free.
         Raises NoFreePath: it touches something at its nearest.
         """
-        whole, hit = self._length(corners), (0.0, ("", ""))
+        whole = float(np.linalg.norm(np.diff(corners * self.scale, axis=0), axis=1).sum())
+        hit = 0.0, ("", "")
         if whole < _ROUNDING:
             return np.linspace(0.0, 1.0, 2 * _DEGREE), corners[:1].repeat(2 * _DEGREE, axis=0)
         for step in _ROUND:
@@ -82,9 +83,6 @@ class Search:
             hit = found
         depth, (first, second) = hit
         raise NoFreePath(f"the way that was found leads {first} {1e3 * depth:.1f} mm into {second}: try another seed")
-
-    def _length(self, rows: Vector) -> float:
-        return float(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1).sum())
 
     def _between(self, corners: Vector, step: float) -> Vector:
         """Return postures on straight lines, at most a step [m] apart."""

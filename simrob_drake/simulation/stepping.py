@@ -262,7 +262,7 @@ class Stepper:
     def _diverged(self, recorder: Recorder, problem: BaseException) -> Outcome:
         first_sentence = " ".join(str(problem).split()).split(". ")[0].rstrip(".")
         cause = likely_cause(self._config, self.built.ports.plant)
-        return Outcome("diverged", DIVERGED, f"diverged at {_time(recorder)}: {first_sentence}; {cause}")
+        return Outcome("diverged", DIVERGED, f"diverged at {recorder.history().end:.4g} s: {first_sentence}; {cause}")
 
 
 def interrupted(config: StationConfig, recorder: Recorder) -> Outcome:
@@ -290,7 +290,3 @@ def _copy_state(source: Context, target: Context) -> None:
         target.SetDiscreteState(group, source.get_discrete_state(group).value())
     for index in range(source.num_abstract_states()):
         target.get_mutable_abstract_state(index).SetFrom(source.get_abstract_state(index))
-
-
-def _time(recorder: Recorder) -> str:
-    return f"{recorder.history().end:.4g} s"

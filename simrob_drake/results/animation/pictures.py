@@ -184,17 +184,14 @@ def side_by_side(images: list[Pixels], texts: list[str]) -> Image.Image:
     columns = -(-len(images) // -(-len(images) * width // round(_WIDEST * height)))
     rows = -(-len(images) // columns)
     strip = Image.new("RGB", (columns * (width + _GAP) - _GAP, rows * (height + below)), _WHITE)
-    pen, font = ImageDraw.Draw(strip), _font(0.6 * below / lines)
+    pen = ImageDraw.Draw(strip)
+    font = ImageFont.truetype(str(distribution("matplotlib").locate_file(_FONT)), 0.6 * below / lines)
     for number, (image, text) in enumerate(zip(images, texts, strict=True)):
         left, top = number % columns * (width + _GAP), number // columns * (height + below)
         strip.paste(Image.fromarray(image), (left, top))
         middle = left + width / 2, top + height + below / 2
         pen.multiline_text(middle, text, _GREY, font, anchor="mm", align="center")
     return strip
-
-
-def _font(size: float) -> ImageFont.FreeTypeFont:
-    return ImageFont.truetype(str(distribution("matplotlib").locate_file(_FONT)), size)
 
 
 class Studio:
