@@ -96,8 +96,7 @@ def compare(
 
 
 def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) -> None:
-    from simrob_drake.comparison.account import NUMBERS, differences, save_comparison
-    from simrob_drake.comparison.engines import compare_engines
+    from simrob_drake.comparison.engines import NUMBERS, compare_engines, differences, save_comparison
 
     if out is not None:
         check_folder(out, marker=NUMBERS, force=force)

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from simrob_drake.results import background
-from simrob_drake.results.background import in_background
+from simrob_drake.results.files import in_background
 
 _SETUP = """
 import os, sys, time
