@@ -128,21 +128,13 @@ class Surroundings:
 
 @dataclass(frozen=True, repr=False)
 class StationRobot(ResolvedRobot):
-    """A robot in the plant of a station.
+    """A robot in the plant of a station."""
 
-    Attributes of :class:`ResolvedRobot`, and:
-        plant: that it is in.
-        instance: its model instance there.
-        joints: of the axes, in order.
-        root: the frame of its root link.
-        tools: frames of tools and carried pieces by name; ``tcp`` is the one in use.
-    """
-
-    plant: MultibodyPlant
-    instance: ModelInstanceIndex
-    joints: list[Joint]
-    root: Frame
-    tools: dict[str, Frame]
+    plant: MultibodyPlant  # that it is in
+    instance: ModelInstanceIndex  # its model instance there
+    joints: list[Joint]  # of the axes, in order
+    root: Frame  # the frame of its root link
+    tools: dict[str, Frame]  # frames of tools and carried pieces by name; ``tcp`` is the one in use
 
     @cached_property
     def axis_map(self) -> AxisMap:

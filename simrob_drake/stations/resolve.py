@@ -29,13 +29,9 @@ from simrob_drake.yaml_files import YAML_SUFFIXES
 
 @dataclass(frozen=True)
 class ResolvedStation(Surroundings):
-    """A station, resolved.
+    """A station, resolved."""
 
-    Attributes of :class:`Surroundings`, and:
-        config: its configuration.
-    """
-
-    config: StationConfig
+    config: StationConfig  # its configuration
 
 
 _SERVO_KEYS = "kp", "ki", "kd", "torque_limit", "integral_limit", "speed_limit"
