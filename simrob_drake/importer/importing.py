@@ -73,17 +73,11 @@ def import_robot(
 ) -> ImportedRobot:
     """Write a clean copy of a robot: URDF, OBJ meshes, a draft of its ``robot.yaml``, and a report as JSON.
 
-    Args:
-        source: a URDF or xacro file, or the name of one in ``robot_descriptions``.
-        folder: where to; it appears at once, when everything is in it, and nothing is written elsewhere.
-        options: choices; the defaults suit most robots.
-        force: replace an import that is there.
-        apart: refuse a folder within the source; a cache may well lie below the same home.
-        isolated: let Drake read the result in a process of its own first.
-
-    Raises:
-        InvalidModel: a defect that can't be repaired; nothing is written.
-        OutputError: the folder cannot be written, exists, or lies within the source.
+    The source is a URDF or xacro file, or a name of ``robot_descriptions``. The folder appears at once, when everything
+    is in it, and nothing is written elsewhere; ``force`` replaces an import that is there, ``apart`` refuses a folder
+    within the source, as a cache may well lie below the same home; ``isolated`` lets Drake read the result in a process
+    of its own first. Raises InvalidModel: a defect that can't be repaired; nothing is written; OutputError: the folder
+    cannot be written, exists, or lies within the source.
     """
     source, folder = robot_file(source, "source"), as_path(folder, "folder")
     if apart and source.exists():

@@ -299,15 +299,10 @@ def _listed(way: list[tuple[Joint, float]], joints: Sequence[Joint]) -> list[tup
 
 
 def joints_between(plant: MultibodyPlant, base: Frame, tool: Frame) -> list[tuple[Joint, float]]:
-    """Return the joints that can move ``tool`` against ``base``, in order from the base.
+    """Return the joints of a finalized plant that can move ``tool`` against ``base``, in order from the base.
 
-    Args:
-        plant: finalized.
-        base: where the way begins.
-        tool: where it ends, on the same branch of the tree or another.
-
-    Returns:
-        each joint with 1 where the way leads outward through it, or -1 where it leads back towards the world.
+    Each comes with 1 where the way leads outward through it, or -1 where it leads back towards the world; the tool may
+    be on another branch of the tree.
     """
     inboard = {}
     for index in plant.GetJointIndices():

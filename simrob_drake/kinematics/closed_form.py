@@ -248,15 +248,10 @@ def _elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vector]:
 def _wrist(arm: SixAxisArm, turns: Vector, first: Vector, bent: Vector, starts: Vector) -> tuple[Vector, Flags]:
     """Return axes 4, 5, 6 (k, 2, e, 2, 3) and where axis 4 may stand anywhere (k, 2, e).
 
-    Args:
-        arm: the geometry.
-        turns: of the tool from zero, shape (k, 3, 3).
-        first: axis 1, shape (k, 2).
-        bent: axes 2 and 3 together, about axis 2, shape (k, 2, e); 0 to have all parallel axes in axis 4.
-        starts: axis 4 of the start, shape (k, 1 or 2, 1, 1).
-
-    Axis 5 is an angle of the spherical triangle with sides (4, 5), (5, 6) and (4, turned 6), by the half-angle form,
-    which loses no digits where axes 4 and 6 line up; axis 6 is what is left of the orientation.
+    ``turns`` are those of the tool from zero, shape (k, 3, 3), ``first`` is axis 1 (k, 2), ``bent`` axes 2 and 3
+    together, about axis 2 (k, 2, e), or 0 to have all parallel axes in axis 4; ``starts`` are of axis 4 (k, 1 or 2, 1,
+    1). Axis 5 is an angle of the spherical triangle with sides (4, 5), (5, 6) and (4, turned 6), by the half-angle
+    form, which loses no digits where axes 4 and 6 line up; axis 6 is what is left of the orientation.
     """
     four, five, six = arm.axes[3:]
     probe = np.cross(five, six)

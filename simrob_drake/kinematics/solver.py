@@ -191,16 +191,10 @@ class Solver(ABC):
 
 
 def nearest_turns(chain: Chain, positions: Vector, reference: Vector) -> tuple[Vector, Vector]:
-    """Turn revolute joints by whole turns, into their limits and as near to a reference as these allow.
+    """Turn revolute joints (..., n) by whole turns, into limits and as near to a reference (..., n) as these allow.
 
-    Args:
-        chain: whose limits count.
-        positions: shape (..., n).
-        reference: shape (..., n), such as the current posture.
-
-    Returns:
-        the positions, within the limits or as near to them as whole turns come, and how far each then lies beyond a
-        limit (0 within), both of shape (..., n).
+    Returns the positions, within the limits or as near to them as whole turns come, and how far each then lies beyond a
+    limit (0 within), both of shape (..., n).
     """
     lower, upper = chain.lower - _SLACK, chain.upper + _SLACK
     turns = np.where(chain.revolute, TURN, 0.0)

@@ -176,14 +176,9 @@ def _places(kind: str, names: Sequence[str] | None, known: tuple[str, ...]) -> l
 
 
 def bode_figure(model: LinearModel, pairs: Sequence[tuple[str, str]] | None = None) -> "Figure":
-    """Draw magnitude [dB] and phase [deg] over frequency [Hz].
+    """Draw magnitude [dB] and phase [deg] over frequency [Hz] of pairs of an input and an output of a model.
 
-    Args:
-        model: whose.
-        pairs: of an input and an output each; every axis from its reference to its position unless given.
-
-    Raises:
-        UnknownName: no such input or output.
+    Every axis from its reference to its position unless given. Raises UnknownName: no such input or output.
     """
     from matplotlib.figure import Figure  # it is loaded where it is needed
 

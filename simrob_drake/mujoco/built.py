@@ -81,19 +81,12 @@ def controls(
     step: float,
     count: int,
 ) -> Vector:
-    """Return the controls of each of ``count`` steps, shape (count, nu).
+    """Return the controls of ``count`` steps of a length [s], (count, nu), of references by robot and of forces.
 
-    References are those of a step's end, where servos act that are treated implicitly; forces are their means over it,
-    so that a push gives its whole impulse whatever the step. A servo with_speeds minds the reference's speed, too:
-    k_p (q_r - q) + k_d (v_r - v) is the law of a servo without that asks for q_r + v_r k_d / k_p.
-
-    Args:
-        plant: of the station.
-        references: of its robots, by name.
-        forces: at the places that the model knows, in its order; None for one that does not act.
-        with_speeds: whether references are followed in their speed, too.
-        step: length of a step [s].
-        count: of the steps.
+    References are those of a step's end, where servos act that are treated implicitly; forces, at the places that the
+    model knows and in its order, None where none acts, are their means over it, so that a push gives its whole impulse
+    whatever the step. A servo with_speeds minds the reference's speed, too: k_p (q_r - q) + k_d (v_r - v) is the law of
+    a servo without that asks for q_r + v_r k_d / k_p.
     """
     ends = np.asarray(step * np.arange(1, count + 1), dtype=float)
     columns = []

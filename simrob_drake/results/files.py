@@ -66,25 +66,11 @@ def save_result(
 
     Of a program that is the station in which it began; ``events.csv`` tells what happened when, and ``program.yaml``,
     where one can say it, does it all again on that station. What somebody commanded meanwhile is in the station, and
-    alone in ``commands.yaml``.
-
-    Args:
-        result: the run.
-        verdict: what became of what was asked of it.
-        folder: where to; it appears at once, when everything is in it.
-        force: replace a result that is there.
-        recording: write ``recording.html`` and ``film_strip.png``.
-        video: write ``video.mp4``; needs the extra ``video``.
-        frames: of the strip, as :func:`film_strip` takes them; seven unless given, and of a program one an event.
-        plots: as ``png``, ``svg`` or ``pdf``.
-
-    Returns:
-        the folder.
-
-    Raises:
-        InvalidParameter: fewer than two frames.
-        OutputError: the folder cannot be written, or exists.
-        UnknownName: plots of another kind.
+    alone in ``commands.yaml``. The folder appears at once, when everything is in it, and is returned; ``force``
+    replaces a result that is there; ``recording`` is ``recording.html`` and ``film_strip.png``, whose frames are as
+    :func:`film_strip` takes them, seven unless given, and of a program one an event; ``video.mp4`` needs the extra
+    ``video``; plots are ``png``, ``svg`` or ``pdf``. Raises InvalidParameter: fewer than two frames; OutputError: the
+    folder cannot be written, or exists; UnknownName: plots of another kind.
     """
     # what draws is loaded where it is needed: most commands do without
     from simrob_drake.results.animation.pictures import check_frames, frame_writer, save_film_strip, save_video

@@ -79,20 +79,13 @@ class Gait(Strict):
     def planned(
         cls, robot: str | RobotModel | Walker, steps: int, name: str = "", *, amplitude: float = 1.0, **changes: Any
     ) -> JointMotion:
-        """Plan a gait of this kind.
+        """Plan a gait of this kind, by its name in the robot's ``gaits.yaml``, that of the kind unless given.
 
-        Args:
-            robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
-            steps: how many full steps, or legs that swing.
-            name: of the gait in the robot's ``gaits.yaml``; that of the kind unless given.
-            amplitude: scales the steps: :attr:`scaled` parameters, or how far joints go from the first posture.
-            changes: parameters of the kind to change.
-
-        Raises:
-            OutOfReach: steps that are too long or too high for the legs.
-            InvalidParameter: a robot that cannot go so, too few steps, or an amplitude that cannot be.
-            InvalidConfig: a parameter that cannot be.
-            UnknownName: no such gait, axis or foot.
+        A robot is its name, its model, or a :class:`Walker` that tells what it carries and on what slope; ``steps`` are
+        full ones, or legs that swing; the amplitude scales the steps: :attr:`scaled` parameters, or how far joints go
+        from the first posture; ``changes`` are of parameters of the kind. Raises OutOfReach: steps that are too long or
+        too high for the legs; InvalidParameter: a robot that cannot go so, too few steps, or an amplitude that cannot
+        be; InvalidConfig: a parameter that cannot be; UnknownName: no such gait, axis or foot.
         """
         walker = Walker.of(robot)
         return cls.of(walker, name or cls.usual, changes, amplitude).plan(walker, steps, amplitude)

@@ -60,18 +60,11 @@ class GoMove(Move):
         return self._gone
 
     def station(self, config: StationConfig, robot: str, *, start: float = 0.0) -> StationConfig:
-        """Return a station on which a robot goes so.
+        """Return a station on which a robot goes so, from so far from the world's origin [m].
 
         The walk is that of the station if it has one for the robot; its name stays the same from run to run, so its
-        state does, and the robot goes on in the middle of a step.
-
-        Args:
-            config: the station.
-            robot: who goes.
-            start: how far from the world's origin [m].
-
-        Raises:
-            SimrobError: a robot that does not stand on feet of its own, or has no walk; a station that is kinematic.
+        state does, and the robot goes on in the middle of a step. Raises SimrobError: a robot that does not stand on
+        feet of its own, or has no walk; a station that is kinematic.
         """
         known = {name: section for name, section in config.controllers.items() if isinstance(section, Walk)}
         own = [name for name, section in known.items() if (section.robot or config.only_robot) == robot]

@@ -145,28 +145,17 @@ class Move(Strict):
         return ()
 
     def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
-        """Do it with arms, and return what ``run`` gives; None if it takes no time.
+        """Do it with arms of a station, and return what ``run`` gives, which runs plans; None if it takes no time.
 
-        Args:
-            cell: the station.
-            robot: whose program it is in; None: of the only one.
-            run: what runs plans.
-
-        Raises:
-            SimrobError: it cannot be done.
+        ``robot`` is whose program it is in, None the only one. Raises SimrobError: it cannot be done.
         """
         raise InvalidParameter("the move", self.key, "one of arms: this one is for legs")
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Check that a robot with legs can do it, and return the stage of a program that does.
+        """Check that a robot with legs can do it, and return the stage that does, called ``name`` in messages.
 
-        Args:
-            robot: who does it.
-            outlook: the station when it will be done; it is changed to what the move leaves.
-            name: what messages call the move.
-
-        Raises:
-            SimrobError: it cannot be done.
+        The outlook is the station when it will be done; it is changed to what the move leaves. Raises SimrobError: it
+        cannot.
         """
         raise InvalidParameter("the move", self.key, "one for legs: this one is of arms")
 

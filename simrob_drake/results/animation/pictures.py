@@ -62,19 +62,13 @@ _FONT = "matplotlib/mpl-data/fonts/ttf/DejaVuSans.ttf"  # matplotlib need not be
 
 
 def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = None) -> bytes:
-    """Return frames side by side, with the time under each, as PNG.
+    """Return frames side by side of a run or a program, with the time under each, as PNG.
 
     The camera follows a robot that walks; then how far that is from its start stands there too, and the floor has lines
-    every 0.1 m, bold ones every 0.5 m.
-
-    Args:
-        result: a run or a program.
-        frames: how many, at even times from the start to the end; or one for each event: a contact that begins, the end
-            of a move, a piece that is attached or detached, and what stopped the run, two dozen at most.
-        height: of a frame [pixels]; 360 unless given, and of many frames 240.
-
-    Raises:
-        InvalidParameter: fewer than two frames, or a height of less than 16 pixels.
+    every 0.1 m, bold ones every 0.5 m. Frames are so many at even times from the start to the end, or one for each
+    event: a contact that begins, the end of a move, a piece that is attached or detached, and what stopped the run, two
+    dozen at most. They are 360 pixels high unless given, many 240. Raises InvalidParameter: fewer than two frames, or a
+    height of less than 16 pixels.
     """
     check_frames(frames)
     events = events_of(result) if frames == "events" else []
