@@ -1,7 +1,6 @@
 """How deep bodies were in each other, and how far feet slid: by positions alone, at sampled moments of a run.
 
-Shapes are asked for points of overlap, whatever the contact model is: a surface of pressure is as deep as its bodies
-are in each other.
+Shapes are asked for points of overlap, whatever the contact model: a surface of pressure is as deep as its bodies are.
 """
 
 from collections.abc import Callable, Iterable
