@@ -97,7 +97,6 @@ class Dynamics:
         return cls(model, plant, joints, tool=None if name is None else plant.GetFrameByName(model.tools[name]))
 
     def __repr__(self) -> str:
-        """Say in one line whose dynamics these are."""
         tool = "no tool" if self._tool is None else f"tool {self._tool.name()}"
         return f"<{type(self).__name__} of {self.name}: {len(self.axes)} axes, {tool}>"
 

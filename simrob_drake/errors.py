@@ -12,7 +12,6 @@ class SimrobError(ValueError):
     """Base of every error that a user's input can cause."""
 
     def __init__(self, message: str = "") -> None:
-        """Say what is wrong."""
         super().__init__(shortened(message, _LONGEST))
 
 

@@ -98,7 +98,6 @@ class ContactReader(Block):
     """
 
     def __init__(self) -> None:
-        """Make the block."""
         super().__init__()
         self._results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
         self.DeclareAbstractOutputPort("contacts", Value[object], weakly(self._read))

@@ -138,7 +138,6 @@ class Chain(Screws):
     in_plant: ChainInPlant
 
     def __repr__(self) -> str:
-        """Say in one line which axes it has."""
         return f"<Chain of {len(self.names)} axes: {', '.join(self.names)}>"
 
     @classmethod

@@ -151,7 +151,6 @@ class Solver(ABC):
     """
 
     def __init__(self, chain: Chain) -> None:
-        """Make a solver for ``chain``."""
         self.chain = chain
 
     def solve(self, targets: Targets, start: npt.ArrayLike) -> Solutions:

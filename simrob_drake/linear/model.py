@@ -74,7 +74,6 @@ class LinearModel:
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        """Say in one line what it is."""
         sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
         return f"<{type(self).__name__} of {self.name}: {sizes}, {'' if self.is_stable else 'not '}stable>"
 

@@ -222,7 +222,6 @@ class MujocoRunner:
         self.built = BuiltStation.of(self.config, step=positive(step, "step", "s"), integrator=integrator, seen=seen)
 
     def __repr__(self) -> str:
-        """Say in one line what it runs."""
         return f"<MujocoRunner of {self.config!r}>"
 
     def run(

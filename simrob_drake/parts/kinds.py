@@ -24,7 +24,6 @@ class Kinds:
         self._validator = lru_cache(self._validator_of)
 
     def __iter__(self) -> Iterator[str]:
-        """Yield the kinds."""
         return iter(self._places)
 
     def model(self, kind: str) -> type[BaseModel]:
@@ -53,7 +52,6 @@ class Kinds:
         return BeforeValidator(with_kinds)
 
     def __contains__(self, name: object) -> bool:
-        """Tell whether there is such a kind."""
         return isinstance(name, str) and name in self._places
 
     def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:

@@ -69,7 +69,6 @@ class ResolvedRobot:
     motors: tuple[Motor | None, ...]  # of its axes; None where a servo has none
 
     def __repr__(self) -> str:
-        """Say in one line which robot it is."""
         tool = f", tool {self.tcp}" if self.tcp else ""
         return f"<{type(self).__name__} {self.name}: {self.model.name}, {len(self.axes)} axes{tool}>"
 
@@ -179,7 +178,6 @@ class StationPlant:
         return self.plant.GetFrameByName(frame, instance)
 
     def __repr__(self) -> str:
-        """Say in one line what stands in it."""
         return f"<StationPlant of {[*self.robots.values()]}, free pieces {[*self.free_pieces]}>"
 
     def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
@@ -245,7 +243,6 @@ class Site:
     blocks: dict[str, LeafSystem] = field(default_factory=dict)  # controllers and others of the user's own, by name
 
     def __repr__(self) -> str:
-        """Say in one line what goes in and what comes out."""
         return f"<{type(self).__name__}: {', '.join(self.inputs) or 'nothing'} → {', '.join(self.outputs)}>"
 
     def add(self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None) -> None:

@@ -54,7 +54,6 @@ class Planner(Planning):
     move_free = plan_move_free
 
     def __repr__(self) -> str:
-        """Say in one line whose moves it plans."""
         return f"<Planner of {self.robot}: {self.chain!r}>"
 
 

@@ -85,7 +85,6 @@ class Branches:
         return self.found[index]
 
     def __repr__(self) -> str:
-        """Return the table."""
         if not self.found:
             return "no posture reaches the pose"
         turns = dict(zip(self.chain.names, self.chain.revolute.tolist(), strict=True))

@@ -49,7 +49,6 @@ class CellRobot:
         self.name = cell.robot_name(robot)
 
     def __repr__(self) -> str:
-        """Say in one line which robot it is, and how it is."""
         return f"<{type(self).__name__} {self.name}: {', '.join(self._described())}>"
 
     def _described(self) -> list[str]:

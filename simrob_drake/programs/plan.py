@@ -52,7 +52,6 @@ class Plan:
     frame: RigidTransform | None = None
 
     def __repr__(self) -> str:
-        """Say in one line whose move it is, how long it takes, and where it leads."""
         times, end = (" ".join(f"{value:.4g}" for value in values) for values in (self.arrivals, self.end))
         return shortened(f"<Plan of {self.robot}: to [{end}], targets at {times} s>", 200)
 

@@ -66,7 +66,6 @@ class Program(Strict):
         return float(sum(move.duration for move in self.moves if isinstance(move, JointMove)))
 
     def __repr__(self) -> str:
-        """Say in one line what it holds."""
         moves = ", ".join(move.key for move in self.moves)
         held = f"{counted(len(self.moves), 'move')}{shortened(f': {moves}') if moves else ''}"
         references = f"; {counted(len(self.references), 'reference')}" if self.references else ""

@@ -77,7 +77,6 @@ class StatefulStation:
         self._collision_free: tuple[object, ...] = ()  # what was found so last
 
     def __repr__(self) -> str:
-        """Say in one line what stands in it."""
         robots = ", ".join(f"{name} ({robot.model.name})" for name, robot in self._model.robots.items()) or "no robot"
         pieces = f", pieces {', '.join(self.config.pieces)}" if self.config.pieces else ""
         return f"<{type(self).__name__} {self.config.name}, {self.config.mode}: {robots}{pieces}>"

@@ -41,7 +41,6 @@ class Footage:
         self._rendered = lru_cache(maxsize=64)(self._render)
 
     def __len__(self) -> int:
-        """Return how many images there are."""
         return len(self.times)
 
     def __getitem__(self, number: int) -> Image:
@@ -49,7 +48,6 @@ class Footage:
         return self._rendered(range(len(self))[number])
 
     def __iter__(self) -> Iterator[Image]:
-        """Yield the images in order."""
         return (self[number] for number in range(len(self)))
 
     @property

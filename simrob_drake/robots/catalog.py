@@ -130,7 +130,6 @@ class RobotModel(Strict):
         return self
 
     def __repr__(self) -> str:
-        """Say in one line which robot it is."""
         return f"<RobotModel {self.name}: {len(self.axes)} axes, {self.base} base; {self.description}>"
 
     __str__ = __repr__

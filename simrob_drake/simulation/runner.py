@@ -106,7 +106,6 @@ class Runner:
         self._diagrams: dict[Any, StationDiagrams] = {}
 
     def __repr__(self) -> str:
-        """Say in one line what it runs."""
         return f"<Runner of {self.config!r}>"
 
     def like(self, config: StationConfig) -> Self | None:

@@ -149,7 +149,6 @@ class Stances:
     """
 
     def __init__(self, clearance: Clearance, robot: StationRobot) -> None:
-        """Look at a station's robot."""
         self._clearance, self._robot, self._plant = clearance, robot, clearance.plant
         self._home = robot.model.home
         self._random = np.random.default_rng(0)

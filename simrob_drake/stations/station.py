@@ -147,7 +147,6 @@ class Station(Diagram):
     """
 
     def __init__(self, config: StationConfig | str | Path) -> None:
-        """Build the box."""
         super().__init__()
         self.config = config_of(config)
         builder = DiagramBuilder()

@@ -50,7 +50,6 @@ class Cluster:
             raise
 
     def __enter__(self) -> Self:
-        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -124,7 +123,6 @@ class Processes:
         self._pool = self._fresh(self._workers)
 
     def __enter__(self) -> Self:
-        """Return itself."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:

@@ -149,7 +149,6 @@ class Soles:
     """
 
     def __init__(self, robot: StationRobot) -> None:
-        """Prepare a robot on feet."""
         assert robot.feet is not None  # the section has checked
         plant, self._axes, self.size = robot.plant, robot.axis_map, len(robot.axes)
         self.gravity = plant.gravity_field().gravity_vector()

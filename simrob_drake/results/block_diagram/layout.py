@@ -70,7 +70,6 @@ class Layout:
     """
 
     def __init__(self, graph: BlockGraph) -> None:
-        """Place the blocks of a graph."""
         self._several = len(graph.robots) > 1
         self._robots = ["", *graph.robots]
         self.nets = nets_of(graph)

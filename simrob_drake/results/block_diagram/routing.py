@@ -71,7 +71,6 @@ class Routing:
     """
 
     def __init__(self, layout: Layout) -> None:
-        """Route the nets."""
         self._layout, self._channels = layout, len(layout.columns) + 1
         self._trunks: list[dict[int, _Trunk]] = [defaultdict(_Trunk) for _ in range(self._channels)]
         self._lanes: dict[int, list[tuple[float, int, int]]] = defaultdict(list)

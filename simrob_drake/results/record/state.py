@@ -81,7 +81,6 @@ class State:
     blocks: dict[str, BlockState] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        """Say in one line what it holds."""
         robots = ", ".join(f"{name} ({len(positions)} axes)" for name, positions in self.positions.items())
         return f"<State of {robots or 'no robot'}: {len(self.joints)} joints, {len(self.blocks)} blocks with a memory>"
 

@@ -18,7 +18,6 @@ class Names:
     """The names of a plant's bodies and joints: their own, and ``<model>.<own>`` where several have the same."""
 
     def __init__(self, plant: MultibodyPlant) -> None:
-        """Count the names."""
         self._plant = plant
         self._bodies = Counter(plant.get_body(BodyIndex(index)).name() for index in range(plant.num_bodies()))
         self._joints = Counter(plant.get_joint(index).name() for index in plant.GetJointIndices())
