@@ -182,7 +182,7 @@ class Distances:
 
     def __init__(self, pairs: Collection[Pair], inspector: SceneGraphInspector) -> None:
         """Look at the shapes of pairs that can touch."""
-        flat = [self._is_flat(inspector, *pair) for pair in pairs]
+        flat = [any(isinstance(inspector.GetShape(shape), HalfSpace) for shape in pair) for pair in pairs]
         self._above = [self._over_plane(inspector, *pair) for pair, is_flat in zip(pairs, flat, strict=True) if is_flat]
         self._between = [pair for pair, is_flat in zip(pairs, flat, strict=True) if not is_flat]
         self.pairs = [*self._between, *(pair for pair, is_flat in zip(pairs, flat, strict=True) if is_flat)]
@@ -194,10 +194,6 @@ class Distances:
             base = query.GetPoseInWorld(plane).inverse() if isinstance(plane, GeometryId) else plane
             found.append(lowest_points(shape, base @ query.GetPoseInWorld(shape_id), corners)[:, 2].min())
         return np.array(found)
-
-    @staticmethod
-    def _is_flat(inspector: SceneGraphInspector, first: GeometryId, second: GeometryId) -> bool:
-        return any(isinstance(inspector.GetShape(shape), HalfSpace) for shape in (first, second))
 
     @staticmethod
     def _over_plane(

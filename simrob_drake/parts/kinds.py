@@ -1,7 +1,6 @@
 """Sections of a station file that come in kinds, which their key ``kind`` tells apart.
 
-The modules of kinds are imported when a file names them: a station uses few of them, and classes of checked sections
-take long to make.
+Their modules are imported when a file names them: a station uses few, and classes of checked sections are dear to make.
 """
 
 from collections.abc import Iterator, Mapping

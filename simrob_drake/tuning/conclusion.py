@@ -36,7 +36,8 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
         lost = len(ours) - _held(ours)
         if lost:
             others = f" (start {len(theirs) - _held(theirs)})" if start else ""
-            ends = ", ".join(dict.fromkeys(_why(row) for row in ours if not _holds(row)))
+            fallen = [row for row in ours if not _holds(row)]
+            ends = ", ".join(dict.fromkeys("beyond a limit" if _ended(row) else str(row["ended"]) for row in fallen))
             words.append(f"{doubt}: {lost} of {len(ours)} do not{others}: {ends}.")
         if _held(ours) < (_held(theirs) if start else len(ours)):
             worse.append(doubt)
@@ -120,7 +121,3 @@ def _holds(row: Row) -> bool:
 
 def _held(rows: Sequence[Row]) -> int:
     return sum(map(_holds, rows))
-
-
-def _why(row: Row) -> str:
-    return "beyond a limit" if _ended(row) else str(row["ended"])

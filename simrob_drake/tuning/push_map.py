@@ -86,7 +86,8 @@ class PushMap(Walking):
             own = [row for row in rows if row["settings"] == name]
             for turn in (*self.turns, None):
                 some = [row for row in own if turn in (None, row["direction_deg"])]
-                weakest = _share(some) if self.force else _weakest(some)
+                held = sum(row["ended"] == COMPLETED for row in some) / len(some)
+                weakest = {"pushes": len(some), "withstood": held} if self.force else _weakest(some)
                 found.append({"settings": name, "direction_deg": turn, **weakest})
         return found
 
@@ -94,10 +95,6 @@ class PushMap(Walking):
 def push_of(row: Row, key: str) -> float:
     """Return a figure of a push that is withstood, as a row has it; 0 of a trial that never came to its end."""
     return float(row.get(key) or 0.0)
-
-
-def _share(rows: Sequence[Row]) -> Row:
-    return {"pushes": len(rows), "withstood": sum(row["ended"] == COMPLETED for row in rows) / len(rows)}
 
 
 def _weakest(rows: Sequence[Row]) -> Row:
