@@ -95,12 +95,8 @@ def _tell(place: "StudyFolder", proof: "list[Row]") -> None:
             mean(found) if (found := [row[name] for row in rows if row.get(name) is not None]) else None
             for rows in (start, best)
         )
-        table.add_row(
-            name,
-            in_table(before),
-            in_table(after),
-            f"{after / before:.2f}" if before and after and before * after > 0 else "",
-        )
+        ratio = f"{after / before:.2f}" if before and after and before * after > 0 else ""
+        table.add_row(name, in_table(before), in_table(after), ratio)
     console.print(table)
 
 

@@ -83,11 +83,10 @@ def _free_root(robot: ET.Element, report: ImportReport) -> None:
     robot.remove(joints[0])
     robot.remove(roots[0])
     robot.set(FLOATING_MARK, "floating")
-    report.add(
-        "repaired",
-        f"joint '{name_of(joints[0])}'",
-        f"floats below '{name_of(roots[0])}', which is left out; '{link_of(joints[0], 'child')}' is a root that floats",
+    why = (
+        f"floats below '{name_of(roots[0])}', which is left out; '{link_of(joints[0], 'child')}' is a root that floats"
     )
+    report.add("repaired", f"joint '{name_of(joints[0])}'", why)
 
 
 def _drop_mimic(joint: ET.Element, where: str, report: ImportReport) -> None:

@@ -262,19 +262,10 @@ class StandingBalance(SampledBlock):
         self.components = dict.fromkeys(("com", "capture_point"), ("ahead", "left"))
         self._support, self._answers, self._gyroscope = support, answers, gyroscope
         self._stepper = StepChooser(steps, period)
-        super().__init__(
-            period=period,
-            reads={"position": size, "velocity": size, "orientation": 4, "angular_velocity": 3},
-            memory={
-                "offset": np.zeros(size),
-                "com": np.zeros(2),
-                "capture_point": np.zeros(2),
-                "parts": np.zeros(len(answers)),
-                "step": np.zeros(3),
-                "stepped": np.zeros(size),
-            },
-            gives=("offset", "com", "capture_point"),
-        )
+        reads = {"position": size, "velocity": size, "orientation": 4, "angular_velocity": 3}
+        outputs = {"offset": np.zeros(size), "com": np.zeros(2), "capture_point": np.zeros(2)}
+        memory = {**outputs, "parts": np.zeros(len(answers)), "step": np.zeros(3), "stepped": np.zeros(size)}
+        super().__init__(period=period, reads=reads, memory=memory, gives=tuple(outputs))
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return how far the axes are to be moved now."""

@@ -118,21 +118,11 @@ class CellSequence(SampledBlock):
         self._targets, self._durations = targets, [cell.duration for cell in section.cells]
         self._tolerance, self._speed, self._section, self._names = tolerance, speed, section, names
         self._timeout = np.inf if section.timeout is None else section.timeout
-        super().__init__(
-            period=1 / section.rate,
-            reads={"position": size, "velocity": size, "reference": size},
-            memory={
-                "target": np.zeros(size),
-                "active": np.zeros(1),
-                "cell": np.zeros(1),
-                "done": np.zeros(1),
-                "elapsed": np.zeros(1),
-                "origin": np.zeros(size),
-                "clock": np.zeros(1),  # since the first sample [s]
-                REACHED: np.full(len(targets), -1.0),  # by that clock; results look for it at the end
-            },
-            gives=("target", "active", "cell", "done"),
-        )
+        reads, one = {"position": size, "velocity": size, "reference": size}, np.zeros(1)
+        outputs = {"target": np.zeros(size), "active": one, "cell": one, "done": one}
+        memory = {**outputs, "elapsed": one, "origin": np.zeros(size), "clock": one}  # since the first sample [s]
+        memory[REACHED] = np.full(len(targets), -1.0)  # by that clock; results look for it at the end
+        super().__init__(period=1 / section.rate, reads=reads, memory=memory, gives=tuple(outputs))
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next point of the ramp, or the beginning of the next cell."""

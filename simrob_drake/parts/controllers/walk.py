@@ -175,26 +175,12 @@ class WalkingLoop(SampledBlock):
         self._last = b"", Stride()  # of the last sample, and its numbers: it need not be made of them again
         zero = np.zeros(len(posture))
         reads = {"position": len(posture), "velocity": len(posture), "base_pose": 7, "base_velocity": 6}
-        super().__init__(
-            period=1 / section.rate,
-            reads={**reads, **({"command": 3} if self._takes_command else {}), **dict.fromkeys(self._feet, 3)},
-            memory={
-                "target": zero,
-                "active": 0.0,
-                "offset_velocity": zero,
-                "capture": np.zeros(2),
-                "foot": 1.0,
-                "command": np.zeros(3),
-                "clipped": 0.0,
-                "blind": 0.0,
-                "stride": np.zeros(NUMBERS),
-                "posture": zero,
-                "begun": zero,
-                "ready": 0.0,
-                **Commander.MEMORY,
-            },
-            gives=("target", "active", "offset_velocity", "capture", "foot", "command", "clipped", "blind"),
-        )
+        reads |= {**({"command": 3} if self._takes_command else {}), **dict.fromkeys(self._feet, 3)}
+        outputs: dict[str, Vector | float] = {"target": zero, "active": 0.0, "offset_velocity": zero}
+        outputs |= {"capture": np.zeros(2), "foot": 1.0, "command": np.zeros(3), "clipped": 0.0, "blind": 0.0}
+        memory = {**outputs, "stride": np.zeros(NUMBERS), "posture": zero, "begun": zero, "ready": 0.0}
+        memory |= Commander.MEMORY
+        super().__init__(period=1 / section.rate, reads=reads, memory=memory, gives=tuple(outputs))
 
     def command_by_hand(self, context: Context, command: Command) -> None:
         """Ask for something from the next sample on, before all else and to the end of the run; the context changes."""

@@ -109,16 +109,7 @@ def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
     for move in moves:
         asked = "" if move.asked_speed is None else f" of {move.asked_speed:.3g}"
         near = "" if move.distance is None else f"{1e3 * move.distance:z.0f} mm {move.nearest}"
-        table.append(
-            [
-                move.move,
-                f"{move.end:.2f}",
-                "yes" if move.reached else "no",
-                f"{1e3 * move.position_error:.1f} mm",
-                f"{1e3 * move.following_error:.1f} mm",
-                f"{move.torque_time:.2f} s",
-                f"{move.speed:.3g}{asked} m/s",
-                near,
-            ]
-        )
+        errors = [f"{1e3 * error:.1f} mm" for error in (move.position_error, move.following_error)]
+        others = [f"{move.torque_time:.2f} s", f"{move.speed:.3g}{asked} m/s", near]
+        table.append([move.move, f"{move.end:.2f}", "yes" if move.reached else "no", *errors, *others])
     return table
