@@ -62,7 +62,7 @@ def whole(value: object, name: str, least: int, most: int) -> int:
 
 
 def truth(value: object, name: str) -> bool:
-    """Return True or False; raises InvalidParameter: anything else, as many things have no truth, or not that meant."""
+    """Return True or False; raises InvalidParameter: anything else, for its truth may not be what was meant."""
     return bool(instance(value, name, (bool, np.bool_), "True or False"))
 
 

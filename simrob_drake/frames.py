@@ -92,7 +92,7 @@ def point(values: npt.ArrayLike, name: str = "point") -> Vector:
 
 
 def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:
-    """Turn a pose [x y z Rz Ry Rx], shape (6,) [m, rad], into a transform; raises InvalidParameter: no six numbers."""
+    """Turn a pose [x y z Rz Ry Rx], shape (6,) [m, rad], into a transform; raises InvalidParameter: not six numbers."""
     values = finite(pose)
     if values.shape != (POSE_SIZE,):
         raise InvalidParameter("pose", pose, "six finite numbers [x y z Rz Ry Rx] in m and rad")

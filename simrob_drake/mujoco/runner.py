@@ -293,7 +293,7 @@ class MujocoRunner:
 
 
 def inverse_run(config: StationConfig) -> SimulationResult:
-    """Return a kinematic station's run with MuJoCo's torques and poses, as far as known; raises SimrobError: none."""
+    """Return a kinematic station's run with MuJoCo's torques and poses, as far as known; raises SimrobError: no run."""
     run = simulate(config, progress=False)
     built = BuiltStation.of(config, integrator="RK4", moved_by_torque=False)  # others count damping over a step
     built.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)

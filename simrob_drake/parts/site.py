@@ -121,7 +121,7 @@ class Surroundings:
         return [name for name, piece in self.pieces.items() if piece.free]
 
     def robot(self, name: str | None, key: str) -> ResolvedRobot:
-        """Return a robot by name, the only one unless named; raises SimrobError, with the key: none such, or named."""
+        """Return a robot by name, the only one unless named; raises SimrobError, with the key: no such, or several."""
         return self.robots[named(name, list(self.robots), kind=f"robot for {key}", key=f"{key}.robot")]
 
 

@@ -28,7 +28,7 @@ class Automatic(Pace):
 
 
 def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
-    """Return how to go through cells, True as usual; raises InvalidConfig: a wrong mapping; InvalidParameter: else."""
+    """Return how to go through cells, True for as usual; raises InvalidConfig: a wrong mapping, InvalidParameter."""
     if value is True:
         return Automatic()
     expected = "True, or a mapping such as {'tolerance_deg': 3, 'timeout': 20}"

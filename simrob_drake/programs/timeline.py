@@ -127,14 +127,14 @@ class Timeline:
         return {key: value for one in settings for key, value in one.items()}
 
     def station(self, config: StationConfig, duration: float) -> StationConfig:
-        """Return a station as it is for a time [s] without changes from now on; raises InvalidConfig: a setting."""
+        """Return a station as it is for a time [s] without changes from now on; raises InvalidConfig: a wrong key."""
         settings = _for_robots(self.settings(), config)
         changed = with_settings(config, settings, "changes of the program") if settings else config
         forces = {**changed.forces, **self.forces(duration)}
         return changed.model_copy(update={"forces": forces})
 
     def check(self, config: StationConfig) -> None:
-        """Check that all can happen to a station; raises SimrobError: the change that sets or moves what is not."""
+        """Check that all can happen to a station; raises SimrobError: names the change of what is not there."""
         for number, change in enumerate(self.changes):
             where = f"changes[{number}]"
             if change.set is not None:

@@ -109,7 +109,7 @@ def timed(
 
 
 def through_all(robot: str, segments: Sequence[Segment], how: How, points: int, limits: Limits) -> Plan:
-    """Return the move smoothly through all segments' ends, at rest at the last; raises InvalidParameter: no times."""
+    """Return the move smoothly through all segments' ends, at rest at the last; raises as :func:`arrivals`."""
     times, free = arrivals(segments, how, points)
     rows = np.array([segments[0].postures[0], *(segment.end for segment in segments)])
 

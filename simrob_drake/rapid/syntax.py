@@ -61,7 +61,7 @@ def read_modules(file: Path) -> list[Module]:
 
 
 def modules_of(text: str, file: str) -> list[Module]:
-    """Return a text's modules, and name what is no statement; raises RapidError: none, or little is understood."""
+    """Return a text's modules, and what is no statement; raises RapidError: none, or too little is understood."""
     with needed("RAPID", "rapid"):
         from lark.exceptions import UnexpectedInput
 

@@ -52,7 +52,7 @@ _FLOOR_FRICTION = CoulombFriction(FRICTION["mu_static"], FRICTION["mu_dynamic"])
 
 
 def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlant:
-    """Add a station's scene graph and plant, a kinematic one apart; raises InvalidModel: a robot not for this mode."""
+    """Add a station's scene graph and plant, outside if kinematic; raises InvalidModel: not for this mode."""
     config = resolved.config
     collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
     in_mujoco = config.mode == "dynamic" and isinstance(config.solver, MujocoSolver)

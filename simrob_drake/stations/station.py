@@ -30,7 +30,7 @@ StationLike: TypeAlias = "str | Path | StationConfig | Station"
 
 
 def config_of(station: StationLike) -> StationConfig:
-    """Return what a user means by a station; raises SimrobError: see :func:`load_station`; InvalidParameter: none."""
+    """Return what a user means by a station; raises SimrobError: see :func:`load_station`, InvalidParameter."""
     if isinstance(station, Station):
         return station.config
     if isinstance(station, StationConfig):

@@ -116,7 +116,7 @@ def own_blocks(controllers: Mapping[str, Any]) -> Mapping[str, LeafSystem]:
 
 
 def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dict[str, LeafSystem]:
-    """Return blocks by name, their own or their class's; raises InvalidParameter: no LeafSystem, no single name."""
+    """Return blocks by name, their own or their class's; raises InvalidParameter: no LeafSystem, or a taken name."""
     if isinstance(blocks, Mapping):
         pairs = list(blocks.items())
     elif isinstance(blocks, Sequence) and not isinstance(blocks, str):

@@ -166,7 +166,7 @@ class CapturePoint:
     """
 
     def __init__(self, plant: MultibodyPlant, robot: StationRobot, key: str) -> None:
-        """Take a robot of a finalized plant, in no diagram perhaps; raises InvalidParameter: no feet; names ``key``."""
+        """Take a robot of a finalized plant, in a diagram or not; raises InvalidParameter, with ``key``: no feet."""
         if robot.feet is None:
             raise InvalidParameter(key, f"asked of {robot.model.name}", "left out: it has no feet")
         self._plant, self._robot = weakref.proxy(plant), [robot.instance]

@@ -268,7 +268,7 @@ class _Net:
 
 
 def flow_over_time(blocks: Mapping[str, Any], sums: Sequence[Sum], times: Vector) -> Vector:
-    """Return sums of blocks of time at times (t,), rising, shape (n, t); raises InvalidParameter: a loop, a sensor."""
+    """Return sums of blocks of time alone at rising times (t,), shape (n, t); raises InvalidParameter: other blocks."""
     made = {name: _BLOCK.validate_python(block) for name, block in blocks.items() if block["kind"] != "input"}
     opened = Sums(kind="sum", of=({},))
     whole = {**dict.fromkeys(blocks, opened), **made, _TORQUE: Sums(kind="sum", of=tuple(sums))}

@@ -48,7 +48,7 @@ class WholeBody:
         self._rolled = {foot.name: np.zeros((len(plan.times), 2)) for foot in self.feet}
 
     def solve(self, rounds: int = ROUNDS) -> tuple[JointMotion, Vector]:
-        """Return motion and zero-moment point without slip, (m, 2) [m]; raises OutOfReach: what no leg can reach."""
+        """Return the motion, and its zero-moment point without slip (m, 2) [m]; raises OutOfReach: a leg's foot."""
         count = len(self.plan.times)
         angles, height, factor, lean_height = self._start()
         angles = np.tile(angles, (count, 1))
