@@ -15,6 +15,7 @@ from pydantic import Field
 
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidConfig
+from simrob_drake.files import text_of
 from simrob_drake.folders import written_at_once
 from simrob_drake.results.colours import BAD, COLOURS, GOOD
 from simrob_drake.results.plots.grid import style
@@ -145,7 +146,7 @@ _ASIDE = 0.15  # of the two that are compared, so that their dots stand side by 
 def page(title: str, proven: bool, words: Sequence[str], rows: Sequence[Row], of: Mapping[str, Parameters]) -> str:
     """Return the page: the conclusion, its sentences, the shortest first, the runs, and what is compared."""
     first, *others = (escape(words[0]), *(f"<p>{escape(sentence)}</p>" for sentence in words[1:]))
-    return Template(Path(__file__).with_suffix(".html").read_text(encoding="utf-8")).substitute(
+    return Template(text_of(Path(__file__).with_suffix(".html"))).substitute(
         title=escape(title),
         colour=GOOD if proven else BAD,
         conclusion=f"<p><strong>{first}</strong></p>{''.join(others)}",
