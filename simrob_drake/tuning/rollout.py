@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -13,22 +14,9 @@ from simrob_drake.sections import Positive, Strict
 from simrob_drake.tuning.doubts import drawn
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.trial import COMPLETED, Row, Trial
+from simrob_drake.yaml_files import read_yaml
 
-UNITS = {
-    "tracking_error": "rad",
-    "final_error": "rad",
-    "overshoot": "of the move",
-    "peak_torque": "of the limit",
-    "work": "J",
-    "distance": "m",
-    "ahead": "m",
-    "speed": "m/s",
-    "tilt": "rad",
-    "smallest_height": "m",
-    "cost_of_transport": "–",
-    "fall": "of the runs",
-    "margin": "× the push",
-}
+UNITS: dict[str, str] = read_yaml(Path(__file__).with_name("measures.yaml"))
 """The measures of :func:`measures` and their units.
 
 With several robots each has its own, ``<robot>.<measure>``. Errors are of all axes of a robot, in radians, and metres
