@@ -250,14 +250,6 @@ def piece_file(name: str) -> Path:
     return models_root() / "pieces" / one_of("piece", name, piece_names()) / PIECE_FILE
 
 
-def load_piece(name: str) -> PieceModel:
-    """Return a piece of the package by its name, with all its figures.
-
-    Raises UnknownName: no such piece; InvalidConfig: its file has a wrong entry; InvalidModel: as for :func:`weighed`.
-    """
-    return weighed(described_piece(piece_file(name)))
-
-
 def described_piece(file: Path) -> PieceModel:
     """Return a piece as described, no figures computed; raises InvalidConfig: a wrong entry; InvalidModel: its mesh."""
     changed = file.stat().st_mtime_ns if isfile(file) else 0
