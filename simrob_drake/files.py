@@ -30,7 +30,8 @@ class TooLarge(NotRead):
 def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
     """Return the bytes of a file. Devices and pipes, which may have no end, are not waited for.
 
-    Raises NotRead: not there, no regular file, or a name of no file; TooLarge: it has more bytes than ``largest``.
+    Raises NotRead: it is not there, is no regular file, or no file can have its name; TooLarge: it has more bytes than
+    ``largest``.
     """
     with opened(file) as content:
         size = os.fstat(content.fileno()).st_size

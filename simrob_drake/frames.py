@@ -188,7 +188,8 @@ _SINE_AND_TRACE[[0, 4, 8], 3] = 1.0
 def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
     """Turn one pose or many, in any form of :data:`Targets`, into matrices, shape (k, 4, 4); one pose gives k = 1.
 
-    Raises InvalidParameter, with ``name``: another shape, numbers that are not finite, or no rigid motion.
+    Raises InvalidParameter, which calls them ``name``: another shape, numbers that are not finite, or a matrix that is
+    no rigid motion.
     """
     if isinstance(targets, RigidTransform):
         return np.array([targets.GetAsMatrix4()])

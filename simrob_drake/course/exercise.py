@@ -79,7 +79,8 @@ def exercises() -> list[ExerciseFolder]:
 def exercise_of(name: str) -> ExerciseFolder:
     """Return an exercise by its number, or by its folder: a teacher's own.
 
-    Raises UnknownName: none of this number, and no folder with ``exercise.yaml``; InvalidConfig: its description.
+    Raises UnknownName: there is none of this number, and no folder with an ``exercise.yaml``; InvalidConfig: its
+    description cannot be.
     """
     if (Path(name) / EXERCISE_FILE).is_file():
         return ExerciseFolder(Path(name))

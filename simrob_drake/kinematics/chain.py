@@ -300,7 +300,8 @@ def _listed(way: list[tuple[Joint, float]], joints: Sequence[Joint]) -> list[tup
 def joints_between(plant: MultibodyPlant, base: Frame, tool: Frame) -> list[tuple[Joint, float]]:
     """Return the joints of a finalized plant that can move ``tool`` against ``base``, in order from the base.
 
-    Each comes with 1 where the way leads outward through it, or -1 where it leads back, to another branch.
+    Each comes with 1 where the way leads outward through it, or -1 where it leads back towards the world; the tool may
+    be on another branch of the tree.
     """
     inboard = {}
     for index in plant.GetJointIndices():

@@ -28,7 +28,8 @@ _NO_MODEL = "MJCF's servos do not know the arm's model"
 def check_sayable(config: StationConfig, robots: Mapping[str, ResolvedRobot], *, moved_by_torque: bool = True) -> None:
     """Check that MuJoCo moves a station as Drake does; what only measures is no hindrance.
 
-    Where it is not ``moved_by_torque``, bodies are all that counts. Raises InvalidParameter: key, why, what is right.
+    Where it is not ``moved_by_torque``, bodies are all that counts. Raises InvalidParameter: key, why, what would be
+    right.
     """
     if not moved_by_torque:
         return

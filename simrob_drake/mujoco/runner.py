@@ -241,7 +241,8 @@ class MujocoRunner:
     ) -> list[SimulationResult]:
         """Run the station several times, for a duration in place of its own [s].
 
-        So many ``threads`` step beside this one; with 0 they are stepped here in turn. Raises SimrobError: no such run.
+        So many ``threads`` step beside this one; with 0 they are stepped here in turn. Raises SimrobError: what does
+        not fit.
         """
         config = with_duration(self.config, duration)
         prepared = [self.prepared(config, one) for one in requests]

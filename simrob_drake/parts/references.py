@@ -266,7 +266,8 @@ class Table(ReferenceSection):
     def rows(self, axes: list[str]) -> Samples:
         """Return the times (m,) [s] and the values (m, n), or (m, 2n) with speeds, of the file.
 
-        Raises InvalidConfig: it cannot be read, lacks a column, has no numbers, times that fall, or too many rows.
+        Raises InvalidConfig: the file cannot be read, lacks a column, holds something that is no number, times that do
+        not rise, or far too many rows.
         """
         names = [*axes, *speed_columns(axes)] if self.interpolation == "hermite" else axes
         values, lines = read_columns(self.file, [TIME_COLUMN, *names])

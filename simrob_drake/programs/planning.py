@@ -54,7 +54,8 @@ PoseTargets: TypeAlias = Targets
 def world_poses(targets: PoseTargets, wobj: RigidTransform, turn: Vector, name: str = "targets") -> Vector:
     """Return targets in a work object's frame, poses or places (3,) or (k, 3), as poses in the world, shape (k, 4, 4).
 
-    Places take the orientation ``turn`` (3, 3) in the world. Raises InvalidParameter, with ``name``: not such targets.
+    Places take the orientation ``turn`` (3, 3) in the world. Raises InvalidParameter, with ``name``: another shape, or
+    not finite.
     """
     check_units(targets, name)
     if is_place(targets):

@@ -98,7 +98,8 @@ def check_takes_time(
 def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> tuple[ReferenceLike, float]:
     """Return the reference that moves of joints are from where a robot is, and its duration [s].
 
-    Raises InvalidParameter: no move, or none of joints; SimrobError: what the robot cannot do; names the move.
+    Raises InvalidParameter: no move, or one that is no move of joints; SimrobError: what the robot cannot do; names the
+    move.
     """
     check_takes_time(moves)
     joint_moves = list[JointMove]()

@@ -39,7 +39,8 @@ class Motors:
     def fastest(self, segment: Segment, speed: float | None) -> tuple[Stretch, Vector]:
         """Return the motion along a segment of all robots from rest to rest, and when it passes its targets, (k,) [s].
 
-        Their tools are no faster than ``speed`` [m/s]. Raises InvalidParameter: where motors could not even hold them.
+        Their tools are no faster than ``speed`` [m/s]. Raises InvalidParameter: a way where motors could not even hold
+        them.
         """
         way = free_spline(segment.parts, segment.postures)
         times, parts = _averaged(self._law(way, len(segment.parts), speed))

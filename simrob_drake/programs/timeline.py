@@ -1,6 +1,7 @@
 """What happens to a station at moments of its own, whatever its robots are told: settings, pushes, drags.
 
-Runs are cut at a grid, and where something happens, so that each can be repeated from any moment to the last bit.
+Runs are cut at a grid of time, and where something happens, so that each can be repeated from any moment of it to the
+last bit.
 """
 
 from bisect import bisect_right

@@ -124,7 +124,8 @@ class Expressions:
     def place(self, node: Node) -> Location:
         """Return the place that an expression names.
 
-        What is assigned to a value kept nowhere is lost. Raises WrongType: no such data, component or element.
+        What is assigned to a value that is kept nowhere is lost. Raises WrongType: there is no such data, component or
+        element.
         """
         if node.data == "name":
             found = self._find(node.children[0])

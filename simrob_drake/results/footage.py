@@ -75,7 +75,8 @@ def footage_of(result: RecordedRun) -> dict[str, Footage]:
 def save_footage(footage: dict[str, Footage], folder: Path, *, video: bool = False) -> None:
     """Write the images of cameras into folders of their own, beside a strip, and a video if asked.
 
-    ``color_<k>.png`` has the colours, ``depth_<k>.png`` the depth in whole millimetres (16 bits; 65535: none).
+    ``color_<k>.png`` has the colours, ``depth_<k>.png`` the depth in whole millimetres (16 bits; 65535 where there is
+    none).
     """
     for name, images in footage.items():
         own = folder / name

@@ -46,7 +46,8 @@ class GaitsFile:
 def gaits_file(robot: str | RobotModel) -> GaitsFile:
     """Return the gaits beside the ``robot.yaml`` of a robot of the package by name, or of any other's model.
 
-    Raises UnknownName: no such robot, with the nearest; InvalidParameter: one without gaits; InvalidConfig: its file.
+    Raises UnknownName: no such robot, proposes the nearest; InvalidParameter: one without gaits; InvalidConfig: a file
+    that cannot be read.
     """
     name = one_of("robot", robot, robot_names()) if isinstance(robot, str) else robot.name
     folder = models_root() / robot if isinstance(robot, str) else robot.folder

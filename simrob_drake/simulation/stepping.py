@@ -84,7 +84,8 @@ class Outcome:
 class Stepper:
     """Steps a station over stretches of time between which its diagram may change; all have the same states.
 
-    A run is cut at nothing but the edges: a solver's steps end with a call to advance, so pieces change the result.
+    A run is cut at nothing but the edges: a solver's steps end where a call to advance ends, so other pieces would
+    change the result.
 
     Attributes:
         built: the diagram that is stepped now.
@@ -103,7 +104,8 @@ class Stepper:
     ) -> None:
         """Prepare to step what ``diagram_at`` gives from a time on [s]; steps must end at the edges, in order [s].
 
-        At ``ticks`` stepping begins anew; ``reached`` is where another stepper of the same run came to, to go on there.
+        At ``ticks`` stepping begins anew; ``reached`` is where another stepper of the same run came to, to go on from
+        there.
         """
         self._config, self._diagram_at, self._blocks = config, diagram_at, blocks
         first = 0.0 if reached is None else reached.get_time()

@@ -113,7 +113,8 @@ _FILES = (ROBOT_FILE, "gaits.yaml", "walking.yaml")  # what is read of a robot b
 def carried(config: StationConfig, folder: Path) -> StationConfig:
     """Return a station that names copies of its files in a folder, by paths from there; robots as imported.
 
-    Paths that are relative already stay, and so does what cannot be read. Raises OSError: they cannot be written.
+    Paths that are relative already stay, and so does what cannot be read any more. Raises OSError: the disk does not
+    take the copies.
     """
     content = config.model_dump(mode="json", exclude_none=True)
     for section, last, key in paths_in(content):

@@ -59,7 +59,8 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
 def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> ResolvedRobot:
     """Return a robot with the references of its prescribed axes, which start where these begin, without servos.
 
-    They begin as others do, about or at the axis' start. Raises SimrobError: see :func:`prescribed_axes`.
+    They begin as others do: about or at the axis' initial position. Raises SimrobError: as :func:`prescribed_axes`, or
+    a reference that cannot be.
     """
     references = {}
     for key, place in prescribed_axes(config, robot.name, robot.model).items():

@@ -270,7 +270,8 @@ def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator
 def carriers_of(config: StationConfig) -> dict[str, str]:
     """Return which robot carries each piece, directly or through others, or ``world``: each after what it hangs on.
 
-    Raises UnknownName: a parent that is no robot, no piece and not the world; InvalidParameter: a circle of them.
+    Raises UnknownName: a parent that is no robot, no piece and not the world; InvalidParameter: pieces that hang on
+    each other in a circle.
     """
     parents = {piece: _parent(config, piece) for piece in config.pieces}
     carriers: dict[str, str] = {}

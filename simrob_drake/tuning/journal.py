@@ -99,7 +99,8 @@ class Journal:
     def adding(self) -> Iterator[Callable[[Record], None]]:
         """Give what adds a record, and let no other process do so; the half of a line that one left is cut off.
 
-        Raises OutputError: another process is at work on them, or no disk for them; InvalidConfig: a damaged line.
+        Raises OutputError: another process is at work on them, or the disk does not take them; InvalidConfig: a line is
+        damaged.
         """
         with alone_in(self.folder):
             self.records, end = self._read()
@@ -182,7 +183,8 @@ def run(
 ) -> list[Record]:
     """Make the trials that are not made yet, and return the records of all; for the arguments see :func:`engine`.
 
-    Raises OutputError: another process is at work on them, or no disk for them; SimrobError: no such scheduler.
+    Raises OutputError: another process is at work on them, or the disk does not take them; SimrobError: no such
+    scheduler, or one that goes away.
     """
     with journal.adding() as add, engine(workers=workers, scheduler=scheduler) as engine_:
         done = {record.number for record in journal.records}

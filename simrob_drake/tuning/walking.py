@@ -196,7 +196,8 @@ def bracket(holds: Callable[[float], bool], first: float, *, close: float, most:
     """Return the largest number that holds, and one not much larger that does not, ``close`` to it as its part.
 
     That nothing holds again beyond what does not is taken for granted. From the first number on it grows by twos until
-    one does not hold, up to ``most``. Returns 0 and the smallest where none holds; ``most`` and infinity where all do.
+    one does not hold, up to ``most``. Returns 0 and the smallest that was tried, where none holds; ``most`` and
+    infinity where all do.
     """
     low, high, tried = 0.0, inf, min(first, most)
     while True:

@@ -53,7 +53,8 @@ class MeshPlaces:
 
         Names begin with ``package://``, ``model://``, ``file://`` or nothing, and may hold backslashes, %20 and letters
         in the wrong case. A path that is not there as a whole is tried by its end: authors leave their own folders in,
-        and rename packages. Raises MeshMissing: it is nowhere; OutsideBorder: outside of the folders to be read.
+        and rename packages. Raises MeshMissing: it is nowhere; OutsideBorder: it lies outside of the folders that may
+        be read.
         """
         if uri not in self._found:
             parsed = _named(uri)

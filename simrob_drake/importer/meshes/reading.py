@@ -39,7 +39,8 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
     """Read a mesh file that may be read, with the ``others`` that it may ask for, by the names that it uses for them.
 
     COLLADA's unit is applied; its up axis is not, as in ROS, where a URDF's origins are written for that. glTF has Y
-    upwards by definition and is turned, as Drake turns it. Raises UnreadableMesh: too large, garbage, or no triangles.
+    upwards by definition and is turned, as Drake turns it. Raises UnreadableMesh: it is too large, garbage, or holds no
+    triangles; the text says what.
     """
     kind = path.suffix.lower()
     if kind not in MESH_FORMATS:

@@ -56,7 +56,8 @@ _FLUID = ("density", "viscosity", "wind")
 def read_mjcf(root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
     """Return the ``robot`` element that a ``mujoco`` element stands for, as MuJoCo understands it.
 
-    The file's element, its path absolute, is changed. Raises InvalidModel: MuJoCo is missing, refuses it, or no robot.
+    The element of the file, whose path is absolute, is changed. Raises InvalidModel: MuJoCo is not installed or refuses
+    it, or it holds no robot.
     """
     if find_spec("mujoco") is None:
         raise report.refusal("", lacking("is an MJCF file, which", "mujoco"))

@@ -37,7 +37,8 @@ def import_shapes(
     """Rewrite every ``<visual>`` and ``<collision>`` of a robot, in place, and write its meshes.
 
     The robot has unique names, and origins that are numbers; relative names of meshes start at the folder of
-    ``source``; ``folder`` takes ``meshes/``, None nothing. Raises InvalidModel: a mesh that may not be read.
+    ``source``; ``folder`` takes ``meshes/``, None nothing. Raises InvalidModel: a mesh lies outside of what may be
+    read.
     """
     shapes = _Shapes(robot, MeshLibrary(MeshPlaces(source, options.mesh_path)), MeshWriter(folder), options, report)
     for link in robot.iterfind("link"):

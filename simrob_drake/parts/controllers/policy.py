@@ -183,7 +183,8 @@ class LearntPolicy(SampledBlock):
     ) -> None:
         """Make the block of a section; an action of 1 moves each axis by its ``reach``, shape (n,) [rad].
 
-        Positions are seen from ``home`` (n,) [rad], the attitude from ``upright``; ``sizes`` are of others, by name.
+        Positions are seen from ``home`` (n,) [rad], the attitude from ``upright``; ``sizes`` are of other outputs, by
+        name.
         """
         self.units = {"offset": "rad"}
         self.law: Callable[[Vector], Vector] | None = None

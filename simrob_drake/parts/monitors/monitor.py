@@ -84,7 +84,8 @@ class PoseMonitorSection(MonitorSection):
         """Return who is watched, the output that is its pose with its size, and where it is at the start.
 
         That is a free piece, the only one of a station without robots unless named, or the ``port`` of the robot:
-        ``base_pose``, ``tcp_pose`` or ``tcp_pose.<tool>``. Raises SimrobError: no such free piece, robot or tool.
+        ``base_pose``, ``tcp_pose`` or ``tcp_pose.<tool>``. Raises SimrobError: no such free piece, no such robot, or a
+        robot without such a tool.
         """
         size, free = len(XYZ_QUATERNION_NAMES), station.free_pieces
         if self.piece is not None:

@@ -138,7 +138,8 @@ def _port(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -
 class JointTorqueSensor(Block):
     """Measure the torque about, or the force along, each joint's axis: what the joint hands on to its link.
 
-    It is the motor's torque less the joint's own damping. Forces on the links from outside are no part of it.
+    It is the motor's torque less the joint's own damping. Forces that act on the links from outside, such as elastic
+    end stops, are no part of it.
 
     Ports:
         in  ``reaction_forces``: of the plant, not of one that ``cenic`` steps.

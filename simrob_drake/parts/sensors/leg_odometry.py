@@ -193,7 +193,8 @@ class BaseEstimator(SampledBlock):
     ) -> None:
         """Make the block of a section, for the points that touch the ground, from a pose (7,) on.
 
-        A foot counts in full from ``force`` [N] on, None where no forces are read; ``level``: the ground is at z = 0.
+        A foot counts in full from ``force`` [N] on, None where no forces are read; ``level``: the ground is the plane z
+        = 0.
         """
         period = 1 / section.rate
         feet = {} if force is None else dict.fromkeys(soles.feet, 3)

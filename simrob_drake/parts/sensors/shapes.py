@@ -233,7 +233,8 @@ class MomentumBalance:
     def _across(self, totals: Vector, contacts: Contacts, rows: npt.NDArray[np.intp]) -> Vector:
         """Return the sensor's share of what is across the normals, shape (m, 3) [N], in the world's axes.
 
-        ``totals`` are of all forces on the sensor's model (m, 3) [N]; ``rows`` (k,) is the time of each contact.
+        ``totals`` are of all forces on the sensor's model, shape (m, 3) [N]; ``rows`` (k,) tells to which time each
+        contact belongs.
         """
 
         def summed(values: Vector) -> Vector:

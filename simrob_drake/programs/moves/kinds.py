@@ -50,7 +50,8 @@ def move_from(
 ) -> Move:
     """Return a move of any kind of what a user gave: targets of axes [deg], what would stand in a file, or a move.
 
-    A move of joints takes its duration [s], ``otherwise`` unless given. Raises SimrobError: as :func:`move_of`.
+    A move of joints takes its duration [s], ``otherwise`` unless given. Raises SimrobError: as :func:`move_of`; or a
+    mapping that is wrong.
     """
     if isinstance(content, Move):
         made = content

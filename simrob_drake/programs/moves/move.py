@@ -154,7 +154,8 @@ class Move(Strict):
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that a robot with legs can do it, and return the stage that does, called ``name`` in messages.
 
-        The outlook is the station by then, changed to what the move leaves. Raises SimrobError: it cannot be done.
+        The outlook is the station when it will be done; it is changed to what the move leaves. Raises SimrobError: it
+        cannot.
         """
         raise InvalidParameter("the move", self.key, "one for legs: this one is of arms")
 

@@ -28,7 +28,8 @@ class Recorder:
     """Keep time, continuous state, every discrete group and abstract state at each accepted step, whatever the solver.
 
     It is the simulator's monitor, which Drake calls after each step: it forces no steps and costs a few microseconds.
-    Now and then it looks whether the state ran away, and asks whoever wants to look; either may end the run.
+    Now and then it looks whether the state has run away, and asks whoever wants to look at what was recorded; either
+    may end the run.
     """
 
     def __init__(

@@ -38,7 +38,8 @@ class Sampler:
 
         ``held`` ports keep over each step what an implicit scheme with frozen inputs applied in it: their value at the
         state of its end, with the time of its start. ``prepare`` is called first and gives the diagram this run's
-        references back. With ``tolerant`` what cannot be evaluated, as of a failed block, is no number.
+        references back. With ``tolerant`` what cannot be evaluated is no number, as after a run in which a block
+        failed.
         """
         self.diagram = diagram
         self._site, self._held, self._prepare, self._tolerant = site, held, prepare, tolerant

@@ -1,6 +1,7 @@
 """How deep bodies were in each other, and how far feet slid: by positions alone, at sampled moments of a run.
 
-Shapes are asked for points of overlap, whatever the contact model: a surface of pressure is as deep as its bodies are.
+Shapes are asked for points of overlap, whatever the contact model is: a surface of pressure is as deep as its bodies
+are in each other.
 """
 
 from collections.abc import Callable, Iterable

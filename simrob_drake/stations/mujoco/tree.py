@@ -106,7 +106,8 @@ _TRIANGLES = (".obj", ".stl")
 def add_shapes(spec: mujoco.MjSpec, station: StationPlant, names: Names, *, seen: bool) -> dict[GeometryId, str]:
     """Add the shapes that touch others, and with ``seen`` the pictures of all bodies; return the names of the former.
 
-    None touches by itself: which pairs do is for whoever adds contacts. Raises InvalidParameter: an unknown shape.
+    None of them touches by itself: which pairs do is for whoever adds contacts. Raises InvalidParameter: an unknown
+    shape.
     """
     inspector, known = station.scene_graph.model_inspector(), dict[GeometryId, str]()
     paired = {shape for pair in touching_pairs(station) for shape in pair}
