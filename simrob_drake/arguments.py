@@ -21,11 +21,7 @@ class DrakeRefused(SimrobError):
 
 @contextmanager
 def drake_asserts() -> Iterator[None]:
-    """Tell of Drake's failed assertions, which reach Python as SystemExit, as errors; also as a decorator.
-
-    Raises:
-        DrakeRefused: one failed.
-    """
+    """Tell of Drake's failed assertions, a SystemExit in Python, as errors; a decorator, too; raises DrakeRefused."""
     try:
         yield
     except SystemExit as problem:
@@ -36,29 +32,17 @@ def drake_asserts() -> Iterator[None]:
 
 
 def number(value: object, name: str) -> float:
-    """Return a number.
-
-    Raises:
-        InvalidParameter: anything else, what is not finite too.
-    """
+    """Return a number; raises InvalidParameter: anything else, what is not finite too."""
     return _between(value, name, -1e308, 1e308, "a number")
 
 
 def positive(value: object, name: str, unit: str) -> float:
-    """Return a positive number.
-
-    Raises:
-        InvalidParameter: anything else.
-    """
+    """Return a positive number; raises InvalidParameter: anything else."""
     return _between(value, name, 1e-308, 1e308, f"a positive number [{unit}]")
 
 
 def seconds(value: object, name: str = "duration") -> float:
-    """Return a duration [s].
-
-    Raises:
-        InvalidParameter: anything else than a positive number that is neither too small nor too large for one.
-    """
+    """Return a duration [s]; raises InvalidParameter: not positive, too small or too large for one."""
     return _between(value, name, SHORTEST, LONGEST, f"a positive time [s], {SHORTEST:g} to {LONGEST:g}")
 
 
@@ -71,31 +55,19 @@ def _between(value: object, name: str, least: float, most: float, expected: str)
 
 
 def whole(value: object, name: str, least: int, most: int) -> int:
-    """Return a whole number within bounds.
-
-    Raises:
-        InvalidParameter: anything else.
-    """
+    """Return a whole number within bounds; raises InvalidParameter: anything else."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
         raise InvalidParameter(name, quoted(value), f"a whole number, {least} to {most}")
     return int(value)
 
 
 def truth(value: object, name: str) -> bool:
-    """Return True or False.
-
-    Raises:
-        InvalidParameter: anything else; many things have no truth, or not the one that was meant.
-    """
+    """Return True or False; raises InvalidParameter: anything else, for its truth may not be what was meant."""
     return bool(instance(value, name, (bool, np.bool_), "True or False"))
 
 
 def instance(value: object, name: str, kind: type[Kind] | tuple[type[Kind], ...], expected: str) -> Kind:
-    """Return an object of a kind.
-
-    Raises:
-        InvalidParameter: one of another kind.
-    """
+    """Return an object of a kind; raises InvalidParameter: one of another kind."""
     if not isinstance(value, kind):
         raise InvalidParameter(name, quoted(value), expected)
     return value

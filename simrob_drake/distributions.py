@@ -35,8 +35,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.sections import Boolean, NotNegative, Number, Strict
 from simrob_drake.yaml_files import parse_yaml
 
-Values = dict[str, Any]
-"""Of keys, by dotted paths."""
+Values = dict[str, Any]  # of keys, by dotted paths
 _MOST = 10_000
 _FAR = 1e-12  # a normal distribution is cut off where so small a part of all draws lies beyond
 
@@ -253,11 +252,7 @@ _DRAWN: Mapping[str, Callable[[float, float], Values]] = {
 
 
 def _section(text: str) -> Values:
-    """Return the section that a line says.
-
-    Raises:
-        ValueError: anything else, or an empty range; the message says what it must be.
-    """
+    """Return the section that a line says; raises ValueError: anything else or an empty range, with what it must be."""
     kind, *numbers = text.split(":")
     if kind not in _GRIDS and kind not in _DRAWN:
         return {"values": _listed(text)}
@@ -319,12 +314,8 @@ AnyDistribution = Annotated[
 def parsed(option: str, text: str) -> Distribution:
     """Return the distribution that a line says: ``0.5,1,2``, ``log:10:1000:9``, ``uniform:0.5:2`` ... of :data:`TEXTS`.
 
-    Args:
-        option: what errors call it.
-        text: the line; counts of ``lin`` and ``log`` include both ends.
-
-    Raises:
-        InvalidParameter: anything else, an empty range, or ends that a logarithm does not take.
+    Counts of ``lin`` and ``log`` include both ends. Raises InvalidParameter, which calls it ``option``: anything else,
+    an empty range, or ends that a logarithm does not take.
     """
     try:
         _section(text)

@@ -6,8 +6,6 @@ are the torques of the motors: inertia with that of their rotors, centrifugal an
 Coulomb friction. Drake computes M, C v, g and Jacobians.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
@@ -30,8 +28,7 @@ _SPEEDS = JacobianWrtVariable.kV
 _PARTS = {"all": slice(0, 6), "translation": slice(0, 3), "rotation": slice(3, 6)}
 _FIRST_LOOKS, _SWEEPS, _ANGLES = 500, 3, 25
 """Postures that are tried for the weakest one, and how often and how finely each axis is searched from there."""
-_NOTHING = 1e-9
-"""A joint that a kilogram loads by less does not feel it [N·m or N]."""
+_NOTHING = 1e-9  # a joint that a kilogram loads by less does not feel it [N·m or N]
 
 
 class Dynamics:
@@ -78,7 +75,7 @@ class Dynamics:
             plant.SetPositions(self._context, positions)
 
     @classmethod
-    def of_robot(cls, robot: str | Path | RobotModel, tool: str | None = None) -> Dynamics:
+    def of_robot(cls, robot: str | Path | RobotModel, tool: str | None = None) -> "Dynamics":
         """Return the dynamics of a robot alone.
 
         Args:
@@ -100,7 +97,6 @@ class Dynamics:
         return cls(model, plant, joints, tool=None if name is None else plant.GetFrameByName(model.tools[name]))
 
     def __repr__(self) -> str:
-        """Say in one line whose dynamics these are."""
         tool = "no tool" if self._tool is None else f"tool {self._tool.name()}"
         return f"<{type(self).__name__} of {self.name}: {len(self.axes)} axes, {tool}>"
 

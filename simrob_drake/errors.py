@@ -5,15 +5,13 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-_LONGEST = 2000
-"""Letters of a message: lists of what is known are long, too, but what a user gave may be a megabyte."""
+_LONGEST = 2000  # letters of a message: lists of what is known are long, too, but what a user gave may be a megabyte
 
 
 class SimrobError(ValueError):
     """Base of every error that a user's input can cause."""
 
     def __init__(self, message: str = "") -> None:
-        """Say what is wrong."""
         super().__init__(shortened(message, _LONGEST))
 
 
@@ -93,11 +91,7 @@ def _located(where: Path | str, what: str, problem: str) -> str:
 
 
 def one_of(kind: str, name: object, known: Iterable[str]) -> str:
-    """Return a name that is one of the known ones.
-
-    Raises:
-        UnknownName: it is not, or is no text.
-    """
+    """Return a name that is one of the known ones; raises UnknownName: it is not, or is no text."""
     names = list(known)
     if not isinstance(name, str) or name not in names:
         raise UnknownName(kind, name, names)

@@ -38,15 +38,7 @@ def require(what: str, package: str, extra: str) -> None:
 
 @contextmanager
 def needed(what: str, extra: str) -> Iterator[None]:
-    """Say how to get the packages that something needs, where their import fails.
-
-    Args:
-        what: needs them.
-        extra: of this package, which brings them.
-
-    Raises:
-        SimrobError: one is missing.
-    """
+    """Tell of the ``extra`` that brings packages which ``what`` needs, where an import fails; raises SimrobError."""
     try:
         yield
     except ImportError as problem:

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from simrob_drake.errors import InvalidConfig, shortened
 
-LARGEST_TEXT = 1_000_000
-"""Of files that are written by hand [bytes]: a station's has some thousand."""
+LARGEST_TEXT = 1_000_000  # of files that are written by hand [bytes]: a station's has some thousand
 
 
 class NotRead(OSError):
@@ -31,9 +30,8 @@ class TooLarge(NotRead):
 def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
     """Return the bytes of a file. Devices and pipes, which may have no end, are not waited for.
 
-    Raises:
-        NotRead: it is not there, is no regular file, or no file can have its name.
-        TooLarge: it has more bytes than ``largest``.
+    Raises NotRead: it is not there, is no regular file, or no file can have its name; TooLarge: it has more bytes than
+    ``largest``.
     """
     with opened(file) as content:
         size = os.fstat(content.fileno()).st_size
@@ -45,11 +43,7 @@ def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
 
 @contextmanager
 def opened(file: Path | str) -> Iterator[BufferedReader]:
-    """Open a file to read it, as :func:`content_of` does; for those that are read bit by bit.
-
-    Raises:
-        NotRead: it is not there, is no regular file, or no file can have its name.
-    """
+    """Open a file as :func:`content_of` reads it, for those that are read bit by bit; raises NotRead as that does."""
     try:
         with _open(file) as content:
             yield content
@@ -77,19 +71,14 @@ def _at_once(file: str, flags: int) -> int:
 
 
 def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
-    """Return the text of a file in UTF-8, its lines ended by a line feed each; a byte order mark is left out.
-
-    Raises:
-        NotRead: as of :func:`content_of`, and where it is not UTF-8.
-    """
+    """Return a file's text in UTF-8, lines ended by line feeds, without byte order mark; raises NotRead: it is none."""
     try:
         return content_of(file, largest).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as problem:
         raise NotRead(f"it is no text in UTF-8: {problem.reason} in byte {problem.start}") from problem
 
 
-LARGEST_TABLE = 100_000_000
-"""Of a file [bytes]: a million rows of seven columns."""
+LARGEST_TABLE = 100_000_000  # of a file [bytes]: a million rows of seven columns
 _LONGEST_LINE = 1_000_000  # letters
 
 
@@ -121,9 +110,8 @@ def read_columns(file: Path, names: Sequence[str]) -> tuple[NDArray[np.float64],
 def read_matrix(file: Path) -> NDArray[np.float64]:
     """Return the numbers of a table without names, shape (lines, columns).
 
-    Raises:
-        InvalidConfig: the file cannot be read, holds no line, or one of another length than the first or with something
-            that is no finite number.
+    Raises InvalidConfig: the file cannot be read, holds no line, or one of another length than the first or with
+    something that is no finite number.
     """
     rows = list[list[float]]()
     for line, row in _rows(file):
@@ -136,11 +124,7 @@ def read_matrix(file: Path) -> NDArray[np.float64]:
 
 
 def column_names(file: Path) -> list[str]:
-    """Return the names in the first line that is not empty.
-
-    Raises:
-        InvalidConfig: the file cannot be read, or holds nothing.
-    """
+    """Return the names in the first line that is not empty; raises InvalidConfig: no file to read, or an empty one."""
     return _header(_rows(file), file)[1]
 
 

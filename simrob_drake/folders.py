@@ -17,8 +17,7 @@ from simrob_drake.errors import OutputError
 CACHE_VARIABLE = "XDG_CACHE_HOME"
 """The environment variable that says where caches lie; without it that is ``~/.cache``."""
 _KEPT = 90 * 24 * 3600.0  # s
-_WORKSHOP = ".simrob-part"
-"""How the hidden folders end in which work grows until it is whole."""
+_WORKSHOP = ".simrob-part"  # how the hidden folders end in which work grows until it is whole
 _YOUNG = 60.0  # s in which such a folder may not be locked yet
 _BEFORE = "before"  # what stands there is a user's
 
@@ -29,15 +28,10 @@ def cache_root() -> Path:
 
 
 def cache_entry(kind: str, *, made_of: Iterable[bytes], made_by: Iterable[Path]) -> Path:
-    """Return the folder of a cache's entry; whether it is there yet is for the caller to see.
+    """Return the folder of an entry of a ``kind`` of cache; whether it is there yet is for the caller to see.
 
-    Its name follows from all that the entry depends on, so that a correction of our code makes it anew. Entries that
-    nobody asked for in ninety days are deleted.
-
-    Args:
-        kind: which cache.
-        made_of: what the entry is made of.
-        made_by: files and folders with the code that makes it.
+    Its name follows from what it is made of, and from the code, files and folders, that makes it, so that a correction
+    of our code makes it anew. Entries that nobody asked for in ninety days are deleted.
     """
     modules = [file for place in made_by for file in sorted(place.rglob("*.py") if place.is_dir() else [place])]
     digest = hashlib.sha256()
@@ -60,13 +54,8 @@ def _delete_forgotten(cache: Path) -> None:
 def check_folder(folder: Path, *, marker: str, force: bool) -> None:
     """Check, before any work, that results can be written to a folder.
 
-    Args:
-        folder: where to.
-        marker: name of a file that every folder of this kind holds; only such a folder is ever replaced.
-        force: replace one that is there.
-
-    Raises:
-        OutputError: it exists and is not to be replaced, is none of ours, or cannot be made.
+    Only a folder that holds a file called ``marker``, as each of its kind does, is ever replaced, and with ``force``.
+    Raises OutputError: it exists and is not to be replaced, is none of ours, or cannot be made.
     """
     if folder.exists():
         ours = folder.is_dir() and ((folder / marker).is_file() or not any(folder.iterdir()))
@@ -92,15 +81,8 @@ def writing(target: Path) -> Iterator[None]:
 def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterator[Path]:
     """Give a temporary folder that takes the name of ``folder``, and its place, once it is filled.
 
-    What stands there by then is looked at again: it may have come, or changed, while the folder was filled.
-
-    Args:
-        folder: where to; checked as :func:`check_folder` does.
-        marker: name of a file that every folder of this kind holds.
-        force: replace one that is there.
-
-    Raises:
-        OutputError: the folder is not to be replaced, or the disk does not take it; nothing is left behind.
+    What stands there is checked by :func:`check_folder` before and after, as it may have come meanwhile. Raises
+    OutputError: it is not to be replaced, or the disk does not take it; nothing is left behind.
     """
     check_folder(folder, marker=marker, force=force)
     with writing(folder), _workshop(_nearest_parent(folder), folder.name) as place:
@@ -120,8 +102,7 @@ def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterato
 def replaced_at_once(file: Path) -> Iterator[Path]:
     """Give a temporary file that takes the place of ``file`` once it is whole; a link goes on pointing at it.
 
-    Raises:
-        OutputError: the disk does not take it; what was there stays as it was.
+    Raises OutputError: the disk does not take it; what was there stays as it was.
     """
     target = Path(os.path.realpath(file))
     with writing(file), _workshop(target.parent, target.name) as place:
@@ -132,11 +113,7 @@ def replaced_at_once(file: Path) -> Iterator[Path]:
 
 
 def written_at_once(file: Path, text: str) -> None:
-    """Write a text file, all of it or nothing, and the folders that lead to it.
-
-    Raises:
-        OutputError: the disk does not take it.
-    """
+    """Write a text file, all of it or nothing, and the folders to it; raises OutputError: the disk does not take it."""
     with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
     with replaced_at_once(file) as work:
@@ -145,11 +122,7 @@ def written_at_once(file: Path, text: str) -> None:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Work in a folder that is there, and let no other process do so at the same time.
-
-    Raises:
-        OutputError: another one does.
-    """
+    """Work in a folder that is there, and let no other process; raises OutputError: another one does."""
     with writing(folder):
         lock = os.open(folder, os.O_RDONLY)
     try:

@@ -27,10 +27,8 @@ Vector = np.ndarray[Any, np.dtype[np.float64]]
 PoseLike: TypeAlias = RigidTransform | npt.ArrayLike
 """A pose in any form: a RigidTransform, a pose vector (6,), or a homogeneous matrix (4, 4)."""
 
-_RIGID = 1e-6
-"""By how much a matrix may miss a rotation: printed figures pass, a scaled matrix does not."""
-_APART = 1e-9
-"""Points nearer to each other, or to a line through others, define no frame [m]."""
+_RIGID = 1e-6  # by how much a matrix may miss a rotation: printed figures pass, a scaled matrix does not
+_APART = 1e-9  # points nearer to each other, or to a line through others, define no frame [m]
 
 
 def as_transform(pose: PoseLike) -> RigidTransform:
@@ -86,11 +84,7 @@ def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -
 
 
 def point(values: npt.ArrayLike, name: str = "point") -> Vector:
-    """Return three finite numbers as an array (3,) [m].
-
-    Raises:
-        InvalidParameter: anything else; the message calls it ``name``.
-    """
+    """Return three finite numbers as an array (3,) [m]; raises InvalidParameter: anything else, called ``name``."""
     place = finite(values)
     if place.shape != (3,):
         raise InvalidParameter(name, values, "three finite numbers [x y z] in m")
@@ -98,11 +92,7 @@ def point(values: npt.ArrayLike, name: str = "point") -> Vector:
 
 
 def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:
-    """Turn a pose vector [x y z Rz Ry Rx], shape (6,) [m, rad], into a transform.
-
-    Raises:
-        InvalidParameter: the pose has not six finite numbers.
-    """
+    """Turn a pose [x y z Rz Ry Rx], shape (6,) [m, rad], into a transform; raises InvalidParameter: not six numbers."""
     values = finite(pose)
     if values.shape != (POSE_SIZE,):
         raise InvalidParameter("pose", pose, "six finite numbers [x y z Rz Ry Rx] in m and rad")
@@ -180,10 +170,7 @@ def vertical(qw: float, qx: float, qy: float, qz: float) -> tuple[float, float, 
 
 
 def lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:
-    """Return the angle between a body's direction ``up`` (3,) and the world's, at an orientation [rad].
-
-    Of plain numbers, because a run asks after every step and at every sample.
-    """
+    """Return the angle [rad] from a body's ``up`` (3,) to the world's, in plain numbers: each step and sample asks."""
     upward = sum(map(operator.mul, vertical(qw, qx, qy, qz), up))
     return math.acos(min(max(upward, -1.0), 1.0)) if math.isfinite(upward) else upward
 
@@ -199,17 +186,10 @@ _SINE_AND_TRACE[[0, 4, 8], 3] = 1.0
 
 
 def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
-    """Turn one pose or many, in any form, into matrices.
+    """Turn one pose or many, in any form of :data:`Targets`, into matrices, shape (k, 4, 4); one pose gives k = 1.
 
-    Args:
-        targets: see :data:`Targets`.
-        name: what to call them in messages.
-
-    Returns:
-        shape (k, 4, 4); one pose gives k = 1.
-
-    Raises:
-        InvalidParameter: another shape, numbers that are not finite, or a matrix that is no rigid motion.
+    Raises InvalidParameter, which calls them ``name``: another shape, numbers that are not finite, or a matrix that is
+    no rigid motion.
     """
     if isinstance(targets, RigidTransform):
         return np.array([targets.GetAsMatrix4()])
@@ -255,11 +235,7 @@ def rotation_vectors(turns: Vector) -> Vector:
 
 
 def pose_errors(targets: Vector, actual: Vector) -> Vector:
-    """Return what leads from ``actual`` to ``targets``, both (k, 4, 4), in the axes of the base.
-
-    Returns:
-        shape (k, 6): the way [x y z] [m], then the rotation vector about [x y z] [rad].
-    """
+    """Return what leads from ``actual`` to ``targets`` (k, 4, 4): [x y z] [m], rotation vector [rad], shape (k, 6)."""
     turns = targets[:, :3, :3] @ actual[:, :3, :3].transpose(0, 2, 1)
     return np.concatenate([targets[:, :3, 3] - actual[:, :3, 3], rotation_vectors(turns)], axis=1)
 

@@ -3,8 +3,6 @@
 Every function takes the part of the way, 0 at the start and 1 at the end, as a number or as an array of k of them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +12,8 @@ from scipy.spatial.transform import Rotation
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, Vector, as_transform, point
 
-_STRAIGHT = 1e-6
-"""Sine of the angle between two chords below which three points count as collinear."""
-_APART = 1e-6
-"""Points of an arc nearer to each other count as one [m]."""
+_STRAIGHT = 1e-6  # sine of the angle between two chords below which three points count as collinear
+_APART = 1e-6  # points of an arc nearer to each other count as one [m]
 
 
 def line(start: npt.ArrayLike, end: npt.ArrayLike, part: npt.ArrayLike) -> Vector:
@@ -56,27 +52,16 @@ def stacked(places: Vector, turns: Vector) -> Vector:
 
 @dataclass(frozen=True)
 class Arc:
-    """A part of a circle, from a first point through a second one to a third.
+    """A part of a circle, from a first point through a second one to a third."""
 
-    Attributes:
-        centre: of the circle, shape (3,) [m].
-        first: from the centre to the first point, shape (3,) [m].
-        across: at a right angle to it in the plane of the circle, towards the motion, as long, shape (3,) [m].
-        angle: of the whole arc, more than 0 and less than 2π [rad].
-    """
-
-    centre: Vector
-    first: Vector
-    across: Vector
-    angle: float
+    centre: Vector  # of the circle, shape (3,) [m]
+    first: Vector  # from the centre to the first point, shape (3,) [m]
+    across: Vector  # at a right angle to it in the plane of the circle, towards the motion, as long, shape (3,) [m]
+    angle: float  # of the whole arc, more than 0 and less than 2π [rad]
 
     @classmethod
-    def through(cls, start: npt.ArrayLike, middle: npt.ArrayLike, end: npt.ArrayLike, name: str = "the arc") -> Arc:
-        """Return the arc from ``start`` through ``middle`` to ``end``, each (3,) [m]; messages call it ``name``.
-
-        Raises:
-            InvalidParameter: points that coincide or lie on one line.
-        """
+    def through(cls, start: npt.ArrayLike, middle: npt.ArrayLike, end: npt.ArrayLike, name: str = "the arc") -> "Arc":
+        """Return the arc through three points (3,) [m]; raises InvalidParameter, with ``name``: on one line."""
         a, b, c = point(start, "start"), point(middle, "middle"), point(end, "end")
         to_b, to_c = b - a, c - a
         normal = np.cross(to_b, to_c)

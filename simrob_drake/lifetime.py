@@ -27,8 +27,7 @@ R = TypeVar("R")
 _PEERS = "_pydrake_internal_ref_cycle_peers"
 """Where Drake keeps what must live as long as an object: ports, callbacks of events, builders."""
 
-_FEW = 4
-"""Diagrams that may wait to be collected, of about 2 MB each."""
+_FEW = 4  # diagrams that may wait to be collected, of about 2 MB each
 _PAUSE = 4
 """Times as long as a collection took the next one waits: it is quick in a small process, and slow in a large one."""
 
@@ -36,17 +35,13 @@ _PAUSE = 4
 def release(builder: DiagramBuilder, diagram: Diagram) -> None:
     """Let a diagram go once nobody holds it, and what its Python blocks remember with it.
 
-    To be called once, right after the diagram was built. Nothing changes while something holds the diagram, its
-    builder, or one of its plants or other C++ blocks; a Python block alone no longer keeps it.
-
-    Args:
-        builder: which built the diagram.
-        diagram: what it built.
+    To be called once, right after it was built. Nothing changes while something holds the diagram, its builder, or one
+    of its plants or other C++ blocks; a Python block alone no longer keeps it.
     """
     _COLLECTOR.watch(diagram)
     if sys.version_info >= (3, 12):  # there Drake is 1.58 or newer, and does it by itself
         return
-    blocks = [block for block in diagram.GetSystems() if _is_python(block)]
+    blocks = [block for block in diagram.GetSystems() if not type(block).__module__.startswith("pydrake.")]
     for block in blocks:
         vars(block).get(_PEERS, set()).discard(builder)
     weakref.finalize(diagram, _empty, blocks).atexit = False
@@ -97,10 +92,6 @@ class _Collector:
 
 
 _COLLECTOR = _Collector()
-
-
-def _is_python(block: System) -> bool:
-    return not type(block).__module__.startswith("pydrake.")
 
 
 def _empty(blocks: Iterable[System]) -> None:

@@ -1,7 +1,5 @@
 """What long work says of itself, on the error stream and only where somebody watches: a bar, and notes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from time import monotonic
@@ -10,10 +8,8 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from rich.console import Console  # it is loaded where something is said
 
-REFRESH = 0.1
-"""Time between two movements of a bar [s]."""
-SELDOM = 60.0
-"""Time between two remarks where there is no bar, as in a log [s]."""
+REFRESH = 0.1  # time between two movements of a bar [s]
+SELDOM = 60.0  # time between two remarks where there is no bar, as in a log [s]
 
 
 def note(text: str, *, shown: bool) -> None:
@@ -22,7 +18,7 @@ def note(text: str, *, shown: bool) -> None:
         console.print(text, soft_wrap=True)
 
 
-def _console() -> Console:
+def _console() -> "Console":
     from rich.console import Console
 
     return Console(stderr=True, markup=False, emoji=False, highlight=False)
@@ -37,15 +33,7 @@ class Advance(Protocol):
 
 @contextmanager
 def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Advance | None]:
-    """Show a bar and give a function that moves it; off a terminal that tells remarks, one a minute and the last.
-
-    None if silent.
-
-    Args:
-        text: what the work is.
-        total: the value at its end.
-        shown: False keeps silent.
-    """
+    """Show a bar up to ``total`` and give what moves it, None unless ``shown``; off a terminal, tell remarks."""
     if not shown:
         yield None
         return

@@ -15,8 +15,7 @@ from simrob_drake.sections import Integer, Strict
 
 Sampling = Literal["sobol", "latin", "random", "grid"]
 """Sobol's sequence, scrambled; a Latin hypercube; independent draws; or all combinations of even spacings."""
-COUNT = 16
-"""How many cases, unless told."""
+COUNT = 16  # how many cases, unless told
 _Case = TypeVar("_Case")
 _MOST, _MOST_CASES = 10_000, 100_000
 
@@ -28,8 +27,7 @@ def _in_order(space: dict[str, AnyDistribution]) -> dict[str, AnyDistribution]:
     return space
 
 
-Space = Annotated[dict[str, AnyDistribution], AfterValidator(_in_order)]
-"""Distributions by the dotted paths of keys."""
+Space = Annotated[dict[str, AnyDistribution], AfterValidator(_in_order)]  # distributions by the dotted paths of keys
 
 
 def applying(space: Mapping[str, Distribution], values: Sequence[Any]) -> Values:
@@ -108,13 +106,7 @@ MOST_SEEDS = 1000
 
 
 def seeded(content: Mapping[str, Any], seed: int, changes: Mapping[str, Any]) -> dict[str, int]:
-    """Return the seeds of all parts of a station that are random, each with a stream of its own.
-
-    Args:
-        content: the station's sections.
-        seed: of the run.
-        changes: what the user changes, whose seeds stay.
-    """
+    """Return the seeds of all random parts of a station, each of a stream of its own but those in ``changes``."""
     own = seed_keys(changes)
     return {key: seed + MOST_SEEDS * place for place, key in enumerate(seed_keys(content)) if key not in own}
 

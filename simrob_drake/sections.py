@@ -36,8 +36,7 @@ else:
     ModelMetaclass = type(BaseModel)  # which has no public name
 
 Model = TypeVar("Model", bound=BaseModel)
-Number = Annotated[float, Field(strict=True)]
-"""A number, and no text or truth value that could pass for one."""
+Number = Annotated[float, Field(strict=True)]  # a number, and no text or truth value that could pass for one
 Integer = Annotated[int, Field(strict=True)]
 Boolean = Annotated[bool, Field(strict=True)]
 _DEEPEST = 60
@@ -60,18 +59,13 @@ def _file_name(name: str) -> str:
 
 
 def check_plain(name: str) -> None:
-    """Check a name that becomes one of ports, columns and files.
-
-    Raises:
-        ValueError: it has other letters, or too many.
-    """
+    """Check a name that becomes one of ports, columns and files; raises ValueError: other letters, or too many."""
     if not name.isidentifier() or len(name) > _LONGEST_PART:
         rule = f"at most {_LONGEST_PART} letters, digits and _, no digit first"
         raise ValueError(f"'{shortened(name)}' is no plain name ({rule})")
 
 
-FileName = Annotated[str, AfterValidator(_file_name)]
-"""A name that folders may be called by: one segment of a path."""
+FileName = Annotated[str, AfterValidator(_file_name)]  # a name that folders may be called by: one segment of a path
 
 
 _QUOTED = re.compile(r"'([^']+)'")
@@ -94,8 +88,7 @@ class Strict(BaseModel, metaclass=_CheckedModel):
     """Base of everything read from YAML: unknown keys are errors, and nothing changes after reading."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
-    of_any_size: ClassVar[bool] = False
-    """Whether its figures may be of any size, as measured ones may."""
+    of_any_size: ClassVar[bool] = False  # whether its figures may be of any size, as measured ones may
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy with other values of some fields; what was worked out of the fields before is not copied."""
@@ -167,11 +160,7 @@ class Renamed(Strict):
 
 
 def validated(model: type[Model], content: dict[str, Any], where: Path | str) -> Model:
-    """Return ``content`` as a ``model``.
-
-    Raises:
-        InvalidConfig: names ``where``, the first wrong key and what would be right.
-    """
+    """Return ``content`` as a ``model``; raises InvalidConfig: ``where``, the first wrong key, what would be right."""
     if not getattr(model, "of_any_size", False):
         _check_sizes(content, where)
     try:
@@ -194,12 +183,7 @@ def _check_sizes(value: object, where: Path | str, key: str = "", depth: int = 0
 
 
 def file_schema(model: type[BaseModel], *, from_place: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Return the JSON Schema of a file that holds a model.
-
-    Args:
-        model: what the file holds.
-        from_place: fields that follow from where the file lies; they need not stand in it.
-    """
+    """Return the JSON Schema of a file that holds a model; fields that follow ``from_place`` need not stand in it."""
     schema = model.model_json_schema()
     schema["required"] = [key for key in schema.get("required", []) if key not in from_place]
     return schema
@@ -301,21 +285,17 @@ def schema_branches(node: dict[str, Any], schema: dict[str, Any]) -> list[dict[s
     return [branch for one in alternatives for branch in schema_branches(one, schema)] if alternatives else [node]
 
 
-FASTEST_RATE = 1e4
-"""Largest rate at which signals are sampled [Hz]: ten samples in a step of 1 ms."""
+FASTEST_RATE = 1e4  # largest rate at which signals are sampled [Hz]: ten samples in a step of 1 ms
 
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
-Length = Annotated[Positive, Field(le=100)]
-"""Of a robot, or of what it does [m]."""
-Speed = Annotated[NotNegative, Field(le=100)]
-"""Of a robot over the ground [m/s]: 360 km/h."""
+Length = Annotated[Positive, Field(le=100)]  # of a robot, or of what it does [m]
+Speed = Annotated[NotNegative, Field(le=100)]  # of a robot over the ground [m/s]: 360 km/h
 Frequency = Annotated[Number, Field(gt=0, le=FASTEST_RATE)]
 """Of something that swings [Hz]: no faster than signals can show."""
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Triple = tuple[Number, Number, Number]
-FARTHEST, MOST_TURN = 30.0, 2.01 * pi
-"""What is told in other units than m and rad lies beyond that."""
+FARTHEST, MOST_TURN = 30.0, 2.01 * pi  # what is told in other units than m and rad lies beyond that
 
 
 def _in_metres(place: Any) -> Any:
@@ -324,12 +304,9 @@ def _in_metres(place: Any) -> Any:
     return place
 
 
-Place = Annotated[Triple, AfterValidator(_in_metres)]
-"""[x y z] on a body [m]."""
-Pose = tuple[Number, Number, Number, Number, Number, Number]
-"""[x y z Rz Ry Rx], R = Rz·Ry·Rx [m, rad]."""
-Colour = tuple[Fraction, Fraction, Fraction, Fraction]
-"""Red, green, blue, opacity."""
+Place = Annotated[Triple, AfterValidator(_in_metres)]  # [x y z] on a body [m]
+Pose = tuple[Number, Number, Number, Number, Number, Number]  # [x y z Rz Ry Rx], R = Rz·Ry·Rx [m, rad]
+Colour = tuple[Fraction, Fraction, Fraction, Fraction]  # red, green, blue, opacity
 ORIGIN: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -340,10 +317,8 @@ def _time(time: float) -> float:
     return time
 
 
-Duration = Annotated[Number, Field(gt=0), AfterValidator(_time)]
-"""A time that something takes [s]."""
-Instant = Annotated[Number, Field(ge=0), AfterValidator(_time)]
-"""When something begins, from the start of the run [s]."""
+Duration = Annotated[Number, Field(gt=0), AfterValidator(_time)]  # a time that something takes [s]
+Instant = Annotated[Number, Field(ge=0), AfterValidator(_time)]  # when something begins, from the start of the run [s]
 
 
 def _possible(inertia: tuple[float, ...]) -> tuple[float, ...]:

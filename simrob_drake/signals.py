@@ -17,23 +17,14 @@ Role = Literal[
 
 @dataclass(frozen=True)
 class Panel:
-    """What one plot panel of declared signals shows.
+    """What one plot panel of declared signals shows."""
 
-    Attributes:
-        figure: the file it belongs to, without suffix: ``sensors``, ``piece_ball`` ...
-        heading: of the figure.
-        title: of the panel.
-        label: of its upright axis, with the unit.
-        columns: of the result.
-        components: what the curves are called; as the columns end unless given.
-    """
-
-    figure: str
-    heading: str
-    title: str
-    label: str
-    columns: tuple[str, ...]
-    components: tuple[str, ...] = ()
+    figure: str  # the file it belongs to, without suffix: ``sensors``, ``piece_ball``
+    heading: str  # of the figure
+    title: str  # of the panel
+    label: str  # of its upright axis, with the unit
+    columns: tuple[str, ...]  # of the result
+    components: tuple[str, ...] = ()  # what the curves are called; as the columns end unless given
 
 
 class Recorded(Protocol):
@@ -57,28 +48,18 @@ Compute: TypeAlias = Callable[[Recorded, Vector], Vector]
 
 @dataclass(frozen=True)
 class Signal:
-    """Columns of a result.
+    """Columns of a result."""
 
-    Attributes:
-        names: of the k columns.
-        units: of each of them, shape (k,): ``rad``, ``N·m``, ``1`` ...
-        role: what they are.
-        output: the station's output port that gives them; empty where they are computed.
-        entries: which of the output's values they are; all of them unless given.
-        compute: gives them of a run at times (m,), shape (m, k), where no port does.
-        adjust: changes what the port gave, of a run at times (m,), shape (m, k) to (m, k).
-        part: the sensor, piece or block that declares them; empty for the robots' own.
-        panel: title and label of their own plot panel, with figure and heading; None where plots of robots show them.
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    role: Role
-    output: str = ""
-    entries: tuple[int, ...] | None = None
-    compute: Compute | None = None
+    names: tuple[str, ...]  # of the k columns
+    units: tuple[str, ...]  # of each of them, shape (k,): ``rad``, ``N·m``, ``1``
+    role: Role  # what they are
+    output: str = ""  # the station's output port that gives them; empty where they are computed
+    entries: tuple[int, ...] | None = None  # which of the output's values they are; all of them unless given
+    compute: Compute | None = None  # gives them of a run at times (m,), shape (m, k), where no port does
+    # changes what the port gave, of a run at times (m,), shape (m, k) to (m, k)
     adjust: Callable[[Recorded, Vector, Vector], Vector] | None = None
-    part: str = ""
+    part: str = ""  # the sensor, piece or block that declares them; empty for the robots' own
+    # title and label of their own plot panel, with figure and heading; None where plots of robots show them
     panel: Panel | None = None
 
 

@@ -68,11 +68,7 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
 
 
 def parse_yaml(text: str, where: Path | str) -> Any:
-    """Return the value that a YAML text stands for.
-
-    Raises:
-        InvalidConfig: the text is not YAML.
-    """
+    """Return the value that a YAML text stands for; raises InvalidConfig: the text is not YAML."""
     try:
         return deepcopy(_parsed(text))
     except (yaml.YAMLError, ValueError) as problem:
@@ -80,11 +76,7 @@ def parse_yaml(text: str, where: Path | str) -> Any:
 
 
 def parse_json(text: str, where: Path | str) -> Any:
-    """Return the value that a JSON text stands for: its numbers are finite, and no key stands twice.
-
-    Raises:
-        InvalidConfig: the text is something else.
-    """
+    """Return a JSON text's value, numbers finite, keys single; raises InvalidConfig: the text is something else."""
     try:
         return json.loads(
             text, parse_int=_finite_int, parse_float=_finite, parse_constant=_finite, object_pairs_hook=_mapping
@@ -152,11 +144,7 @@ def _check_growth(text: str) -> None:
 
 
 def place_of(content: Any, key: list[str], where: Path | str) -> tuple[Any, str]:
-    """Return the section or list that a dotted key stands in, and its last part; sections on the way are made.
-
-    Raises:
-        InvalidConfig: a list has no such place, or something on the way has no keys; names ``where`` and the key.
-    """
+    """Return where a dotted key stands, and its last part; makes sections; raises InvalidConfig: ``where``, the key."""
     node = content
     for depth, part in enumerate(key):
         whole = ".".join(key[: depth + 1])

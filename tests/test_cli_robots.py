@@ -153,3 +153,21 @@ def test_a_file_is_a_robot_whatever_the_case_of_its_ending(raw, capsys):
     shouted.write_bytes(raw.read_bytes())
     assert run_command(["check", str(shouted)]) == ExitCode.DONE
     assert "moving links without inertia" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [(["--library", "."], "--library"), (["--octave"], "--octave"), (["--set", "a=1"], "--set"),
+     (["--contact-law"], "--contact-law")],
+)  # fmt: skip
+def test_options_of_simulink_models_are_refused_with_a_urdf(raw, options, named, capsys):
+    assert run_command(["import", str(raw), *options]) == ExitCode.BAD_INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert named in line
+    assert "given with a Simulink model only" in line
+    assert not list(raw.parent.glob("*imported"))
+
+
+def test_check_refuses_them_as_well(raw, capsys):
+    assert run_command(["check", str(raw), "--assume"]) == ExitCode.BAD_INPUT
+    assert "--assume" in capsys.readouterr().err

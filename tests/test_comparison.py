@@ -11,8 +11,17 @@ from matplotlib.figure import Figure
 
 from simrob_drake import extras, load_station, simulate
 from simrob_drake.cli.app import run_command
-from simrob_drake.comparison.account import Account, Quantity, apart, differences, quantities, save_comparison
-from simrob_drake.comparison.engines import _in_mujoco, compare_engines, other_scheme
+from simrob_drake.comparison.engines import (
+    Account,
+    Quantity,
+    _in_mujoco,
+    apart,
+    compare_engines,
+    differences,
+    other_scheme,
+    quantities,
+    save_comparison,
+)
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
 
 Q, TAU = Quantity("q", "rad"), Quantity("tau", "N·m")

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from simrob_drake import load_station
-from simrob_drake.comparison.account import save_comparison
+from simrob_drake.comparison.engines import save_comparison
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import models_root
 from simrob_drake.importer.importing import examine_robot, import_robot, robot_from_file

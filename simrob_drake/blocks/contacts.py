@@ -1,7 +1,5 @@
 """What touches what, made once for all that look at it, with what force, and the distances between shapes."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -40,7 +38,7 @@ class Contacts:
     normals: Vector
 
     @classmethod
-    def of(cls, results: ContactResults | Contacts) -> Contacts:
+    def of(cls, results: "ContactResults | Contacts") -> "Contacts":
         """Return the contacts of Drake's contact results; those of another engine are contacts already."""
         if isinstance(results, Contacts):
             return results
@@ -64,7 +62,7 @@ class Contacts:
         return cls(pairs, *np.array(rows).reshape(-1, 4, 3).transpose(1, 0, 2))
 
     @classmethod
-    def together(cls, moments: Sequence[Contacts]) -> Contacts:
+    def together(cls, moments: "Sequence[Contacts]") -> "Contacts":
         """Return the contacts of several moments, one behind the other."""
         arrays = ([getattr(each, name) for each in moments] for name in ("points", "forces", "moments", "normals"))
         return cls([pair for each in moments for pair in each.pairs], *map(np.vstack, arrays))
@@ -115,7 +113,6 @@ class ContactReader(Block):
     """
 
     def __init__(self) -> None:
-        """Make the block."""
         super().__init__()
         self._results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
         self.DeclareAbstractOutputPort("contacts", Value[object], weakly(self._read))
@@ -200,7 +197,7 @@ class Distances:
 
     def __init__(self, pairs: Collection[Pair], inspector: SceneGraphInspector) -> None:
         """Look at the shapes of pairs that can touch."""
-        flat = [self._is_flat(inspector, *pair) for pair in pairs]
+        flat = [any(isinstance(inspector.GetShape(shape), HalfSpace) for shape in pair) for pair in pairs]
         self._above = [self._over_plane(inspector, *pair) for pair, is_flat in zip(pairs, flat, strict=True) if is_flat]
         self._between = [pair for pair, is_flat in zip(pairs, flat, strict=True) if not is_flat]
         self.pairs = [*self._between, *(pair for pair, is_flat in zip(pairs, flat, strict=True) if is_flat)]
@@ -212,10 +209,6 @@ class Distances:
             base = query.GetPoseInWorld(plane).inverse() if isinstance(plane, GeometryId) else plane
             found.append(lowest_points(shape, base @ query.GetPoseInWorld(shape_id), corners)[:, 2].min())
         return np.array(found)
-
-    @staticmethod
-    def _is_flat(inspector: SceneGraphInspector, first: GeometryId, second: GeometryId) -> bool:
-        return any(isinstance(inspector.GetShape(shape), HalfSpace) for shape in (first, second))
 
     @staticmethod
     def _over_plane(

@@ -8,8 +8,6 @@ where a trapezoid has no jerk time a / j. On a way too short for the acceleratio
 for the speed, v is what fits: :math:`v\,T_r = L`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -28,8 +26,7 @@ _ROUNDING = 3.0
 """Parts of a ramp of an S-curve unless its jerk is told: in the first the acceleration rises, in the last it falls."""
 LONGEST_RAMP = _ROUNDING / (_ROUNDING - 1)
 """How many times as long it takes as that of a trapezoid of the same speed and acceleration."""
-_RAMP = 0.25
-"""Part of the whole time that a ramp takes where only that time is told."""
+_RAMP = 0.25  # part of the whole time that a ramp takes where only that time is told
 _NO_WAY = 1e-9  # rad or m
 _QUICKEST = 1e-4  # s: what a ramp takes at least, and its rise, so that they are times that can be told apart
 _LOOKS = 500  # at each polynomial of a law
@@ -63,7 +60,7 @@ class TimeLaw:
         ways = np.concatenate([self.at(times, piece) for piece, times in enumerate(looks)])
         return np.asarray(np.interp(parts, ways / ways[-1], np.concatenate(looks)))
 
-    def slower(self, factor: float) -> TimeLaw:
+    def slower(self, factor: float) -> "TimeLaw":
         """Return the same motion in ``factor`` times the time."""
         powers = factor ** -np.arange(self.coefficients.shape[1], dtype=float)
         return TimeLaw(self.breaks * factor, self.coefficients * powers)

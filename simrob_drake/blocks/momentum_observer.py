@@ -39,13 +39,7 @@ class MomentumObserver(Block):
     """
 
     def __init__(
-        self,
-        *,
-        plant: MultibodyPlant,
-        axes: AxisMap,
-        gain: float,
-        period: float,
-        tool: Frame | None = None,
+        self, *, plant: MultibodyPlant, axes: AxisMap, gain: float, period: float, tool: Frame | None = None
     ) -> None:
         """Make the block for the axes of a robot in a finalized plant, which need not be part of the diagram.
 

@@ -109,8 +109,7 @@ class Monitor(Block):
         return self._trigger.since(onset, context.get_time(), self._values(context))
 
 
-_NEVER_AGAIN = 1e9
-"""Period [s] of an event that is meant to happen once."""
+_NEVER_AGAIN = 1e9  # period [s] of an event that is meant to happen once
 
 
 class EventTimes(Block):

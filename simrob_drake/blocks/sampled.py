@@ -35,7 +35,6 @@ class BlockFails(Exception):
     """
 
     def __init__(self, block: str, why: str) -> None:
-        """Say why it cannot."""
         super().__init__(why)
         self.block = block
 

@@ -251,12 +251,7 @@ def _add_selector(builder: DiagramBuilder, signals: ServoSignals, groups: list[l
 
 
 def _add_group(
-    builder: DiagramBuilder,
-    bus: OutputPort,
-    gains: ServoGains,
-    group: list[int],
-    signals: ServoSignals,
-    name: str,
+    builder: DiagramBuilder, bus: OutputPort, gains: ServoGains, group: list[int], signals: ServoSignals, name: str
 ) -> OutputPort:
     """Add the law of one group of joints, whose signals ``bus`` carries, and return what it commands."""
     if gains.speed_limit is not None:

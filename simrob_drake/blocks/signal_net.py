@@ -141,12 +141,7 @@ def _symbolic(wired: Sequence[WiredBlock], measured: int, order: Sequence[int]) 
     ]
     every = [x for own in states for x in own] or [Variable("none")]  # Drake asks one without states for its rates, too
     return SymbolicVectorSystem(
-        time=time,
-        state=every,
-        input=inputs,
-        dynamics=rates or [zero],
-        output=values[2 + measured :],
-        time_period=0.0,
+        time=time, state=every, input=inputs, dynamics=rates or [zero], output=values[2 + measured :], time_period=0.0
     )
 
 

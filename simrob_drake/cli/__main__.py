@@ -11,8 +11,7 @@ from pathlib import Path
 
 from simrob_drake.cli import ExitCode
 
-DEBUG = "SIMROB_DEBUG"
-"""The environment variable that shows tracebacks."""
+DEBUG = "SIMROB_DEBUG"  # the environment variable that shows tracebacks
 
 
 def main() -> None:
@@ -41,15 +40,7 @@ def main() -> None:
 
 
 def guarded(command: Callable[[list[str]], int], arguments: list[str]) -> int:
-    """Return the exit code of a command; errors that it does not handle itself go to stderr in one line.
-
-    Args:
-        command: takes arguments, and returns an exit code.
-        arguments: of the command.
-
-    Raises:
-        SystemExit: with a code of the command's own.
-    """
+    """Return a command's exit code; errors it leaves to us go to stderr in one line; raises SystemExit of its own."""
     try:
         return command(arguments)
     except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit, with a text

@@ -180,11 +180,7 @@ def _own_warnings() -> Iterator[None]:
 
 
 def _check_surroundings(arguments: list[str]) -> None:
-    """Check what no command can do without: arguments that are text, and a working folder.
-
-    Raises:
-        InvalidParameter: one of them is none.
-    """
+    """Check what each command needs, or raise InvalidParameter: arguments that are text, and a working folder."""
     for argument in arguments:
         if not argument.isascii() and any("\ud800" <= letter <= "\udfff" for letter in argument):
             raise InvalidParameter("argument", ascii(argument), "text in UTF-8, names of files, too")

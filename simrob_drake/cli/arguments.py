@@ -19,16 +19,10 @@ _PROGRAM_KEYS = {"moves", "references"}
 def station_from(
     station: str, settings: list[str] | None, *, allow_code: bool = False, **options: Any
 ) -> StationConfig:
-    """Return a station with what the user wants changed.
+    """Return a station, a name or a file, with what the user wants changed.
 
-    Args:
-        station: a name or a file.
-        settings: texts of the form ``key.path=value``, or YAML files.
-        allow_code: whether it may name code that is run.
-        options: values of the options that mean a key of the station and are called like it; None if not given.
-
-    Raises:
-        SimrobError: a station or a change that cannot be; names the option, or what a file is that is no station.
+    ``settings`` are texts ``key.path=value`` or YAML files; ``options`` values by the key that they mean, None if not
+    given. Raises SimrobError: what cannot be; names the option, or what a file is that is no station.
     """
     overrides = {key: value for key, value in options.items() if value is not None}
     called = {key: f"--{key}" for key in overrides}
@@ -39,15 +33,10 @@ def station_from(
 
 
 def changes_of(texts: list[str] | None, option: str, *, others: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """Return changes of a station by their dotted keys.
+    """Return changes of a station by dotted keys, of texts ``key.path=value`` and of YAML files with sections.
 
-    Args:
-        texts: texts of the form ``key.path=value``, and YAML files with sections of a station.
-        option: that they are given as.
-        others: what else is given, by the keys that it means.
-
-    Raises:
-        SimrobError: given in another form, twice, or a file that cannot be read.
+    ``others`` is what else is given, by key. Raises SimrobError: another form, given twice, or a file that cannot be
+    read.
     """
     found, called = dict[str, Any](), dict(others or {})
     for one in texts or []:
@@ -70,11 +59,7 @@ def _changes(one: str, option: str) -> Iterator[tuple[str, Any]]:
 
 
 def texts_by_key(texts: list[str] | None, option: str) -> Iterator[tuple[str, str]]:
-    """Yield the keys and the texts of an option that is given as ``key.path=text``.
-
-    Raises:
-        InvalidParameter: given in another form.
-    """
+    """Yield keys and texts of an option given as ``key.path=text``; raises InvalidParameter: given in another form."""
     for one in texts or []:
         key, equals, text = one.partition("=")
         if not (key.strip() and equals):
@@ -83,25 +68,13 @@ def texts_by_key(texts: list[str] | None, option: str) -> Iterator[tuple[str, st
 
 
 def is_program_file(text: str) -> bool:
-    """Tell whether an argument is the file of a program, and not the name or the file of a station.
-
-    Raises:
-        InvalidConfig: a file that cannot be read.
-    """
+    """Tell whether an argument is a program's file and no station; raises InvalidConfig: it cannot be read."""
     file = Path(text)
     return file.suffix.lower() in YAML_SUFFIXES and file.is_file() and not _PROGRAM_KEYS.isdisjoint(read_yaml(file))
 
 
 def refuse(why: str, **options: Any) -> None:
-    """Refuse options that would do nothing.
-
-    Args:
-        why: when they may be given.
-        options: their values, by name.
-
-    Raises:
-        InvalidParameter: one is given.
-    """
+    """Refuse options, values by name, that would do nothing; ``why``: when they may be; raises InvalidParameter."""
     for name, value in options.items():
         if value:
             raise InvalidParameter(f"--{name.replace('_', '-')}", "given", why)
@@ -113,66 +86,29 @@ def refuse_import(why: str, options: ImportOptions | None) -> None:
 
 
 def check_file(file: Path, *, force: bool) -> None:
-    """Check that a file may be written.
-
-    Raises:
-        OutputError: it exists and is not to be replaced.
-    """
+    """Check that a file may be written; raises OutputError: it exists and is not to be replaced."""
     if file.exists() and not force:
         raise OutputError(f"{file} exists already; choose another file or replace it with --force")
 
 
-_MESH = "a mesh: pieces: {{part: {{mesh: {name}, density: 1000}}}} in a station, or <mesh> in a URDF"
-_BY_SUFFIX: Mapping[str, str] = {
-    ".csv": "a table: simrob compare STATION --with {file}, or reference: {{kind: table, file: {name}}} in a station",
-    ".mat": "variables of MATLAB: simrob compare STATION --with {file}, or simrob check MODEL.slx --variables {file}",
-    ".json": "JSON: simrob run STATION --set start={file}, if it is the start.json of a result",
-    ".jsonl": "a journal of runs: simrob sweep {folder}, or simrob tune STUDY --out {folder}, go on with it",
-    ".onnx": "a network: controllers: {{policy: {{kind: policy, network: {name}, ...}}}} in a station",
-    ".py": "a script: python {file}",
-    ".fmu": "a unit of FMI: Simulink, OpenModelica and others import it",
-    **dict.fromkeys((".stl", ".obj", ".dae", ".ply", ".off", ".glb", ".gltf"), _MESH),
-}
-_BY_KEYS: Mapping[frozenset[str], str] = {
-    frozenset({"vary", "cost"}): "a study: simrob tune {file}",
-    frozenset({"rewards", "station"}): "a task to learn: StationEnvironment('{file}') of simrob_drake.learning",
-    frozenset({"asked", "digest"}): "the file of many runs: simrob sweep, tune or prove go on with {folder}",
-    frozenset({"urdf", "axes"}): "a robot: simrob check URDF, or robot: {{model: {file}}} in a station",
-    frozenset({"dh"}): "a robot: robot: {{model: {file}}} in a station",
-    frozenset(
-        {"facing_deg", "fastest"}
-    ): "the figures of a robot's walk: controllers: {{walk: {{kind: walk}}}} takes them",
-    frozenset({"facing_deg"}): "the gaits of a robot: simrob walk STATION --gait NAME, of a station with it",
-    frozenset({"shapes"}): "a piece: pieces: {{part: {{model: {file}}}}} in a station",
-}
-"""What holds all of some keys; the first that fits."""
-_FOLDERS: Mapping[str, str] = {
-    "sweep.yaml": "the folder of a sweep: simrob sweep {file}",
-    "study.yaml": "the folder of a study: simrob prove {file}",
-    "station.yaml": "the folder of a result, whose station is {file}/station.yaml",
-}
-"""By a file that they hold."""
 _READ = "stations and programs are read from .yaml, robots from .urdf, .xacro, .xml and .sdf, models from .slx"
 
 
 def refuse_other(text: str) -> None:
     """Say what a file or a folder is, and what takes it, if that is known and no station does.
 
-    Args:
-        text: a name, or a file.
-
-    Raises:
-        InvalidConfig: it is no station; or a YAML file that cannot be read.
+    Raises InvalidConfig: that, or a YAML file that cannot be read.
     """
     file = Path(text)
-    if isdir(file):
-        known = next((known for name, known in _FOLDERS.items() if isfile(file / name)), None)
-    elif not isfile(file):
+    if not isdir(file) and not isfile(file):
         return
+    others = read_yaml(Path(__file__).with_name("others.yaml"))
+    if isdir(file):
+        known = next((known for name, known in others["folders"].items() if isfile(file / name)), None)
     elif file.suffix.lower() in YAML_SUFFIXES:
         keys = read_yaml(file).keys()
-        known = next((known for needed, known in _BY_KEYS.items() if needed <= keys), None)
-    elif (known := _BY_SUFFIX.get(file.suffix.lower())) is None:
+        known = next((known for needed, known in others["keys"] if keys >= {*needed}), None)
+    elif (known := others["endings"].get(file.suffix.lower())) is None:
         raise InvalidConfig(file, "", f"is neither a station nor a robot; {_READ}")
     if known is not None:
         remedy = known.format(file=file, name=file.name, folder=file.parent)

@@ -1,7 +1,5 @@
 """A station in other engines: ``simrob export`` writes it as MJCF, ``simrob compare`` holds their runs together."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -98,8 +96,7 @@ def compare(
 
 
 def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) -> None:
-    from simrob_drake.comparison.account import NUMBERS, differences, save_comparison
-    from simrob_drake.comparison.engines import compare_engines
+    from simrob_drake.comparison.engines import NUMBERS, compare_engines, differences, save_comparison
 
     if out is not None:
         check_folder(out, marker=NUMBERS, force=force)

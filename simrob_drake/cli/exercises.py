@@ -15,22 +15,12 @@ from simrob_drake.cli.screen import console, errors, say
 from simrob_drake.course.checking import MEMORY, SECONDS, CheckedPoint, checked_points
 from simrob_drake.course.exercise import Language, exercise_of, exercises
 from simrob_drake.course.measuring import Reading
+from simrob_drake.yaml_files import read_yaml
 
 _ExerciseArgument = Annotated[
     str, typer.Argument(metavar="EXERCISE", help="A number of `simrob course list`, or the folder of one of your own.")
 ]
 _Spoken = Annotated[Language, typer.Option("--language", help="Of titles, templates and points.")]
-_WORDS = {
-    "en": {
-        "ok": "ok", "missing": "missing", "measured": "measured", "asked": "asked", "near": "{} to {}",
-        "most": "at most {}", "least": "at least {}", "unwritten": "not written yet", "points": "{} of {} points hold",
-    },
-    "es": {
-        "ok": "bien", "missing": "falta", "measured": "medido", "asked": "se pide", "near": "de {} a {}",
-        "most": "como mucho {}", "least": "al menos {}", "unwritten": "aún sin escribir",
-        "points": "se cumplen {} de {} puntos",
-    },
-}  # fmt: skip
 
 
 def teaching() -> None:
@@ -81,7 +71,7 @@ def check(
 
         simrob course check 3 exercise_3/answer.py --allow-code
     """
-    entry, words = exercise_of(exercise), _WORDS[language]
+    entry, words = exercise_of(exercise), read_yaml(Path(__file__).with_suffix(".yaml"))[language]
     texts, held = entry.exercise.points, 0
     with errors.status(Text(f"{entry.exercise.title.of(language)}: {answer}")):
         for point in checked_points(entry, answer, allow_code=allow_code, seconds=seconds, memory=memory):

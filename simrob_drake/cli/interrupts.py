@@ -14,16 +14,9 @@ class Interrupted(Exception):
 
 @contextmanager
 def finished_first(work: str) -> Iterator[Callable[[], bool]]:
-    """Let work be finished though the user interrupts it; a second interrupt abandons it.
+    """Let ``work`` be finished though the user interrupts it; yields what tells whether he did.
 
-    Args:
-        work: what is done, such as ``the files of runs/x``.
-
-    Yields:
-        a function that tells whether the user interrupted.
-
-    Raises:
-        Interrupted: twice; the work is then not done.
+    Raises Interrupted: he did so twice; the work is then not done.
     """
     times = 0
 

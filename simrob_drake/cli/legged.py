@@ -1,7 +1,5 @@
 """The commands about legged robots: walk, act."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -82,7 +80,7 @@ def act(
 
 
 def _performed(
-    config: StationConfig, robot: str | None, live: bool, perform: Callable[[LeggedRobot], SimulationResult]
+    config: StationConfig, robot: str | None, live: bool, perform: "Callable[[LeggedRobot], SimulationResult]"
 ) -> tuple[SimulationResult, str]:
     """Let a robot of a station do something; return the run, and the robot's way in words."""
     from simrob_drake.programs.arm import Workcell

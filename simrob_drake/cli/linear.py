@@ -56,11 +56,7 @@ def linearize_station(
 
 
 def _postures(config: StationConfig, content: Any) -> dict[str, Vector]:
-    """Return the postures (n,) [rad or m] that figures in degrees mean, by robot.
-
-    Raises:
-        InvalidParameter: something else than figures per axis.
-    """
+    """Return postures (n,) [rad or m] of figures in degrees, by robot; raises InvalidParameter: no figures per axis."""
     robots = resolve(config).robots
     by_robot = isinstance(content, Mapping) and set(content) <= set(robots)
     values = content if by_robot else dict.fromkeys([config.only_robot] if config.only_robot else robots, content)

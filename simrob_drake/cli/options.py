@@ -110,7 +110,7 @@ class RapidOptions:
     ] = False
 
 
-def _with_group(group: type[Any], name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def with_group(group: type[Any], name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return what gives a command the options that are the fields of a class; it takes them together, by a name."""
     hints = get_type_hints(group, include_extras=True)
     own = [
@@ -130,10 +130,8 @@ def _with_group(group: type[Any], name: str) -> Callable[[Callable[..., Any]], C
     return with_options
 
 
-with_saving = _with_group(Saving, "saving")
-"""Give a command the options of :class:`Saving`."""
-with_rapid = _with_group(RapidOptions, "rapid")
-"""Give a command those of :class:`RapidOptions`."""
+with_saving = with_group(Saving, "saving")  # give a command the options of :class:`Saving`
+with_rapid = with_group(RapidOptions, "rapid")  # give a command those of :class:`RapidOptions`
 
 
 def _signature(command: Callable[..., Any], name: str, instead: list[inspect.Parameter]) -> inspect.Signature:

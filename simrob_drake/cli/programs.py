@@ -48,10 +48,8 @@ def run_program(
 ) -> ExitCode:
     """Run a program on a station, and save all of it as one result.
 
-    Messages call it as ``file`` says, and the verdict its moves as ``lines`` do, by their numbers.
-
-    Raises:
-        SimrobError: one that the robots cannot do.
+    Messages call it as ``file`` says, and the verdict its moves as ``lines`` do, by their numbers. Raises SimrobError:
+    one that the robots cannot do.
     """
     from simrob_drake.programs.arm import Workcell
 
@@ -78,11 +76,7 @@ def _called(result: SimulationResult, lines: Mapping[int, str]) -> SimulationRes
 
 
 def own_program(config: StationConfig) -> Program:
-    """Return the program that a station carries.
-
-    Raises:
-        InvalidConfig: it has none, or a damaged one.
-    """
+    """Return the program that a station carries; raises InvalidConfig: it has none, or a damaged one."""
     from simrob_drake.programs.whole_program import carried_program
 
     if (program := carried_program(config)) is None:
@@ -91,11 +85,7 @@ def own_program(config: StationConfig) -> Program:
 
 
 def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationConfig]:
-    """Return the program of a file, and the station that it names, with what the user wants changed.
-
-    Raises:
-        InvalidConfig: a damaged program, or one that names no station.
-    """
+    """Return a file's program and the station that it names, with changes; raises InvalidConfig: damaged, or none."""
     from simrob_drake.programs.program import Program
 
     program = Program.load(file)
@@ -107,8 +97,7 @@ def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationCon
 def check_program(program: Program, config: StationConfig, file: str = "") -> Finding:
     """Look whether the robots of a station can do a program, without running it; messages call it as ``file`` says.
 
-    Raises:
-        SimrobError: what they cannot do; names the file and the move.
+    Raises SimrobError: what they cannot do; names the file and the move.
     """
     from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.legged_robot import LeggedRobot
@@ -157,8 +146,7 @@ def module_program(
 ) -> tuple[Program, StationConfig, Mapping[int, str]]:
     """Return the program of a RAPID module, the station on which it is done, and the lines of its moves.
 
-    Raises:
-        SimrobError: what is wrong or not understood, unless losses are allowed; names the file and the line.
+    Raises SimrobError: what is wrong or not understood, unless losses are allowed; names the file and the line.
     """
     imported, config = _imported(file, options, set_)
     _tell(imported)
@@ -193,8 +181,7 @@ def export_program(
 ) -> None:
     """Write a program as a RAPID module, with a table of its signals beside it, and as URScript.
 
-    Raises:
-        SimrobError: no program, or one that cannot be done or said.
+    Raises SimrobError: no program, or one that cannot be done or said.
     """
     from simrob_drake.programs.arm import Workcell
     from simrob_drake.rapid.exporting import ExportedProgram, rapid_text, urscript_text

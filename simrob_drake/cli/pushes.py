@@ -1,6 +1,6 @@
 """The command that measures how much a robot that walks withstands: pushes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +13,7 @@ from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, Stat
 from simrob_drake.cli.screen import console, say
 from simrob_drake.results.files import default_folder
 from simrob_drake.sections import validated
+from simrob_drake.yaml_files import read_yaml
 
 _SIDES = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
 
@@ -98,41 +99,22 @@ def pushes(
     return ExitCode.DONE
 
 
-_COLUMNS: Mapping[str, tuple[str, str]] = {
-    "settings": ("settings", ""),
-    "direction_deg": ("direction", ""),
-    "burden": ("burden", ""),
-    "pushes": ("pushes", ""),
-    "withstood": ("withstood", ".0%"),
-    "weakest_force": ("weakest [N]", ".3g"),
-    "weakest_impulse": ("[N·s]", ".3g"),
-    "weakest_impulse_per_mass": ("[N·s/kg]", ".3g"),
-    "moment": ("at [s]", ".4g"),
-    "median_force": ("median [N]", ".3g"),
-    "median_impulse": ("[N·s]", ".3g"),
-    "median_impulse_per_mass": ("[N·s/kg]", ".3g"),
-    "weakest": ("weakest", ".3g"),
-    "median": ("median", ".3g"),
-    "unit": ("unit", ""),
-}
-"""What the screen calls the columns of a summary, and how it shows their figures."""
-
-
 def _table(rows: list[dict[str, Any]]) -> Table:
     """Return a summary as a table."""
-    shown = [key for key in _COLUMNS if key in rows[0]]
-    table = Table(*(_COLUMNS[key][0] for key in shown), box=None, pad_edge=False)
+    columns = read_yaml(Path(__file__).with_suffix(".yaml"))
+    shown = {key: column for key, column in columns.items() if key in rows[0]}
+    table = Table(*(title for title, _ in shown.values()), box=None, pad_edge=False)
     for row in rows:
-        table.add_row(*(_cell(key, row[key]) for key in shown))
+        table.add_row(*(_cell(key, row[key], shape) for key, (_, shape) in shown.items()))
     return table
 
 
-def _cell(key: str, value: Any) -> str:
+def _cell(key: str, value: Any, shape: str) -> str:
     if key == "direction_deg":
         return "all" if value is None else _SIDES.get(value, f"{value:g}°")
     if value is None:
         return "none"
-    return format(value, _COLUMNS[key][1])
+    return format(value, shape)
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"pushes": pushes}

@@ -14,17 +14,12 @@ from simrob_drake.cli.options import FileArgument, Force, RapidOptions, with_imp
 from simrob_drake.cli.programs import import_module, is_rapid_file, refuse_rapid
 from simrob_drake.cli.screen import console, errors, say
 from simrob_drake.cli.simulink import (
-    Assume,
-    ContactLaw,
-    Library,
-    ModelSettings,
-    RunOctave,
-    Servos,
-    Variables,
+    ModelImport,
     import_model,
     is_model_file,
     model_options,
     refuse_model,
+    with_model_import,
 )
 from simrob_drake.cli.tables import payload_lines, report_table, robot_table
 from simrob_drake.errors import InvalidParameter, SimrobError
@@ -37,6 +32,7 @@ from simrob_drake.stations.draft import draft_station
 
 
 @with_rapid
+@with_model_import
 @with_import_options()
 def import_file(
     *,
@@ -47,13 +43,11 @@ def import_file(
     ] = None,
     options: ImportOptions | None,
     force: Force = False,
-    library: Library = None,
-    set_: ModelSettings = None,
-    variables: Variables = None,
-    assume: Assume = False,
-    octave: RunOctave = False,
-    servos: Servos = False,
-    contact_law: ContactLaw = False,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="A variable of a Simulink model; may be given often."),
+    ] = None,
+    reading: ModelImport,
     rapid: RapidOptions,
 ) -> ExitCode:
     """Make a published robot, a Simulink model, a CAD assembly or a RAPID program run, and tell all that was done.
@@ -68,20 +62,13 @@ def import_file(
     """
     if is_rapid_file(file):
         refuse_import("left out with a RAPID program", options)
-        refuse_model(library=library, set=set_, variables=variables, assume=assume, octave=octave, servos=servos,
-                     contact_law=contact_law)  # fmt: skip
+        refuse_model(reading, set=set_)
         return import_module(file, out, rapid, force=force)
     allow_losses = refuse_rapid(rapid)
     if is_model_file(file):
-        model = model_options(
-            options, library=library, set_=set_, variables=variables, assume=assume, octave=octave, servos=servos,
-            contact_law=contact_law,
-        )  # fmt: skip
-        return import_model(file, out, model, force=force, allow_losses=allow_losses)
-    refuse_model(
-        library=library, set=set_, variables=variables, assume=assume, octave=octave, servos=servos,
-        contact_law=contact_law, allow_losses=allow_losses,
-    )  # fmt: skip
+        read = model_options(options, reading, set_)
+        return import_model(file, out, read, force=force, allow_losses=allow_losses)
+    refuse_model(reading, set=set_, allow_losses=allow_losses)
     folder = out or default_folder(file)
     with errors.status(Text(f"importing {file}")):
         imported = import_robot(file, folder, options, force=force)

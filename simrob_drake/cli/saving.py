@@ -26,8 +26,7 @@ Frames = int | Literal["events"] | None
 def prepared_folder(config: StationConfig, saving: Saving) -> Path:
     """Return where the result will be saved, after looking at all that would keep it from that; say what will go wrong.
 
-    Raises:
-        SimrobError: the folder cannot be written, the station cannot be run, or videos cannot be made.
+    Raises SimrobError: the folder cannot be written, the station cannot be run, or videos cannot be made.
     """
     folder = saving.out or default_folder(config.name)
     check_folder(folder, marker=SUMMARY, force=saving.force)
@@ -49,17 +48,9 @@ def wait_for_watcher(url: str) -> None:
 
 
 def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str = "", frames: Frames = None) -> ExitCode:
-    """Save a result, show it, and return the exit code.
+    """Save a result, show it with ``more``, a line about the run, and return the exit code.
 
-    Args:
-        result: the run.
-        folder: where to.
-        saving: how.
-        more: a line about the run.
-        frames: of the film strip.
-
-    Raises:
-        Interrupted: the user insisted; nothing was saved.
+    ``frames`` are those of the film strip. Raises Interrupted: the user insisted; nothing was saved.
     """
     kept: Saved = {**saving.kept, "frames": frames}
     with finished_first(f"the files of {folder}") as interrupted:

@@ -1,10 +1,9 @@
 """What `simrob import` and `simrob check` do with a Simulink model, `simrob fmu`, and `simrob serve`."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +13,7 @@ from rich.text import Text
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse, refuse_import, station_from
-from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
+from simrob_drake.cli.options import Force, Settings, StationArgument, with_group, with_mesh_path
 from simrob_drake.cli.screen import console, errors, say
 from simrob_drake.cli.tables import in_units, report_table
 from simrob_drake.errors import InvalidParameter
@@ -27,41 +26,52 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".slx", ".mdl", ".slxp", ".mdlp")
 
-Library = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--library",
-        metavar="DIR",
-        exists=True,
-        file_okay=False,
-        help="A folder with libraries of a Simulink model; may be given often.",
-    ),
-]
-Variables = Annotated[
-    list[Path] | None,
-    typer.Option("--variables", metavar="FILE", help="Variables of a Simulink model: .mat, or an .m of assignments."),
-]
-Assume = Annotated[
-    bool, typer.Option("--assume", help="Take a block's default where a variable of a Simulink model is unknown.")
-]
-RunOctave = Annotated[
-    bool, typer.Option("--octave", help="Run a Simulink model's own MATLAB code in GNU Octave: for models you trust.")
-]
-Servos = Annotated[
-    bool,
-    typer.Option("--servos", help="Let laws of a Simulink model that come to a PID be servos, not a signal flow."),
-]
-ContactLaw = Annotated[
-    bool, typer.Option("--contact-law", help="Let spheres of a Simulink model touch planes by Simscape's own law.")
-]
 Step = Annotated[
-    float | None,
-    typer.Option(help="Take steps of this length [s], the fastest way at a given communication step."),
+    float | None, typer.Option(help="Take steps of this length [s], the fastest way at a given communication step.")
 ]
-ModelSettings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="A variable of a Simulink model; may be given often."),
-]
+
+
+@dataclass(frozen=True)
+class ModelReading:
+    """How a Simulink model is read."""
+
+    library: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="DIR",
+            exists=True,
+            file_okay=False,
+            help="A folder with libraries of a Simulink model; may be given often.",
+        ),
+    ] = None
+    variables: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="Variables of a Simulink model: .mat, or an .m of assignments."),
+    ] = None
+    assume: Annotated[
+        bool, typer.Option("--assume", help="Take a block's default where a variable of a Simulink model is unknown.")
+    ] = False
+    octave: Annotated[
+        bool,
+        typer.Option("--octave", help="Run a Simulink model's own MATLAB code in GNU Octave: for models you trust."),
+    ] = False
+
+
+@dataclass(frozen=True)
+class ModelImport(ModelReading):
+    """How a Simulink model is read, and what is made of it."""
+
+    servos: Annotated[
+        bool,
+        typer.Option("--servos", help="Let laws of a Simulink model that come to a PID be servos, not a signal flow."),
+    ] = False
+    contact_law: Annotated[
+        bool, typer.Option("--contact-law", help="Let spheres of a Simulink model touch planes by Simscape's own law.")
+    ] = False
+
+
+with_model_reading, with_model_import = with_group(ModelReading, "reading"), with_group(ModelImport, "reading")
+"""Give a command the options of either class."""
 
 
 def is_model_file(file: str | Path) -> bool:
@@ -74,27 +84,16 @@ def is_model_file(file: str | Path) -> bool:
     return is_export(Path(file))
 
 
-def refuse_model(**options: Any) -> None:
+def refuse_model(reading: ModelReading, **others: Any) -> None:
     """Refuse options that go with a Simulink model."""
-    refuse("given with a Simulink model only", **options)
+    refuse("given with a Simulink model only", **asdict(reading), **others)
 
 
-def model_options(
-    options: ImportOptions | None,
-    *,
-    library: list[Path] | None,
-    set_: list[str] | None,
-    variables: list[Path] | None,
-    assume: bool,
-    octave: bool,
-    servos: bool = False,
-    contact_law: bool = False,
-) -> dict[str, Any]:
+def model_options(options: ImportOptions | None, reading: ModelReading, set_: list[str] | None) -> dict[str, Any]:
     """Return the options of reading a model.
 
-    Raises:
-        InvalidParameter: a setting that is none, a file of variables that cannot be read, or a choice that only the
-            import of a URDF has.
+    Raises InvalidParameter: a setting that is none, a file of variables that cannot be read, or a choice that only the
+    import of a URDF has.
     """
     chosen = options or ImportOptions()
     refuse_import("left out with a Simulink model", chosen.model_copy(update={"mesh_path": ()}))
@@ -106,15 +105,9 @@ def model_options(
         if not (equals and all(part.isidentifier() for part in name.strip().split("."))):
             raise InvalidParameter("--set", setting, "of the form NAME=VALUE, as q0=[0 0 0] or tool.mass=1")
         settings[name.strip()] = value
-    return {
-        "libraries": tuple(library or ()),
-        "meshes": chosen.mesh_path,
-        "variables": variables_of(settings, variables or []),
-        "assume": assume,
-        "octave": octave,
-        "servos": servos,
-        "contact_law": contact_law,
-    }
+    read = asdict(reading)
+    libraries, variables = tuple(read.pop("library") or ()), variables_of(settings, read.pop("variables") or [])
+    return {"libraries": libraries, "meshes": chosen.mesh_path, "variables": variables, **read}
 
 
 def import_model(
@@ -211,21 +204,21 @@ def serve(
         listening.serve_forever()
 
 
-def _stepped(station: str, settings: list[str] | None, step: float | None) -> StationConfig:
+def _stepped(station: str, settings: list[str] | None, step: float | None) -> "StationConfig":
     from simrob_drake.simulink.stepping.station import with_fixed_steps
 
     config = station_from(station, settings)
     return config if step is None else with_fixed_steps(config, step)
 
 
-def _tell(model: SimulinkModel) -> None:
+def _tell(model: "SimulinkModel") -> None:
     joints = len(model.bodies.links)
     counts = f"{len(model.expanded.nodes)} blocks, {len(model.bodies.bodies)} bodies, {joints} joints"
     console.print(report_table(model.report))
     say(f"{model.path.name}: {counts}; {model.report.summary()}")
 
 
-def compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
+def compare_with_log(config: "StationConfig", log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
     """Hold logged signals of the original against a station's, in numbers and pictures."""
     from simrob_drake.simulink.logs import NUMBERS, compare, read_log, save_differences
 

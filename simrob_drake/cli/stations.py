@@ -34,14 +34,12 @@ from simrob_drake.cli.robots import examine_file, show_robot
 from simrob_drake.cli.saving import Frames, exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console, say
 from simrob_drake.cli.simulink import (
-    Assume,
-    Library,
-    RunOctave,
-    Variables,
+    ModelReading,
     examine_model,
     is_model_file,
     model_options,
     refuse_model,
+    with_model_reading,
 )
 from simrob_drake.cli.tables import convergence_table, findings_table
 from simrob_drake.errors import InvalidParameter
@@ -125,6 +123,7 @@ def demo(
     return saved(_simulated(config, live=False), folder, saving)
 
 
+@with_model_reading
 @with_import_options("mesh_path", "estimate_inertia", "xacro_arg", "drop_loops")
 def check(
     *,
@@ -138,17 +137,13 @@ def check(
     set_: Settings = None,
     options: ImportOptions | None,
     allow_code: AllowCode = False,
-    library: Library = None,
-    variables: Variables = None,
-    assume: Assume = False,
-    octave: RunOctave = False,
+    reading: ModelReading,
 ) -> None:
     """Say before any run what will go wrong in a station, what a robot can carry, or what an import would do."""
     if is_model_file(station):
-        model = model_options(options, library=library, set_=set_, variables=variables, assume=assume, octave=octave)
-        examine_model(Path(station), model)
+        examine_model(Path(station), model_options(options, reading, set_))
         return
-    refuse_model(library=library, variables=variables, assume=assume, octave=octave)
+    refuse_model(reading)
     choices = options and options.model_copy(update={"mesh_path": ()})
     if is_program_file(station):
         refuse_import("left out with a program: it goes with a robot's file", choices)
@@ -194,11 +189,7 @@ def diagram(
 
 
 def _frames(text: str | None) -> Frames:
-    """Return how many frames a strip shall have.
-
-    Raises:
-        InvalidParameter: neither a number of two or more nor "events".
-    """
+    """Return how many frames a strip shall have; raises InvalidParameter: neither two or more nor "events"."""
     if text is None or text == "events":
         return cast(Frames, text)
     if not text.isdecimal() or int(text) < 2:

@@ -1,7 +1,5 @@
 """The command about many runs: sweep."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -105,7 +103,7 @@ def sweep(
     return ExitCode.DONE
 
 
-def _run_again(place: SweepFolder, number: int, out: Path | None, *, force: bool, recording: bool) -> ExitCode:
+def _run_again(place: "SweepFolder", number: int, out: Path | None, *, force: bool, recording: bool) -> ExitCode:
     """Make one run of a sweep again, and save what `simrob run` saves."""
     if not 1 <= number <= len(place.cases):
         raise InvalidParameter("--run", number, f"a number of the table, 1 to {len(place.cases)}")
@@ -115,7 +113,7 @@ def _run_again(place: SweepFolder, number: int, out: Path | None, *, force: bool
     return saved(scene.run(), prepared_folder(scene.config, saving), saving)
 
 
-def _tell(rows: list[Row]) -> None:
+def _tell(rows: "list[Row]") -> None:
     """Show how the runs ended, and between which runs each measure lies."""
     from simrob_drake.tuning.rollout import UNITS, measured
 

@@ -14,8 +14,7 @@ from simrob_drake.extras import needed
 @with_mesh_path
 def teach(
     subject: Annotated[
-        str,
-        typer.Argument(metavar="ROBOT|STATION|FILE", help="A name of `simrob list`, a station's YAML, or a URDF."),
+        str, typer.Argument(metavar="ROBOT|STATION|FILE", help="A name of `simrob list`, a station's YAML, or a URDF.")
     ] = "humanoid",
     port: Annotated[
         int | None, typer.Option(min=0, max=65535, help="Where the page listens; the first free one from 8100.")

@@ -1,7 +1,5 @@
 """The commands of searches: tune and dashboard; and prove, which takes a winner through what it has never seen."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -71,7 +69,7 @@ def tune(
     return ExitCode.DONE
 
 
-def _tell(place: StudyFolder, proof: list[Row]) -> None:
+def _tell(place: "StudyFolder", proof: "list[Row]") -> None:
     """Show the best figures, and what the proof says of them and of where the search began."""
     from simrob_drake.tuning.conclusion import cost_columns
     from simrob_drake.tuning.study import in_table
@@ -97,12 +95,8 @@ def _tell(place: StudyFolder, proof: list[Row]) -> None:
             mean(found) if (found := [row[name] for row in rows if row.get(name) is not None]) else None
             for rows in (start, best)
         )
-        table.add_row(
-            name,
-            in_table(before),
-            in_table(after),
-            f"{after / before:.2f}" if before and after and before * after > 0 else "",
-        )
+        ratio = f"{after / before:.2f}" if before and after and before * after > 0 else ""
+        table.add_row(name, in_table(before), in_table(after), ratio)
     console.print(table)
 
 

@@ -30,17 +30,11 @@ class AnswerStopped(SimrobError):
 
 @dataclass(frozen=True)
 class CheckedPoint:
-    """What became of one point.
+    """What became of one point."""
 
-    Attributes:
-        name: of the point.
-        reading: what was measured; None where measuring failed.
-        problem: why it failed; empty where the answer is not written yet.
-    """
-
-    name: str
-    reading: Reading | None
-    problem: str = ""
+    name: str  # of the point
+    reading: Reading | None  # what was measured; None where measuring failed
+    problem: str = ""  # why it failed; empty where the answer is not written yet
 
     @property
     def ok(self) -> bool:
@@ -51,18 +45,10 @@ class CheckedPoint:
 def checked_points(
     entry: ExerciseFolder, answer: Path, *, allow_code: bool, seconds: float = SECONDS, memory: float = MEMORY
 ) -> Iterator[CheckedPoint]:
-    """Yield what became of each point of an exercise, as soon as it was measured.
+    """Yield what became of each point of an exercise, once it was measured on an answer, a Python file that is run.
 
-    Args:
-        entry: the exercise.
-        answer: a Python file, which is run.
-        allow_code: whether it may be.
-        seconds: that it may take for all points [s].
-        memory: that it may take [GB].
-
-    Raises:
-        InvalidConfig: the file cannot be read, or code is not allowed.
-        AnswerStopped: it cannot be loaded, or passed a limit.
+    The limits are of all points: ``seconds`` [s], ``memory`` [GB]. Raises InvalidConfig: the file cannot be read, or
+    code is not allowed; AnswerStopped: it cannot be loaded, or passed a limit.
     """
     try:
         content_of(answer)

@@ -52,11 +52,7 @@ class ExerciseFolder:
     """
 
     def __init__(self, folder: Path) -> None:
-        """Read the description of an exercise.
-
-        Raises:
-            InvalidConfig: it cannot be read, or an entry cannot be.
-        """
+        """Read the description of an exercise; raises InvalidConfig: it cannot be read, or an entry cannot be."""
         file = folder / EXERCISE_FILE
         self.folder, self.exercise = folder, validated(Exercise, read_yaml(file), file)
 
@@ -66,17 +62,7 @@ class ExerciseFolder:
         return self.folder / CHECKS_FILE
 
     def start(self, target: Path, language: Language, *, force: bool) -> Path:
-        """Copy the template of an answer to a folder, and return the file.
-
-        Args:
-            target: the folder.
-            language: of what stands in the template.
-            force: replace an answer that is there.
-
-        Raises:
-            InvalidParameter: there is an answer already.
-            OutputError: it cannot be written.
-        """
+        """Copy an answer's template to a folder, return it; raises InvalidParameter: one is there; OutputError."""
         answer = target / ANSWER_FILE
         if answer.exists() and not force:
             raise InvalidParameter("--out", str(target), f"without an {ANSWER_FILE}, or say --force to replace it")
@@ -93,9 +79,8 @@ def exercises() -> list[ExerciseFolder]:
 def exercise_of(name: str) -> ExerciseFolder:
     """Return an exercise by its number, or by its folder: a teacher's own.
 
-    Raises:
-        UnknownName: there is none of this number, and no folder with an ``exercise.yaml``.
-        InvalidConfig: its description cannot be.
+    Raises UnknownName: there is none of this number, and no folder with an ``exercise.yaml``; InvalidConfig: its
+    description cannot be.
     """
     if (Path(name) / EXERCISE_FILE).is_file():
         return ExerciseFolder(Path(name))

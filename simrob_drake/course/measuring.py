@@ -13,19 +13,12 @@ from simrob_drake.errors import InvalidParameter, quoted
 
 @dataclass(frozen=True)
 class Reading:
-    """A value that was measured on an answer.
+    """A value that was measured on an answer."""
 
-    Attributes:
-        value: what was measured, in ``unit``.
-        unit: of the value and of its bounds; empty for a plain number.
-        least: the smallest value with which the point holds.
-        most: the largest.
-    """
-
-    value: float
-    unit: str = ""
-    least: float = -inf
-    most: float = inf
+    value: float  # what was measured, in ``unit``
+    unit: str = ""  # of the value and of its bounds; empty for a plain number
+    least: float = -inf  # the smallest value with which the point holds
+    most: float = inf  # the largest
 
     @property
     def ok(self) -> bool:
@@ -54,25 +47,14 @@ def near(value: float, right: float, within: float, unit: str = "") -> Reading:
 
 
 def number(answer: ModuleType, name: str, *arguments: Any) -> float:
-    """Return the number that a function of an answer gives.
-
-    Raises:
-        InvalidParameter: the answer has no such function, or that returns no finite number.
-    """
+    """Return the number that a function of an answer gives; raises InvalidParameter: no function, no finite number."""
     return float(numbers(answer, name, *arguments, shape=())[()])
 
 
 def numbers(answer: ModuleType, name: str, *arguments: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return the array of a shape that a function of an answer gives.
+    """Return the array of a shape, -1 being any length, that a function of an answer gives for arguments.
 
-    Args:
-        answer: the module.
-        name: of the function.
-        arguments: of the function.
-        shape: that its value must have; -1 stands for any length.
-
-    Raises:
-        InvalidParameter: the answer has no such function, or that returns something else.
+    Raises InvalidParameter: the answer has no such function, or that returns something else.
     """
     returned = value_of(answer, name, *arguments)
     expected = f"finite numbers of shape {shape}" if shape else "a finite number"
@@ -87,11 +69,7 @@ def numbers(answer: ModuleType, name: str, *arguments: Any, shape: tuple[int, ..
 
 
 def value_of(answer: ModuleType, name: str, *arguments: Any) -> Any:
-    """Return what a function of an answer gives.
-
-    Raises:
-        InvalidParameter: the answer has no such function.
-    """
+    """Return what a function of an answer gives; raises InvalidParameter: the answer has no such function."""
     function = getattr(answer, name, None)
     if not callable(function):
         raise InvalidParameter(f"{name} of the answer", "missing" if function is None else "no function", "a function")

@@ -12,8 +12,7 @@ from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.robots.bodies import tool_links
 from simrob_drake.robots.urdf import add_joint, name_of, root_link
 
-HAND = "hand"
-"""The folder of its meshes, and what stands before names that the arm has, too."""
+HAND = "hand"  # the folder of its meshes, and what stands before names that the arm has, too
 _NAMED = ("link", "joint", "frame", "material", "transmission")
 _NAMES = ("link", "joint", "name")  # attributes that name what else is in the tree
 
@@ -29,11 +28,8 @@ def of_hand(options: ImportOptions) -> ImportOptions:
 def add_hand(robot: ET.Element, read: Read, work: Path, options: ImportOptions, report: ImportReport) -> None:
     """Put the hand of the options on a repaired robot, in place: its root on a link, by a fixed joint.
 
-    Names that the robot has already get another one. ``work`` is the folder of the robot.
-
-    Raises:
-        InvalidModel: a defect of the hand that can't be repaired.
-        UnknownName: no such link.
+    Names that the robot has already get another one. ``work`` is the folder of the robot. Raises InvalidModel: a defect
+    of the hand that can't be repaired; UnknownName: no such link.
     """
     assert options.hand is not None
     (work / HAND).mkdir()

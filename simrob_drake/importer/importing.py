@@ -73,17 +73,11 @@ def import_robot(
 ) -> ImportedRobot:
     """Write a clean copy of a robot: URDF, OBJ meshes, a draft of its ``robot.yaml``, and a report as JSON.
 
-    Args:
-        source: a URDF or xacro file, or the name of one in ``robot_descriptions``.
-        folder: where to; it appears at once, when everything is in it, and nothing is written elsewhere.
-        options: choices; the defaults suit most robots.
-        force: replace an import that is there.
-        apart: refuse a folder within the source; a cache may well lie below the same home.
-        isolated: let Drake read the result in a process of its own first.
-
-    Raises:
-        InvalidModel: a defect that can't be repaired; nothing is written.
-        OutputError: the folder cannot be written, exists, or lies within the source.
+    The source is a URDF or xacro file, or a name of ``robot_descriptions``. The folder appears at once, when everything
+    is in it, and nothing is written elsewhere; ``force`` replaces an import that is there, ``apart`` refuses a folder
+    within the source, as a cache may well lie below the same home; ``isolated`` lets Drake read the result in a process
+    of its own first. Raises InvalidModel: a defect that can't be repaired; nothing is written; OutputError: the folder
+    cannot be written, exists, or lies within the source.
     """
     source, folder = robot_file(source, "source"), as_path(folder, "folder")
     if apart and source.exists():
@@ -95,11 +89,7 @@ def import_robot(
 
 
 def examine_robot(source: Path | str, options: ImportOptions | None = None) -> ImportedRobot:
-    """Do all that an import does, but leave nothing behind; the model's files are gone, its figures are there.
-
-    Raises:
-        InvalidModel: a defect that can't be repaired.
-    """
+    """Do all that an import does, leaving nothing but figures; raises InvalidModel: a defect that can't be repaired."""
     with tempfile.TemporaryDirectory(prefix="simrob-") as work:
         made = import_robot(source, Path(work) / "robot", options, apart=False)
         made.model.element  # noqa: B018  # read while the file is there
@@ -109,11 +99,7 @@ def examine_robot(source: Path | str, options: ImportOptions | None = None) -> I
 def write_robot(
     source: Path, work: Path, options: ImportOptions, report: ImportReport, *, isolated: bool = True
 ) -> RobotModel:
-    """Fill a folder with the clean robot, and return that; args are those of :func:`import_robot`.
-
-    Raises:
-        InvalidModel: a defect that can't be repaired.
-    """
+    """Fill a folder with the clean robot as :func:`import_robot` does; raises InvalidModel: what can't be repaired."""
     robot = _repaired(source, work, options, report)
     described = described_robot(source) if options.hand is None else None
     if described is not None and options.base == "auto":
@@ -157,8 +143,7 @@ def _add_grasp(robot: ET.Element, file: Path, report: ImportReport) -> None:
 def _repaired(source: Path, work: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
     """Return the robot of a file after all repairs, in the order in which they stand on each other; meshes are written.
 
-    Raises:
-        InvalidModel: a defect that can't be repaired.
+    Raises InvalidModel: a defect that can't be repaired.
     """
     robot = read_source(source, report, options)
     repair_structure(robot, options, report)
@@ -254,11 +239,8 @@ _CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]
 def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> RobotModel:
     """Return the robot of any URDF: read as it is if it is clean, imported once if it is not, or if options ask for it.
 
-    One with fingers is imported, too, unless it is described: that tells where they grasp.
-
-    Raises:
-        InvalidModel: a defect that no import can repair.
-        OutputError: the cache cannot be written.
+    One with fingers is imported, too, unless it is described: that tells where they grasp. Raises InvalidModel: a
+    defect that no import can repair; OutputError: the cache cannot be written.
     """
     path = robot_file(path, "path")
     if options is None or options == ImportOptions(mesh_path=options.mesh_path):

@@ -145,12 +145,9 @@ def is_robot_file(text: str) -> bool:
 def robot_file(source: object, name: str) -> Path:
     """Return the absolute path of a robot's file, which may be named as in ``robot_descriptions``.
 
-    ``name`` is what the parameter is called that it was given as.
-
-    Raises:
-        InvalidParameter: no path.
-        UnknownName: no file, and no such description.
-        InvalidModel: a description that was not downloaded, or ``robot_descriptions`` is not installed.
+    ``name`` is what the parameter is called that it was given as. Raises InvalidParameter: no path; UnknownName: no
+    file, and no such description; InvalidModel: a description that was not downloaded, or ``robot_descriptions`` is not
+    installed.
     """
     path = as_path(source, name)
     if exists(path) or not _DESCRIPTION.fullmatch(path.name):
@@ -215,11 +212,7 @@ class Border:
         return self._packages[name]
 
     def readable(self, path: Path) -> Path:
-        """Return a path without symbolic links, if it may be read.
-
-        Raises:
-            OutsideBorder: it may not.
-        """
+        """Return a path without symbolic links, if it may be read; raises OutsideBorder: it may not."""
         found = resolved(path)
         self.package(manifest_name(package_root(found)))  # what its package's name may be used for, its path may, too
         packages = [folder for folder in self._packages.values() if folder is not None]
@@ -231,11 +224,7 @@ class Border:
         raise OutsideBorder(f"lies outside of the allowed folders ({listed}); allow it with --mesh-path {grant}")
 
     def check(self, path: Path, key: str) -> None:
-        """Check that a path under a key of the file may be read; what came with the package, or was imported, may.
-
-        Raises:
-            InvalidConfig: it may not; the message names file, key and what would allow it.
-        """
+        """Check that a path under a key may be read, as ours may; raises InvalidConfig: what would allow it."""
         own = (models_root(), diagrams_root(), cache_root())
         if any(resolved(path).is_relative_to(resolved(folder)) for folder in own):
             return

@@ -19,11 +19,7 @@ _PATIENCE = 120.0  # s, for a robot of hundreds of meshes
 
 
 def probe(file: Path, report: ImportReport) -> None:
-    """Let a child process build an imported robot in Drake.
-
-    Raises:
-        InvalidModel: Drake refuses the robot or dies of it; the message names the element, found by bisection.
-    """
+    """Let a child process build a robot in Drake; raises InvalidModel: refused or died, of an element that is named."""
     complaint = _complaint(file)
     if complaint is None:
         return

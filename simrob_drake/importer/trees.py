@@ -1,7 +1,6 @@
 """What readers of other formats need beyond a URDF: links between joints, a posture at home, gains of servos.
 
-Posture and gains are noted at the joints, so that they go with them through the repairs; they are taken off before the
-robot is written.
+Posture and gains are noted at the joints, to go with them through the repairs, and taken off before a robot is written.
 """
 
 import xml.etree.ElementTree as ET

@@ -209,10 +209,8 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
 def solver_for(chain: Chain, solver: SolverLike) -> Solver:
     """Return the solver that a move asks for.
 
-    Raises:
-        UnknownName: no such solver.
-        NoClosedForm: the analytic one, for an arm without.
-        InvalidParameter: a solver that was made for another robot or tool.
+    Raises UnknownName: no such solver; NoClosedForm: the analytic one, for an arm without; InvalidParameter: a solver
+    that was made for another robot or tool.
     """
     if isinstance(solver, Solver):
         if solver.chain.names != chain.names or not (solver.chain.home == chain.home).all():

@@ -1,7 +1,5 @@
 """Joints given by their screws, what they carry in many postures at once, and the chain of them from base to tool."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -34,19 +32,13 @@ class Screws:
     What a joint carries moves by the product exp(S₁q₁) ... exp(Sᵢqᵢ) of the screws from the base to it, given by axis
     and point (Lynch & Park, Modern Robotics, 2017, §4.1). Positions have shape (k, n) or (n,), in rad, or m for
     prismatic joints.
-
-    Attributes:
-        axes: unit axis of every joint at zero in the base frame, shape (n, 3).
-        points: a point on every axis at zero [m], shape (n, 3).
-        revolute: whether each joint is revolute, shape (n,).
-        order: the axes that are followed, from the base outward.
-        after: what each of these stands on: 0 the base, i what the i-th of them carries; in a row unless given.
     """
 
-    axes: Vector
-    points: Vector
-    revolute: np.ndarray[Any, np.dtype[np.bool_]]
-    order: tuple[int, ...]
+    axes: Vector  # unit axis of every joint at zero in the base frame, shape (n, 3)
+    points: Vector  # a point on every axis at zero [m], shape (n, 3)
+    revolute: np.ndarray[Any, np.dtype[np.bool_]]  # whether each joint is revolute, shape (n,)
+    order: tuple[int, ...]  # the axes that are followed, from the base outward
+    # what each of these stands on: 0 the base, i what the i-th of them carries; in a row unless given
     after: tuple[int, ...] | None = None
 
     @property
@@ -55,11 +47,7 @@ class Screws:
         return len(self.axes)
 
     def postures(self, positions: npt.ArrayLike, name: str = "positions") -> Vector:
-        """Return postures as an array of shape (k, n).
-
-        Raises:
-            InvalidParameter: another shape than (n,) or (k, n), or numbers that are not finite.
-        """
+        """Return postures as (k, n); raises InvalidParameter: another shape than (n,) or (k, n), or not finite."""
         expected = f"{self.size} finite numbers, or rows of as many, one an axis"
         rows = numbers(positions)
         if not rows.size:
@@ -71,12 +59,7 @@ class Screws:
         return np.atleast_2d(rows)
 
     def frames(self, postures: Vector, base: Vector = IDENTITY) -> Vector:
-        """Return the motion of the base, and of what each of the m followed axes carries, shape (m + 1, k, 4, 4).
-
-        Args:
-            postures: shape (k, n), checked.
-            base: its pose, shape (4, 4) or (k, 4, 4).
-        """
+        """Return where the base (4, 4) or (k, 4, 4), and what each axis carries, move, shape (m + 1, k, 4, 4)."""
         values = postures.T[self._moving]
         terms = np.empty((*values.shape, 3))
         terms[..., 0] = 1.0
@@ -155,11 +138,10 @@ class Chain(Screws):
     in_plant: ChainInPlant
 
     def __repr__(self) -> str:
-        """Say in one line which axes it has."""
         return f"<Chain of {len(self.names)} axes: {', '.join(self.names)}>"
 
     @classmethod
-    def of_robot(cls, model: RobotModel, tool: str | None = None) -> Chain:
+    def of_robot(cls, model: RobotModel, tool: str | None = None) -> "Chain":
         """Return the chain from a robot's root link to one of its tools, the first unless named.
 
         Raises:
@@ -187,7 +169,7 @@ class Chain(Screws):
         tool: Frame,
         signs: npt.ArrayLike | None = None,
         names: Sequence[str] | None = None,
-    ) -> Chain:
+    ) -> "Chain":
         """Extract the chain between two frames of a finalized plant.
 
         Args:
@@ -232,7 +214,7 @@ class Chain(Screws):
             in_plant=ChainInPlant(plant, tuple(joints), in_plant, base, tool, np.eye(4)),
         )
 
-    def with_tool(self, pose: Targets) -> Chain:
+    def with_tool(self, pose: Targets) -> "Chain":
         """Return the chain to another tool centre point, given as one pose in this chain's tool frame."""
         matrix = one_pose(pose, "tool")
         return replace(self, home=self.home @ matrix, in_plant=replace(self.in_plant, tcp=self.in_plant.tcp @ matrix))
@@ -316,15 +298,10 @@ def _listed(way: list[tuple[Joint, float]], joints: Sequence[Joint]) -> list[tup
 
 
 def joints_between(plant: MultibodyPlant, base: Frame, tool: Frame) -> list[tuple[Joint, float]]:
-    """Return the joints that can move ``tool`` against ``base``, in order from the base.
+    """Return the joints of a finalized plant that can move ``tool`` against ``base``, in order from the base.
 
-    Args:
-        plant: finalized.
-        base: where the way begins.
-        tool: where it ends, on the same branch of the tree or another.
-
-    Returns:
-        each joint with 1 where the way leads outward through it, or -1 where it leads back towards the world.
+    Each comes with 1 where the way leads outward through it, or -1 where it leads back towards the world; the tool may
+    be on another branch of the tree.
     """
     inboard = {}
     for index in plant.GetJointIndices():

@@ -7,8 +7,6 @@ three steps has two answers: shoulder, elbow and wrist. (The subproblems of Pade
 A Mathematical Introduction to Robotic Manipulation, 1994, §3.3.)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -58,12 +56,8 @@ class SixAxisArm:
     home: Vector  # pose of the tool at zero, shape (4, 4)
 
     @classmethod
-    def of(cls, chain: Chain) -> SixAxisArm:
-        """Recognise the geometry in a chain.
-
-        Raises:
-            NoClosedForm: what it lacks.
-        """
+    def of(cls, chain: Chain) -> "SixAxisArm":
+        """Recognise the geometry in a chain; raises NoClosedForm: what it lacks."""
         order = list(chain.order)
         if len(order) != 6 or not chain.revolute[order].all():
             raise NoClosedForm(f"it has {len(order)} moving axes, and the form is for six revolute ones")
@@ -164,13 +158,7 @@ class ClosedForm:
 
 
 def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm:
-    """Return all postures that bring the tool to each target.
-
-    Args:
-        arm: the geometry.
-        targets: shape (k, 4, 4).
-        starts: of axes 1 ... 6, shape (k, 6); they give axis 1 and axis 4 where these may stand anywhere.
-    """
+    """Return all postures that reach targets (k, 4, 4); starts (k, 6) give axes 1 and 4 where these may be anywhere."""
     turns = targets[:, :3, :3] @ arm.home[:3, :3].T
     centres = targets[:, :3, 3] + turns @ (arm.centre - arm.home[:3, 3])
     first, side_short, any_first = _shoulder(arm, centres, starts[:, 0])
@@ -244,10 +232,7 @@ def _closing(arm: SixAxisArm, target: Complex, total: Vector) -> Vector:
 
 
 def _elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vector]:
-    """Return axes 2 and 3, and how far out of reach, each (k, shoulder, 2, ...), for targets (k, shoulder, 1, ...).
-
-    In the plane across axis 2: exp(i·q2)·(upper + fore·exp(i·q3)) = target.
-    """
+    """Return axes 2, 3 and what is out of reach (k, shoulder, 2, ...): exp(i·q2)·(upper + fore·exp(i·q3)) = target."""
     upper, fore = abs(arm.upper), abs(arm.fore)
     distance = np.abs(target)
     cosine = (distance**2 - upper**2 - fore**2) / (2.0 * upper * fore)
@@ -263,15 +248,10 @@ def _elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vector]:
 def _wrist(arm: SixAxisArm, turns: Vector, first: Vector, bent: Vector, starts: Vector) -> tuple[Vector, Flags]:
     """Return axes 4, 5, 6 (k, 2, e, 2, 3) and where axis 4 may stand anywhere (k, 2, e).
 
-    Args:
-        arm: the geometry.
-        turns: of the tool from zero, shape (k, 3, 3).
-        first: axis 1, shape (k, 2).
-        bent: axes 2 and 3 together, about axis 2, shape (k, 2, e); 0 to have all parallel axes in axis 4.
-        starts: axis 4 of the start, shape (k, 1 or 2, 1, 1).
-
-    Axis 5 is an angle of the spherical triangle with sides (4, 5), (5, 6) and (4, turned 6), by the half-angle form,
-    which loses no digits where axes 4 and 6 line up; axis 6 is what is left of the orientation.
+    ``turns`` are those of the tool from zero, shape (k, 3, 3), ``first`` is axis 1 (k, 2), ``bent`` axes 2 and 3
+    together, about axis 2 (k, 2, e), or 0 to have all parallel axes in axis 4; ``starts`` are of axis 4 (k, 1 or 2, 1,
+    1). Axis 5 is an angle of the spherical triangle with sides (4, 5), (5, 6) and (4, turned 6), by the half-angle
+    form, which loses no digits where axes 4 and 6 line up; axis 6 is what is left of the orientation.
     """
     four, five, six = arm.axes[3:]
     probe = np.cross(five, six)

@@ -1,7 +1,5 @@
 """Inverse kinematics as a nonlinear program of Drake, with constraints and wishes (GIK in SimRob)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, get_args
 
@@ -108,7 +106,7 @@ class ConstrainedSolver(Solver):
         part: Vector = errors * mask
         return part
 
-    def _program(self, target: Vector, start: Vector) -> _Program:
+    def _program(self, target: Vector, start: Vector) -> "_Program":
         program = _Program(self.chain, start, self._nearness)
         if self._weights is None:
             program.require_target(target, self._kind)

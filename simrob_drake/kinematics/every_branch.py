@@ -61,15 +61,10 @@ def branches(
 
 
 def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -> Vector:
-    """Return different postures (m, n) within the limits that bring the tool to any of k targets, for a planner.
+    """Return different postures (m, n) within limits that bring the tool to any of targets (k, 4, 4), for a planner.
 
     All of them of arms with a closed form; of others those to which a hundred searches lead, elbows turned at will.
-
-    Args:
-        chain: the axes.
-        targets: poses of the tool in the base, shape (k, 4, 4).
-        start: posture (n,) near to which whole turns are chosen.
-        seed: of the searches.
+    Whole turns are chosen near to the start (n,).
     """
     try:
         found, good = AnalyticSolver(chain).postures(targets, start)

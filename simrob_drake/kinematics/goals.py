@@ -5,8 +5,6 @@ bounds)² and gives way to constraints and weighs against other wishes. Frames a
 the chain's tool centre point and ``"base"`` its base frame.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
@@ -171,7 +169,7 @@ class JointBounds(Goal):
     weight: float | None = None
 
     @classmethod
-    def fixed(cls, axis: str, value: float, weight: float | None = None) -> JointBounds:
+    def fixed(cls, axis: str, value: float, weight: float | None = None) -> "JointBounds":
         """Return the goal that an axis stands at a value [rad or m]."""
         return cls(axis=axis, lower=value, upper=value, weight=weight)
 

@@ -4,8 +4,6 @@
 take 1.6 times as long, and they cannot take targets, or starts for one target, side by side.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,11 +45,11 @@ class Fit:
     costs: Vector
     iterations: Counts
 
-    def rows(self, places: Indices) -> Fit:
+    def rows(self, places: Indices) -> "Fit":
         """Return some of the rows."""
         return Fit(self.postures[places], self.errors[places], self.costs[places], self.iterations[places])
 
-    def replace(self, places: Indices, other: Fit, iterations: Counts | None = None) -> None:
+    def replace(self, places: Indices, other: "Fit", iterations: Counts | None = None) -> None:
         """Put the rows of another fit in these places where they cost less; count its steps."""
         self.iterations[places] += other.iterations if iterations is None else iterations
         better = other.costs < self.costs[places]

@@ -24,21 +24,13 @@ from simrob_drake.robots.parse import held_robot
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Skeleton(Screws):
-    """A robot whose n joints are all axes and revolute; its n + 1 bodies are those of :meth:`frames`.
+    """A robot whose n joints are all axes and revolute; its n + 1 bodies are those of :meth:`frames`."""
 
-    Attributes:
-        model: the robot.
-        masses: of the bodies, shape (n + 1,) [kg].
-        mass_points_at_zero: homogeneous, shape (n + 1, 4, 6) [m].
-        links: body and pose at zero (4, 4) of every named frame.
-        plant: the robot alone.
-    """
-
-    model: RobotModel
-    masses: Vector
-    mass_points_at_zero: Vector
-    links: dict[str, tuple[int, Vector]]
-    plant: MultibodyPlant
+    model: RobotModel  # the robot
+    masses: Vector  # of the bodies, shape (n + 1,) [kg]
+    mass_points_at_zero: Vector  # homogeneous, shape (n + 1, 4, 6) [m]
+    links: dict[str, tuple[int, Vector]]  # body and pose at zero (4, 4) of every named frame
+    plant: MultibodyPlant  # the robot alone
 
     @property
     def mass(self) -> float:
@@ -61,10 +53,7 @@ class Skeleton(Screws):
         return np.asarray(frames[body] @ pose)
 
     def limb(self, link: str, tool: Vector) -> tuple[tuple[int, ...], Chain]:
-        """Return the axes between the root and a named frame, and their chain to a pose (4, 4) in it, without limits.
-
-        The chain has these axes alone.
-        """
+        """Return the axes from the root to a named frame, and their chain to a pose (4, 4) in it, without limits."""
         root, end = (self.plant.GetFrameByName(name) for name in (self.model.root, link))
         joints = [joint for joint, _ in joints_between(self.plant, root, end)]
         places = {axis.joint: place for place, axis in enumerate(self.model.axes.values())}

@@ -1,7 +1,5 @@
 """What solvers of inverse kinematics have in common: how they are asked, what they give back, and why there is none."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -75,7 +73,7 @@ class Solutions:
         reached: np.ndarray[Any, np.dtype[np.bool_]],
         iterations: np.ndarray[Any, np.dtype[np.int64]],
         why: Callable[[int], str],
-    ) -> Solutions:
+    ) -> "Solutions":
         """Return solutions with these errors (k, 6); ``why`` tells of a row that is not reached what is in the way."""
         return cls(
             positions=positions,
@@ -87,7 +85,7 @@ class Solutions:
         )
 
     @classmethod
-    def joined(cls, parts: Sequence[Solutions]) -> Solutions:
+    def joined(cls, parts: "Sequence[Solutions]") -> "Solutions":
         """Return the solutions of one batch from those of its pieces, in order."""
         arrays = [field.name for field in fields(cls)[:-1]]
         whole: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
@@ -136,11 +134,7 @@ def require(solutions: Solutions, name: str = "targets") -> Vector:
 
 
 def check_search(iterations: int, tolerances: dict[str, float]) -> Vector:
-    """Check the settings of a search, and return its tolerances as an array.
-
-    Raises:
-        InvalidParameter: no step at all, or a tolerance that is not positive.
-    """
+    """Check a search's settings, return its tolerances; raises InvalidParameter: no step, or none that is positive."""
     if iterations < 1:
         raise InvalidParameter("iterations", iterations, "1 or more")
     for name, value in tolerances.items():
@@ -157,7 +151,6 @@ class Solver(ABC):
     """
 
     def __init__(self, chain: Chain) -> None:
-        """Make a solver for ``chain``."""
         self.chain = chain
 
     def solve(self, targets: Targets, start: npt.ArrayLike) -> Solutions:
@@ -197,16 +190,10 @@ class Solver(ABC):
 
 
 def nearest_turns(chain: Chain, positions: Vector, reference: Vector) -> tuple[Vector, Vector]:
-    """Turn revolute joints by whole turns, into their limits and as near to a reference as these allow.
+    """Turn revolute joints (..., n) by whole turns, into limits and as near to a reference (..., n) as these allow.
 
-    Args:
-        chain: whose limits count.
-        positions: shape (..., n).
-        reference: shape (..., n), such as the current posture.
-
-    Returns:
-        the positions, within the limits or as near to them as whole turns come, and how far each then lies beyond a
-        limit (0 within), both of shape (..., n).
+    Returns the positions, within the limits or as near to them as whole turns come, and how far each then lies beyond a
+    limit (0 within), both of shape (..., n).
     """
     lower, upper = chain.lower - _SLACK, chain.upper + _SLACK
     turns = np.where(chain.revolute, TURN, 0.0)
@@ -228,17 +215,9 @@ def _beyond(chain: Chain, positions: Vector) -> Vector:
 
 
 def why_unreached(chain: Chain, target: Vector, posture: Vector, error: Vector, weights: Vector) -> str:
-    """Tell why no step from a posture leads nearer to a target.
+    """Tell in words why no step from the best posture (n,) leads nearer to a target (4, 4).
 
-    Args:
-        chain: that is to reach it.
-        target: shape (4, 4).
-        posture: the best found, shape (n,).
-        error: from there to the target, shape (6,) [m, rad] about x, y, z of the base; 0 where nothing is asked.
-        weights: of its parts, shape (6,).
-
-    Returns:
-        "out of reach ...", "joint limit ...", "singular posture ..." or "no solution found ...".
+    The error from there is (6,) [m, rad] about x, y, z of the base, 0 where nothing is asked, and has weights (6,).
     """
     if chain.order and error[:3].any():
         first = chain.order[0]

@@ -1,7 +1,5 @@
 """Environments of Gymnasium, made of stations: episodes of a task, with all that is random drawn from a seed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal

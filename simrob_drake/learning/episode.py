@@ -1,7 +1,5 @@
 """A station with a policy's place that is stepped one control period at a time: built once, begun often."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -22,8 +20,7 @@ from simrob_drake.stations.closed import closed_station, station_references
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
-_FEW = 1e-9
-"""By how much times that mean the same may differ [s]."""
+_FEW = 1e-9  # by how much times that mean the same may differ [s]
 
 
 def policies_of(config: StationConfig) -> dict[str, Policy]:

@@ -14,58 +14,36 @@ import numpy.typing as npt
 
 from simrob_drake.frames import Vector
 
-_KERNEL = 0.4
-"""By how much speeds differ from the goal where tracking gives 1/e of its most [m/s]."""
+_KERNEL = 0.4  # by how much speeds differ from the goal where tracking gives 1/e of its most [m/s]
 
 
 @dataclass(frozen=True)
 class RewardSample:
-    """What is true of a robot, or of k robots, at the end of a control period; of k all shapes have that in front.
+    """What is true of a robot, or of k robots, at the end of a control period; of k all shapes have that in front."""
 
-    Attributes:
-        place: of its root link, from where that was at the start: ahead, to the left, up, shape (3,) [m].
-        speed: of that, likewise [m/s].
-        turned: of its root link from how it stood, angles Rx Ry Rz, shape (3,) [rad].
-        spin: of its root link, in the world's axes, shape (3,) [rad/s].
-        effort: torques as parts of their limits, shape (n,).
-        action: what was asked for, shape (m,), and what was asked for before.
-        last_action: likewise.
-        tool: place of the tool in the world, shape (3,) [m].
-        tool_speed: its speed in the world [m/s].
-        goal: what is wanted.
-        push: force that acts at the tool or the root link, in the world's axes, shape (3,) [N].
-        desired_speed: ahead [m/s].
-        yields: how fast the tool is to go for a force on it [m/s per N].
-        ended: whether a monitor ended the episode.
-    """
-
-    place: Vector
-    speed: Vector
-    turned: Vector
-    spin: Vector
-    effort: Vector
-    action: Vector
-    last_action: Vector
-    tool: Vector = field(default_factory=lambda: np.zeros(3))
-    tool_speed: Vector = field(default_factory=lambda: np.zeros(3))
-    goal: Vector = field(default_factory=lambda: np.zeros(3))
+    place: Vector  # of its root link, from where that was at the start: ahead, to the left, up, shape (3,) [m]
+    speed: Vector  # of that, likewise [m/s]
+    turned: Vector  # of its root link from how it stood, angles Rx Ry Rz, shape (3,) [rad]
+    spin: Vector  # of its root link, in the world's axes, shape (3,) [rad/s]
+    effort: Vector  # torques as parts of their limits, shape (n,)
+    action: Vector  # what was asked for, shape (m,), and what was asked for before
+    last_action: Vector  # likewise
+    tool: Vector = field(default_factory=lambda: np.zeros(3))  # place of the tool in the world, shape (3,) [m]
+    tool_speed: Vector = field(default_factory=lambda: np.zeros(3))  # its speed in the world [m/s]
+    goal: Vector = field(default_factory=lambda: np.zeros(3))  # what is wanted
+    # force that acts at the tool or the root link, in the world's axes, shape (3,) [N]
     push: Vector = field(default_factory=lambda: np.zeros(3))
-    desired_speed: float = np.inf
-    yields: float = 0.0
-    ended: bool | npt.NDArray[np.bool_] = False
+    desired_speed: float = np.inf  # ahead [m/s]
+    yields: float = 0.0  # how fast the tool is to go for a force on it [m/s per N]
+    ended: bool | npt.NDArray[np.bool_] = False  # whether a monitor ended the episode
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a root link was at the start, and which way the robot faced: what its way is told from.
+    """Where a root link was at the start, and which way the robot faced: what its way is told from."""
 
-    Attributes:
-        pose: x y z qw qx qy qz, shape (7,).
-        facing: counterclockwise from x [rad].
-    """
-
-    pose: Vector
-    facing: float
+    pose: Vector  # x y z qw qx qy qz, shape (7,)
+    facing: float  # counterclockwise from x [rad]
 
     def sample(self, pose: Vector, velocity: Vector, **others: Any) -> RewardSample:
         """Return what is true by pose (..., 7) and velocity (..., 6) of the root link now, and the other fields."""

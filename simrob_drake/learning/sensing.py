@@ -1,7 +1,5 @@
 """What a policy may observe and ask for, as spaces of Gymnasium; and what encoders and IMUs of k robots tell it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
@@ -19,8 +17,7 @@ from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.mujoco.coordinates import turned
 
-Places = npt.NDArray[np.intp]
-"""Of some of the robots among all."""
+Places = npt.NDArray[np.intp]  # of some of the robots among all
 Value = Callable[[str, Vector], Vector]
 """Gives an output of the robot, shape (m, size), by motions (m, nq + nv) of the plant."""
 Sensor = TypeVar("Sensor", Encoders, Imu)
@@ -36,11 +33,7 @@ class PolicySensors:
     """
 
     def __init__(self, count: int, policy: Policy, config: StationConfig, robot: StationRobot, value: Value) -> None:
-        """Take the sensors that the policy names.
-
-        Raises:
-            InvalidParameter: one of another kind, or one that tells late.
-        """
+        """Take the sensors that the policy names; raises InvalidParameter: of another kind, or one that is late."""
         self._policy, self._config, self._robot, self._value = policy, config, robot, value
         self.encoders = self._section("position", Encoders) or self._section("velocity", Encoders)
         self.imu = self._section("orientation", Imu) or self._section("angular_velocity", Imu)
@@ -67,11 +60,9 @@ class PolicySensors:
             self.position[places], self.velocity[places] = self._measured(self.encoders, motion), 0.0
 
     def sample(self, motion_at: Callable[[Places, float], Vector], times: tuple[Vector, float]) -> None:
-        """Take all samples of a control period but that at its end, and the very first.
+        """Take all samples of a control period, from times (k,) on, but that at its end, and the very first.
 
-        Args:
-            motion_at: motions of some robots (m, nq + nv) so long after the period began [s].
-            times: when it begins for each of all robots, shape (k,), and how long it is [s].
+        ``motion_at`` gives motions of some robots (m, nq + nv) so long after the period, ``times[1]`` [s] long, began.
         """
         begins, period = times
         for own in filter(None, (self.encoders, self.imu)):
@@ -110,21 +101,15 @@ class PolicySensors:
         return sensor
 
 
-_FAR = 1e4
-"""Beyond any rate, goal or force that a robot bears [rad/s, m, N]."""
+_FAR = 1e4  # beyond any rate, goal or force that a robot bears [rad/s, m, N]
 
 
 def spaces(
     section: Policy, robot: StationRobot, sizes: Mapping[str, int]
 ) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
-    """Return the spaces of observations and of actions of one robot.
+    """Return the spaces of observations and of actions of one robot; ``sizes`` are of all that is observed, by name.
 
     Positions lie within the axes' limits, which a robot may pass by π; what lies beyond a bound is seen as the bound.
-
-    Args:
-        section: of the policy.
-        robot: that it moves.
-        sizes: of all that is observed, by name, and of the action.
     """
     lower, upper = robot.model.axis_limits
     bounds = {name: (np.full(size, -_FAR), np.full(size, _FAR)) for name, size in sizes.items()}

@@ -1,7 +1,5 @@
 """What is to be learnt, as a YAML file says it: a station with a policy's place, rewards, and what is random."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -140,7 +138,7 @@ class Task(Strict):
             one_of(f"key of the task, for grows.{key}", name, known if number else _GROWING)
             section = section[name] if isinstance(section, dict) else getattr(section, name)
 
-    def at(self, steps: float, returned: float) -> Task:
+    def at(self, steps: float, returned: float) -> "Task":
         """Return the task as it stands after so many steps, at a mean return."""
         task = self
         for key, growth in self.grows.items():
@@ -156,11 +154,7 @@ class Task(Strict):
         return found
 
     def config(self, station: str | None, overrides: Mapping[str, Any], where: Path | str) -> StationConfig:
-        """Return the station in which this is learnt: its own, or another one.
-
-        Raises:
-            SimrobError: one that cannot be, or that has not one place for a policy.
-        """
+        """Return the station in which this is learnt; raises SimrobError: none, or without one place for a policy."""
         config = load_station(station or self.station, {"duration": self.duration, **self.overrides, **overrides})
         if len(found := policies_of(config)) != 1:
             expected = f"hold {len(found)} controllers of kind policy; it must be one, that is to learn"
@@ -220,17 +214,11 @@ _LAST = 100  # episodes whose mean return a curriculum goes by
 
 @dataclass(frozen=True)
 class Beginning:
-    """What is drawn for an episode.
+    """What is drawn for an episode."""
 
-    Attributes:
-        start: where the axes begin, shape (n,) [rad].
-        goal: of the policy; None where the section of the policy says it.
-        pushes: in place of those of the station, by name.
-    """
-
-    start: Vector
-    goal: Vector | None
-    pushes: Mapping[str, Push]
+    start: Vector  # where the axes begin, shape (n,) [rad]
+    goal: Vector | None  # of the policy; None where the section of the policy says it
+    pushes: Mapping[str, Push]  # in place of those of the station, by name
 
 
 def beginning(

@@ -4,8 +4,6 @@ Each robot is stepped by itself. What the policy observes is what encoders and I
 at the same moments as in :mod:`simrob_drake.learning.environment`; rewards are of what is true.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -39,8 +37,7 @@ _HELD = ("contact", "floor", "gravity", "joint_stops", "pieces", "servo", "robot
 _KNOWN = ("position", "velocity", "attitude", "angular_velocity", "action", "clock", "goal")
 _ASTRAY = 1e6  # of any coordinate
 _MOST = 100_000  # robots, or threads
-_STEADY = 100.0
-"""The largest kd h / I of a servo: of 32 that stand, roid1 loses none at 97, one at 193, 14 at 386."""
+_STEADY = 100.0  # the largest kd h / I of a servo: of 32 that stand, roid1 loses none at 97, one at 193, 14 at 386
 
 
 class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):

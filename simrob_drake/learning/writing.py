@@ -13,8 +13,7 @@ from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
 
 _OPSET = 17
-_IR = 8
-"""Versions of the format that every ONNX Runtime of the last years reads."""
+_IR = 8  # versions of the format that every ONNX Runtime of the last years reads
 
 
 def write_network(

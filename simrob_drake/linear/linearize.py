@@ -30,12 +30,9 @@ Posture = npt.ArrayLike | Mapping[str, npt.ArrayLike]
 _OUTPUTS = {"position": "q", "velocity": "v", "torque": "tau"}
 _TOOL = ("x", "y", "z", "rx", "ry", "rz")
 _MOST_STEPS = 30
-_AT_REST = 1e-9
-"""What is left of accelerations where a station rests [rad/s²]."""
-_ROUNDING = 1e-12
-"""And what part of the terms that they are made of."""
-_LONGEST = 0.2
-"""Of a step on the way to the rest [rad or m]."""
+_AT_REST = 1e-9  # what is left of accelerations where a station rests [rad/s²]
+_ROUNDING = 1e-12  # and what part of the terms that they are made of
+_LONGEST = 0.2  # of a step on the way to the rest [rad or m]
 
 
 class NoRest(SimrobError):
@@ -153,11 +150,7 @@ class _Rest:
         return int(system.GetMyContextFromRoot(self._context).num_continuous_states())
 
     def find(self, postures: Mapping[str, Vector]) -> None:
-        """Put the diagram to rest with references (n,) by robot, by Newton's method.
-
-        Raises:
-            NoRest: there is none near.
-        """
+        """Put the diagram to rest with references (n,) by robot, by Newton's method; raises NoRest: none is near."""
         state = self._context.get_continuous_state_vector().CopyToVector()
         free = np.append(np.ones(len(state), dtype=bool), np.zeros(len(self._inputs), dtype=bool))
         start, count = self._starts["plant"], self._plant.num_positions()

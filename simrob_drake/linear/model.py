@@ -1,7 +1,5 @@
 r"""A linear model with names: x' = A x + B u, y = C x + D u, all of them differences from where it was made."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,21 +22,15 @@ if TYPE_CHECKING:
 MODEL_FILE = "linear.yaml"
 _MATRICES, _POINT, _NAMES = ("A", "B", "C", "D"), ("x0", "u0", "y0"), ("states", "inputs", "outputs")
 _POINTS = 600
-_BEYOND = 10.0
-"""How many times slower and faster than the slowest and the fastest motion the frequencies go."""
+_BEYOND = 10.0  # how many times slower and faster than the slowest and the fastest motion the frequencies go
 
 
 @dataclass(frozen=True)
 class Mode:
-    """A motion of its own, exp(s t): one pole, or two that are conjugate.
+    """A motion of its own, exp(s t): one pole, or two that are conjugate."""
 
-    Attributes:
-        pole: s, with the positive imaginary part [1/s].
-        mostly: the axis, or other state, that has the largest part in it.
-    """
-
-    pole: complex
-    mostly: str
+    pole: complex  # s, with the positive imaginary part [1/s]
+    mostly: str  # the axis, or other state, that has the largest part in it
 
     @property
     def frequency(self) -> float:
@@ -82,7 +74,6 @@ class LinearModel:
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        """Say in one line what it is."""
         sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
         return f"<{type(self).__name__} of {self.name}: {sizes}, {'' if self.is_stable else 'not '}stable>"
 
@@ -117,7 +108,7 @@ class LinearModel:
         resolvents = 2j * np.pi * found[:, np.newaxis, np.newaxis] * np.eye(len(self.A)) - self.A
         return np.asarray(self.C @ np.linalg.solve(resolvents, self.B.astype(complex)) + self.D)
 
-    def part(self, *, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> LinearModel:
+    def part(self, *, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> "LinearModel":
         """Return the model between some of its ports.
 
         Args:
@@ -183,21 +174,17 @@ def _places(kind: str, names: Sequence[str] | None, known: tuple[str, ...]) -> l
     return places
 
 
-def bode_figure(model: LinearModel, pairs: Sequence[tuple[str, str]] | None = None) -> Figure:
-    """Draw magnitude [dB] and phase [deg] over frequency [Hz].
+def bode_figure(model: LinearModel, pairs: Sequence[tuple[str, str]] | None = None) -> "Figure":
+    """Draw magnitude [dB] and phase [deg] over frequency [Hz] of pairs of an input and an output of a model.
 
-    Args:
-        model: whose.
-        pairs: of an input and an output each; every axis from its reference to its position unless given.
-
-    Raises:
-        UnknownName: no such input or output.
+    Every axis from its reference to its position unless given. Raises UnknownName: no such input or output.
     """
     from matplotlib.figure import Figure  # it is loaded where it is needed
 
     from simrob_drake.results.plots.grid import style
 
-    chosen = list(_own_pairs(model) if pairs is None else pairs)
+    own = [(name, name.replace("reference.", "q.")) for name in model.inputs if "reference." in name]
+    chosen = own if pairs is None else list(pairs)
     sizes = np.abs(model.poles[model.poles != 0]) / (2 * np.pi)
     slowest, fastest = (sizes.min(), sizes.max()) if sizes.size else (1.0, 1.0)
     frequencies = np.geomspace(slowest / _BEYOND, fastest * _BEYOND, _POINTS)
@@ -215,7 +202,3 @@ def bode_figure(model: LinearModel, pairs: Sequence[tuple[str, str]] | None = No
     phase.set_xlabel("frequency [Hz]")
     figure.legend(loc="outside right upper", fontsize=8, frameon=False)
     return figure
-
-
-def _own_pairs(model: LinearModel) -> list[tuple[str, str]]:
-    return [(name, name.replace("reference.", "q.")) for name in model.inputs if "reference." in name]

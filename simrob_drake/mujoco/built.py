@@ -1,7 +1,5 @@
 """A station that is built in MuJoCo: what MJCF cannot say of one, its model, its controls, and what it tells."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -30,13 +28,8 @@ _NO_MODEL = "MJCF's servos do not know the arm's model"
 def check_sayable(config: StationConfig, robots: Mapping[str, ResolvedRobot], *, moved_by_torque: bool = True) -> None:
     """Check that MuJoCo moves a station as Drake does; what only measures is no hindrance.
 
-    Args:
-        config: the station.
-        robots: its robots, by name.
-        moved_by_torque: it is to be stepped; else its bodies are all that counts.
-
-    Raises:
-        InvalidParameter: names the key, and tells why and what would be right.
+    Where it is not ``moved_by_torque``, bodies are all that counts. Raises InvalidParameter: key, why, what would be
+    right.
     """
     if not moved_by_torque:
         return
@@ -88,19 +81,12 @@ def controls(
     step: float,
     count: int,
 ) -> Vector:
-    """Return the controls of each of ``count`` steps, shape (count, nu).
+    """Return the controls of ``count`` steps of a length [s], (count, nu), of references by robot and of forces.
 
-    References are those of a step's end, where servos act that are treated implicitly; forces are their means over it,
-    so that a push gives its whole impulse whatever the step. A servo with_speeds minds the reference's speed, too:
-    k_p (q_r - q) + k_d (v_r - v) is the law of a servo without that asks for q_r + v_r k_d / k_p.
-
-    Args:
-        plant: of the station.
-        references: of its robots, by name.
-        forces: at the places that the model knows, in its order; None for one that does not act.
-        with_speeds: whether references are followed in their speed, too.
-        step: length of a step [s].
-        count: of the steps.
+    References are those of a step's end, where servos act that are treated implicitly; forces, at the places that the
+    model knows and in its order, None where none acts, are their means over it, so that a push gives its whole impulse
+    whatever the step. A servo with_speeds minds the reference's speed, too: k_p (q_r - q) + k_d (v_r - v) is the law of
+    a servo without that asks for q_r + v_r k_d / k_p.
     """
     ends = np.asarray(step * np.arange(1, count + 1), dtype=float)
     columns = []
@@ -126,33 +112,24 @@ def force_values(force: ForceConfig | None, starts: Vector, ends: Vector) -> Vec
     return np.outer(np.sin(angles), force.amplitude)
 
 
-STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
-"""What MuJoCo keeps of each step."""
+STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # what MuJoCo keeps of each step
 
 
 @dataclass(frozen=True)
 class BuiltStation:
-    """A station in MuJoCo.
+    """A station in MuJoCo."""
 
-    Attributes:
-        station: what it is made of.
-        diagram, ports: the station in Drake, whose ports tell what its signals are.
-        spec, model: of MuJoCo.
-        outputs: how the model's sensors give outputs of the station, by their names.
-        columns: of the sensors in their data, by their names.
-        coordinates: between Drake's positions and velocities and MuJoCo's.
-        step: length of a step [s].
-    """
-
-    station: ResolvedStation
+    station: ResolvedStation  # what it is made of
+    # the station in Drake, whose ports tell what its signals are
     diagram: Diagram
     ports: StationPorts
+    # of MuJoCo, and the model that is made of it
     spec: mujoco.MjSpec
     model: mujoco.MjModel
-    outputs: dict[str, OutputSensors]
-    columns: dict[str, slice]
-    coordinates: Coordinates
-    step: float
+    outputs: dict[str, OutputSensors]  # how the model's sensors give outputs of the station, by their names
+    columns: dict[str, slice]  # of the sensors in their data, by their names
+    coordinates: Coordinates  # between Drake's positions and velocities and MuJoCo's
+    step: float  # length of a step [s]
 
     @classmethod
     def of(
@@ -163,11 +140,10 @@ class BuiltStation:
         integrator: str | None = None,
         seen: bool = False,
         moved_by_torque: bool = True,
-    ) -> BuiltStation:
+    ) -> "BuiltStation":
         """Build a station; the arguments are those of :func:`~simrob_drake.stations.mujoco.model.mujoco_model`.
 
-        Raises:
-            SimrobError: one that cannot be, or that MJCF cannot say; the message names the part.
+        Raises SimrobError: one that cannot be, or that MJCF cannot say; the message names the part.
         """
         station = resolve(config)
         check_parts(station)

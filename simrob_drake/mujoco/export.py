@@ -1,7 +1,5 @@
 """Write a station as an MJCF file that MuJoCo loads by itself, with its meshes and controls beside."""
 
-from __future__ import annotations
-
 import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -15,26 +13,16 @@ from simrob_drake.mujoco.runner import MujocoRunner, RunRequest
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.mujoco.model import STEP
 
-CONTROLS = "controls.csv"
-"""The file beside an MJCF file that holds a row of controls for each step."""
+CONTROLS = "controls.csv"  # the file beside an MJCF file that holds a row of controls for each step
 
 
 def save_mjcf(config: StationConfig, file: Path | str, *, step: float = STEP, force: bool = False) -> list[Path]:
-    """Write a station as MJCF, and return what was written.
+    """Write a station as MJCF for steps of a length [s], and return what was written; ``force`` replaces what is there.
 
     Beside ``station.xml`` a folder ``station_mjcf`` holds the meshes, and the controls over the station's duration: a
     row for each step of the references of the axes and the forces that act. The keyframe ``start`` is where it begins.
-    Figures have six digits, as MuJoCo writes them.
-
-    Args:
-        config: the station.
-        file: where to, ending in ``.xml``.
-        step: length of MuJoCo's steps [s].
-        force: replace what is there.
-
-    Raises:
-        InvalidParameter: a station that MJCF cannot say, or another ending.
-        OutputError: the file is there, or the disk does not take it.
+    Figures have six digits, as MuJoCo writes them. Raises InvalidParameter: a station that MJCF cannot say, or an
+    ending other than ``.xml``; OutputError: the file is there, or the disk does not take it.
     """
     file = as_path(file, "file")
     if file.suffix != ".xml":

@@ -3,8 +3,6 @@
 Steps are made in C from the first to the last, of many runs on several threads; what they tell is read afterwards.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -32,11 +30,9 @@ from simrob_drake.stations.config import MOST_SAMPLES, StationConfig
 from simrob_drake.stations.mujoco.model import STEP
 from simrob_drake.stations.station import StationLike, config_of
 
-_ASTRAY = 1e6
-"""No station has a position or velocity like this [SI units]: it has run away."""
+_ASTRAY = 1e6  # no station has a position or velocity like this [SI units]: it has run away
 _ROUNDING = 1e-9  # s, and as a part
-_STABLE = 2.0
-"""An explicit damper on a mass is stable while kd h / M stays below this."""
+_STABLE = 2.0  # an explicit damper on a mass is stable while kd h / M stays below this
 Onsets = dict[str, float]
 
 
@@ -52,25 +48,15 @@ class Stopped:
 
 @dataclass(frozen=True)
 class Stepped:
-    """A run that was stepped.
+    """A run that was stepped."""
 
-    Attributes:
-        built: the station.
-        config: as it was run.
-        references: what the robots were asked, by name.
-        states: MuJoCo's states before each step, shape (m, size).
-        sensed: what the sensors told of them, shape (m, k).
-        seconds: of wall-clock time.
-        start: where it began; None at the initial posture.
-    """
-
-    built: BuiltStation
-    config: StationConfig
-    references: Mapping[str, Reference]
-    states: Vector
-    sensed: Vector
-    seconds: float
-    start: State | None
+    built: BuiltStation  # the station
+    config: StationConfig  # as it was run
+    references: Mapping[str, Reference]  # what the robots were asked, by name
+    states: Vector  # MuJoCo's states before each step, shape (m, size)
+    sensed: Vector  # what the sensors told of them, shape (m, k)
+    seconds: float  # of wall-clock time
+    start: State | None  # where it began; None at the initial posture
 
     def result(self) -> SimulationResult:
         """Return the result: sampled, and cut where a monitor ends the run or where it ran away."""
@@ -196,38 +182,25 @@ def _between(steps: Vector, rows: Vector, times: Vector) -> Vector:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """One run that is asked for; what is None is as the station says.
+    """One run that is asked for; what is None is as the station says."""
 
-    Attributes:
-        reference: as of :func:`simrob_drake.simulate`.
-        pushes: in place of the station's, at the same places: ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
-        start: where it begins, such as the ``final_state`` of another result, also of one in Drake.
-    """
-
-    reference: ReferencesLike = None
+    reference: ReferencesLike = None  # as of :func:`simrob_drake.simulate`
+    # in place of the station's, at the same places: ``{"shove": {"start": 1, "force": [5, 0, 0]}}``
     pushes: Mapping[str, Any] | None = None
-    start: State | None = None
+    start: State | None = None  # where it begins, such as the ``final_state`` of another result, also of one in Drake
 
 
-Wanted = RunRequest
-"""Its former name."""
+Wanted = RunRequest  # its former name
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A run that is ready to be stepped.
+    """A run that is ready to be stepped."""
 
-    Attributes:
-        config: the station as it is run.
-        references: what its robots are asked, by name.
-        start: MuJoCo's state where it begins.
-        controls: of each step, shape (count, nu).
-    """
-
-    config: StationConfig
-    references: dict[str, Reference]
-    start: Vector
-    controls: Vector
+    config: StationConfig  # the station as it is run
+    references: dict[str, Reference]  # what its robots are asked, by name
+    start: Vector  # MuJoCo's state where it begins
+    controls: Vector  # of each step, shape (count, nu)
 
 
 class MujocoRunner:
@@ -241,22 +214,14 @@ class MujocoRunner:
     def __init__(
         self, station: StationLike, *, step: float = STEP, integrator: str | None = None, seen: bool = False
     ) -> None:
-        """Build a station.
+        """Build a station as :func:`simrob_drake.simulate` takes it, for steps [s] and an integrator of MuJoCo.
 
-        Args:
-            station: as :func:`simrob_drake.simulate` takes it.
-            step: length of a step [s].
-            integrator: MuJoCo's name of it, as of :func:`~simrob_drake.stations.mujoco.model.mujoco_model`.
-            seen: with the pictures of all bodies.
-
-        Raises:
-            SimrobError: no such station, or one that MJCF cannot say; the message names the part.
+        ``seen`` adds the pictures of all bodies. Raises SimrobError: no such station, or a part that MJCF cannot say.
         """
         self.config = config_of(station)
         self.built = BuiltStation.of(self.config, step=positive(step, "step", "s"), integrator=integrator, seen=seen)
 
     def __repr__(self) -> str:
-        """Say in one line what it runs."""
         return f"<MujocoRunner of {self.config!r}>"
 
     def run(
@@ -274,15 +239,10 @@ class MujocoRunner:
     def runs(
         self, requests: Sequence[RunRequest], *, duration: float | None = None, threads: int = 0
     ) -> list[SimulationResult]:
-        """Run the station several times.
+        """Run the station several times, for a duration in place of its own [s].
 
-        Args:
-            requests: the runs.
-            duration: of each, in place of the station's [s].
-            threads: how many are stepped at the same time beside this one; with 0 they are stepped here in turn.
-
-        Raises:
-            SimrobError: a reference, push or start that does not fit the station.
+        So many ``threads`` step beside this one; with 0 they are stepped here in turn. Raises SimrobError: what does
+        not fit.
         """
         config = with_duration(self.config, duration)
         prepared = [self.prepared(config, one) for one in requests]
@@ -334,11 +294,7 @@ class MujocoRunner:
 
 
 def inverse_run(config: StationConfig) -> SimulationResult:
-    """Return the run of a kinematic station with torques and poses by MuJoCo, without signals that it does not know.
-
-    Raises:
-        SimrobError: a station that cannot be.
-    """
+    """Return a kinematic station's run with MuJoCo's torques and poses, as far as known; raises SimrobError: no run."""
     run = simulate(config, progress=False)
     built = BuiltStation.of(config, integrator="RK4", moved_by_torque=False)  # others count damping over a step
     built.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)

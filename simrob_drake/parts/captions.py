@@ -11,8 +11,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import AxisValues, with_units
 from simrob_drake.robots.catalog import RobotModel
 
-MANY = 8
-"""How many joints, or figures, are told each for itself."""
+MANY = 8  # how many joints, or figures, are told each for itself
 
 _WIDTH = 26
 
@@ -26,42 +25,27 @@ Shape = Literal["block", "mux", "bus", "port", "sum"]
 
 @dataclass(frozen=True)
 class InnerBlock:
-    """A block of a net that is one system.
+    """A block of a net that is one system."""
 
-    Attributes:
-        label: its lines.
-        sources: the blocks of the net that it reads.
-        reads: outputs of the station that it reads.
-    """
-
-    label: str
-    sources: tuple[str, ...]
-    reads: tuple[str, ...]
+    label: str  # its lines
+    sources: tuple[str, ...]  # the blocks of the net that it reads
+    reads: tuple[str, ...]  # outputs of the station that it reads
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A block of the picture.
+    """A block of the picture."""
 
-    Attributes:
-        key: systems of one key share the block.
-        role: what it is for.
-        label: its lines.
-        robot: whose it is; empty for what the robots share, and where there is one only.
-        inside: what happens in it, one after the other.
-        net: blocks that are drawn in its place, by name, in the order of the outputs of its Demultiplexer.
-        shape: how it looks.
-        within: the key of the block whose system does its work, as the plant's does that of servos in its actuators.
-    """
-
-    key: str
-    role: BlockRole
-    label: str
-    robot: str = ""
-    inside: tuple[str, ...] = ()
+    key: str  # systems of one key share the block
+    role: BlockRole  # what it is for
+    label: str  # its lines
+    robot: str = ""  # whose it is; empty for what the robots share, and where there is one only
+    inside: tuple[str, ...] = ()  # what happens in it, one after the other
+    # the key of the block whose system does its work, as the plant's does that of servos in its actuators
     within: str = ""
+    # blocks that are drawn in its place, by name, in the order of the outputs of its Demultiplexer
     net: Mapping[str, InnerBlock] = field(default_factory=dict)
-    shape: Shape = "block"
+    shape: Shape = "block"  # how it looks
 
 
 def wrapped(text: str) -> str:

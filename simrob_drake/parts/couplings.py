@@ -31,10 +31,8 @@ from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
 
 _ANCHOR = "couplings_anchor"
-_CLOSED = 1e-3
-"""How far apart at the start what is held together may be [m or rad]."""
-STIFFNESS, RELAXES = 2000.0**2, 2e-4
-"""Stiffness of a coupling by what it holds [1/s²], and its damper by that [s]."""
+_CLOSED = 1e-3  # how far apart at the start what is held together may be [m or rad]
+STIFFNESS, RELAXES = 2000.0**2, 2e-4  # stiffness of a coupling by what it holds [1/s²], and its damper by that [s]
 _HALF_APART = 0.025  # m: of the points on a hinge's axis
 _SHORTEST = 1e-9  # m: Drake wants a length, though it need not have one
 
@@ -42,8 +40,7 @@ _SHORTEST = 1e-9  # m: Drake wants a length, though it need not have one
 class CouplingSection(Strict, ABC):
     """A section of ``couplings``."""
 
-    constrains: ClassVar[bool] = True
-    """Whether it is a constraint, or so stiff a spring that it counts as one."""
+    constrains: ClassVar[bool] = True  # whether it is a constraint, or so stiff a spring that it counts as one
     schemes: ClassVar[tuple[str, ...]] = ("radau3", "radau1", "implicit_euler", "velocity_implicit_euler")
     """Continuous schemes that hold it."""
     kind: str
@@ -57,11 +54,7 @@ class CouplingSection(Strict, ABC):
         """Return it in words."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station is moved by forces, by a solver that holds it, and that there is what it holds.
-
-        Raises:
-            SimrobError: names the key, and what would be right.
-        """
+        """Check that forces move the station, by a solver that holds this, and all is there; raises SimrobError."""
         if station.mode == "kinematic":
             raise InvalidParameter(key, "a coupling in a kinematic station", "left out: its reference moves all joints")
         if self.constrains and station.time_step == 0 and station.scheme not in self.schemes:
@@ -76,11 +69,7 @@ class CouplingSection(Strict, ABC):
         return 0.0
 
     def check_start(self, key: str, plant: StationPlant, context: Context) -> None:
-        """Check that the station starts in a posture that it allows.
-
-        Raises:
-            InvalidParameter: it does not.
-        """
+        """Check that the station starts in a posture that it allows; raises InvalidParameter: it does not."""
         if (gap := self.gap(plant, context)) > _CLOSED:
             raise InvalidParameter(key, f"{gap:.4g} m (or rad) off at the start", f"at most {_CLOSED:g} off")
 
@@ -135,10 +124,7 @@ class Between(Strict, ABC):
         return [Attachment(frame.body(), frame.GetFixedPoseInBodyFrame() @ place) for frame, place in ends]
 
     def anchored(self, plant: StationPlant) -> list[Attachment]:
-        """Return both ends, that on the world on a body that is welded to it.
-
-        A constraint on the world's own body ends the process (Drake 1.51 to 1.58).
-        """
+        """Return both ends, the world's on a welded body: constraints on the world end the process (Drake 1.51)."""
         own, ends = plant.plant, self.ends(plant)
         if any(end.body is own.world_body() for end in ends) and not own.HasBodyNamed(_ANCHOR):
             inertia = SpatialInertia.SolidSphereWithMass(1.0, 1.0)  # of no account: it stands
@@ -391,8 +377,7 @@ class Spring(BetweenPoints):
 
 
 KINDS = Kinds(
-    __name__,
-    {"gear": "Gear", "ball": "Ball", "rod": "Rod", "weld": "Weld", "hinge": "Hinge", "spring": "Spring"},
+    __name__, {"gear": "Gear", "ball": "Ball", "rod": "Rod", "weld": "Weld", "hinge": "Hinge", "spring": "Spring"}
 )
 CouplingConfig = Annotated[CouplingSection, KINDS]
 Couplings = Annotated[dict[str, CouplingConfig], KINDS.names_are_kinds]

@@ -172,8 +172,7 @@ class SineForce(ForceSection):
 
 
 _PERIOD = 0.01  # s between samples
-_LIFT = 0.25
-"""How far a target must be for a pull as strong as the weight of all that hangs together [m]."""
+_LIFT = 0.25  # how far a target must be for a pull as strong as the weight of all that hangs together [m]
 _LIGHTEST = 1e-3  # kg
 _JUST_AFTER = 1e-9
 """A sample at the time of a target's change is one of the target before, however both times are rounded [s]."""
@@ -244,14 +243,9 @@ class DragSpring(SampledBlock):
     def __init__(
         self, *, period: float, plant: MultibodyPlant, frame: Frame, point: Vector, gains: tuple[float, float]
     ) -> None:
-        """Make the block.
+        """Make the block for a point p (3,) [m] of a body's frame, with gains k [N/m] and c [N·s/m].
 
-        Args:
-            period: between samples [s].
-            plant: finalized; it need not be part of the diagram.
-            frame: of the body.
-            point: p in the frame, shape (3,) [m].
-            gains: k [N/m] and c [N·s/m].
+        The plant is finalized and need not be part of the diagram.
         """
         self.units = {"force": "N"}
         reads = {"target": 4, "state": plant.num_multibody_states()}

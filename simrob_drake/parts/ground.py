@@ -3,8 +3,6 @@
 Everything that asks how high something is over the ground, or which way is up from it, asks here.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -21,20 +19,13 @@ _TOGETHER = 500  # points that are looked at in one go
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The ground of a station; without a floor it is the plane z = 0, which carries nothing.
+    """The ground of a station; without a floor it is the plane z = 0, which carries nothing."""
 
-    Attributes:
-        incline: angle of the floor, a plane through the world's origin [rad].
-        heading: which way it rises, counterclockwise from the world's x [rad].
-        has_floor: whether there is a floor.
-        depth: how far below the origin the plane lies that all else of the floor lies on [m].
-        boxes: further bodies to stand on: pose in the world, and half of the sides, shape (3,) [m].
-    """
-
-    incline: float = 0.0
-    heading: float = 0.0
-    has_floor: bool = True
-    depth: float = 0.0
+    incline: float = 0.0  # angle of the floor, a plane through the world's origin [rad]
+    heading: float = 0.0  # which way it rises, counterclockwise from the world's x [rad]
+    has_floor: bool = True  # whether there is a floor
+    depth: float = 0.0  # how far below the origin the plane lies that all else of the floor lies on [m]
+    # further bodies to stand on: pose in the world, and half of the sides, shape (3,) [m]
     boxes: tuple[tuple[RigidTransform, Vector], ...] = field(default=())
 
     @property
@@ -92,10 +83,7 @@ class Ground:
         return turns[near], middles[near], half[near]
 
     def _tops(self, points: Vector) -> Vector:
-        """Return the heights at which vertical lines through points (m, 3) leave each of k boxes near them, (k, m) [m].
-
-        -inf where they miss it.
-        """
+        """Return where vertical lines through points (m, 3) leave each of k boxes, (k, m) [m], -inf where they miss."""
         turns, middles, half = self._near(points)
         up = turns[:, 2:]  # in the boxes
         along = np.where(np.abs(up) < _UPRIGHT, _UPRIGHT, up)

@@ -1,7 +1,6 @@
 """Sections of a station file that come in kinds, which their key ``kind`` tells apart.
 
-The modules of kinds are imported when a file names them: a station uses few of them, and classes of checked sections
-take long to make.
+Their modules are imported when a file names them: a station uses few, and classes of checked sections are dear to make.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,7 +23,6 @@ class Kinds:
         self._validator = lru_cache(self._validator_of)
 
     def __iter__(self) -> Iterator[str]:
-        """Yield the kinds."""
         return iter(self._places)
 
     def model(self, kind: str) -> type[BaseModel]:
@@ -53,7 +51,6 @@ class Kinds:
         return BeforeValidator(with_kinds)
 
     def __contains__(self, name: object) -> bool:
-        """Tell whether there is such a kind."""
         return isinstance(name, str) and name in self._places
 
     def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:

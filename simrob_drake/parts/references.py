@@ -1,7 +1,5 @@
 """What a robot is asked to do over time: the kinds of reference that a station file can name."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from itertools import pairwise
 from pathlib import Path
@@ -32,11 +30,7 @@ class ReferenceSection(Strict, ABC):
 
     @abstractmethod
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Reference:
-        """Return it over time, shape (n, 1) [rad or m], from where the robot begins, shape (n,).
-
-        Raises:
-            SimrobError: figures that do not fit the robot, or a table that cannot be read.
-        """
+        """Return it over time, (n, 1) [rad or m], from a start (n,); raises SimrobError: what does not fit."""
 
     @abstractmethod
     def caption(self, model: RobotModel) -> str:
@@ -106,7 +100,7 @@ class Ramp(ToOnePosture):
     """How long the speed grows at the start, and falls at the end [s]; at once unless given."""
 
     @model_validator(mode="after")
-    def _blends_apart(self) -> Ramp:
+    def _blends_apart(self) -> "Ramp":
         if self.blend and not self.blend < self.duration / 2:
             raise ValueError(f"blend, {self.blend:g} s, must be less than half of the duration, {self.duration:g} s")
         return self
@@ -133,11 +127,7 @@ class Cruise(ReferenceSection):
     """When it begins [s]."""
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory, shape (n, 1) [rad or m].
-
-        Raises:
-            InvalidParameter: a limit that nothing tells, or one beyond that of the robot.
-        """
+        """Return the trajectory (n, 1) [rad or m]; raises InvalidParameter: no limit, or one beyond the robot's."""
         target = si_positions(self.target_deg, robot, start)
         speeds = _within("speed_deg", self.speed_deg, robot, robot.model.speed_limits, target != start)
         limits = robot.model.accelerations
@@ -202,7 +192,7 @@ class Sequence(ReferenceSection):
     """Postures and their times, which rise."""
 
     @model_validator(mode="after")
-    def _sorted(self) -> Sequence:
+    def _sorted(self) -> "Sequence":
         times = [target.time for target in self.targets]
         if any(later - earlier < SHORTEST for earlier, later in pairwise(times)):
             raise ValueError(f"the times of a sequence rise from target to target, by {SHORTEST:g} s or more")
@@ -251,8 +241,7 @@ class SineWave(ReferenceSection):
 
 
 TIME_COLUMN = "time"
-_MOST_VALUES = 500_000
-"""More take a gigabyte of memory in a run."""
+_MOST_VALUES = 500_000  # more take a gigabyte of memory in a run
 
 Interpolation = Literal["cubic", "linear", "hermite"]
 
@@ -277,9 +266,8 @@ class Table(ReferenceSection):
     def rows(self, axes: list[str]) -> Samples:
         """Return the times (m,) [s] and the values (m, n), or (m, 2n) with speeds, of the file.
 
-        Raises:
-            InvalidConfig: the file cannot be read, lacks a column, holds something that is no number, times that do
-                not rise, or far too many rows.
+        Raises InvalidConfig: the file cannot be read, lacks a column, holds something that is no number, times that do
+        not rise, or far too many rows.
         """
         names = [*axes, *speed_columns(axes)] if self.interpolation == "hermite" else axes
         values, lines = read_columns(self.file, [TIME_COLUMN, *names])

@@ -34,12 +34,7 @@ WORLD = "world"
 
 
 def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: str = "robot") -> str:
-    """Return a name that stands for one of ``known``; the only one need not be named.
-
-    Raises:
-        UnknownName: no such one.
-        InvalidParameter: none named, and there is not just one.
-    """
+    """Return which of ``known`` a name means, the only one unless named; raises UnknownName, InvalidParameter: none."""
     if name is None:
         if len(known) != 1:
             raise InvalidParameter(key, None, f"one of {', '.join(known)}" if known else f"a {kind}, and there is none")
@@ -49,47 +44,31 @@ def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: s
 
 @dataclass(frozen=True)
 class ResolvedRobot:
-    """A robot of a station, with all that its section and its own files say.
+    """A robot of a station, with all that its section and its own files say."""
 
-    Attributes:
-        name, prefix: its key in the station, and what stands before the names of its ports.
-        model: what it is.
-        base: pose of its root link in the world; where it begins if it floats.
-        floats: whether its root link is held by nothing.
-        gains: of its servos.
-        stops: stiffness and damping of the stops of its axes, each shape (n,) [N·m/rad or N/m, N·m·s/rad or N·s/m].
-        initial: where its axes are at the start, shape (n,) [rad or m].
-        carried: the pieces that it carries, each after what it hangs on.
-        held: those of them that hang on its tools, and not elsewhere.
-        load: the mass of all that it carries [kg].
-        tool_frames: by tool or carried piece the name of its frame in the plant.
-        tcp: the tool in use; empty without any.
-        tcp_offset: pose of the tool centre point in that tool's frame; then the tool in use is called ``tcp``.
-        feet: what it stands on; None without.
-        prescribed: references of axes whose motion is prescribed in a dynamic station, of one value each, by place.
-        motors: of its axes; None where a servo has none.
-    """
-
+    # its key in the station, and what stands before the names of its ports
     name: str
     prefix: str
-    model: RobotModel
-    base: RigidTransform
-    floats: bool
-    gains: ServoGains
+    model: RobotModel  # what it is
+    base: RigidTransform  # pose of its root link in the world; where it begins if it floats
+    floats: bool  # whether its root link is held by nothing
+    gains: ServoGains  # of its servos
+    # stiffness and damping of the stops of its axes, each shape (n,) [N·m/rad or N/m, N·m·s/rad or N·s/m]
     stops: tuple[Vector, Vector]
-    initial: Vector
-    carried: tuple[str, ...]
-    held: tuple[str, ...]
-    load: float
-    tool_frames: Mapping[str, str]
-    tcp: str
+    initial: Vector  # where its axes are at the start, shape (n,) [rad or m]
+    carried: tuple[str, ...]  # the pieces that it carries, each after what it hangs on
+    held: tuple[str, ...]  # those of them that hang on its tools, and not elsewhere
+    load: float  # the mass of all that it carries [kg]
+    tool_frames: Mapping[str, str]  # by tool or carried piece the name of its frame in the plant
+    tcp: str  # the tool in use; empty without any
+    # pose of the tool centre point in that tool's frame; then the tool in use is called ``tcp``
     tcp_offset: Pose | None
-    feet: FootContact | None
+    feet: FootContact | None  # what it stands on; None without
+    # references of axes whose motion is prescribed in a dynamic station, of one value each, by place
     prescribed: Mapping[int, Reference]
-    motors: tuple[Motor | None, ...]
+    motors: tuple[Motor | None, ...]  # of its axes; None where a servo has none
 
     def __repr__(self) -> str:
-        """Say in one line which robot it is."""
         tool = f", tool {self.tcp}" if self.tcp else ""
         return f"<{type(self).__name__} {self.name}: {self.model.name}, {len(self.axes)} axes{tool}>"
 
@@ -112,50 +91,29 @@ class ResolvedRobot:
 
 @dataclass(frozen=True)
 class ResolvedPiece:
-    """A piece of a station, with all its figures.
+    """A piece of a station, with all its figures."""
 
-    Attributes:
-        name: its key in the station.
-        model: what it is.
-        parent: what it hangs on: ``world``, a robot or another piece.
-        carrier: the robot that carries it, directly or through other pieces, or ``world``.
-        mount: the name of the frame of the plant that it hangs on; empty for the world.
-        pose: in that frame; in the world where it is free.
-        free: moved by gravity and contact alone.
-    """
-
-    name: str
-    model: PieceModel
-    parent: str
-    carrier: str
-    mount: str
-    pose: RigidTransform
-    free: bool
+    name: str  # its key in the station
+    model: PieceModel  # what it is
+    parent: str  # what it hangs on: ``world``, a robot or another piece
+    carrier: str  # the robot that carries it, directly or through other pieces, or ``world``
+    mount: str  # the name of the frame of the plant that it hangs on; empty for the world
+    pose: RigidTransform  # in that frame; in the world where it is free
+    free: bool  # moved by gravity and contact alone
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a part may know of its station before anything is built.
+    """What a part may know of its station before anything is built."""
 
-    Attributes:
-        mode: ``dynamic`` or ``kinematic``.
-        scheme: of the solver, such as ``cenic``.
-        time_step: of a discrete solver [s]; 0 for others, which look in between.
-        has_contact: whether it has this section.
-        ground: what there is to stand on.
-        robots: by name.
-        pieces: by name, each after what it hangs on.
-        sensors: their sections by name.
-    """
-
-    mode: Literal["dynamic", "kinematic"]
-    scheme: str
-    time_step: float
-    has_contact: bool
-    ground: Ground
-    robots: Mapping[str, ResolvedRobot]
-    pieces: Mapping[str, ResolvedPiece]
-    sensors: Mapping[str, Any]
+    mode: Literal["dynamic", "kinematic"]  # ``dynamic`` or ``kinematic``
+    scheme: str  # of the solver, such as ``cenic``
+    time_step: float  # of a discrete solver [s]; 0 for others, which look in between
+    has_contact: bool  # whether it has this section
+    ground: Ground  # what there is to stand on
+    robots: Mapping[str, ResolvedRobot]  # by name
+    pieces: Mapping[str, ResolvedPiece]  # by name, each after what it hangs on
+    sensors: Mapping[str, Any]  # their sections by name
 
     @property
     def free_pieces(self) -> list[str]:
@@ -163,31 +121,19 @@ class Surroundings:
         return [name for name, piece in self.pieces.items() if piece.free]
 
     def robot(self, name: str | None, key: str) -> ResolvedRobot:
-        """Return a robot by its name; the only one need not be named.
-
-        Raises:
-            SimrobError: no such robot, or none named and there is not just one; the message names the key.
-        """
+        """Return a robot by name, the only one unless named; raises SimrobError, with the key: no such, or several."""
         return self.robots[named(name, list(self.robots), kind=f"robot for {key}", key=f"{key}.robot")]
 
 
 @dataclass(frozen=True, repr=False)
 class StationRobot(ResolvedRobot):
-    """A robot in the plant of a station.
+    """A robot in the plant of a station."""
 
-    Attributes of :class:`ResolvedRobot`, and:
-        plant: that it is in.
-        instance: its model instance there.
-        joints: of the axes, in order.
-        root: the frame of its root link.
-        tools: frames of tools and carried pieces by name; ``tcp`` is the one in use.
-    """
-
-    plant: MultibodyPlant
-    instance: ModelInstanceIndex
-    joints: list[Joint]
-    root: Frame
-    tools: dict[str, Frame]
+    plant: MultibodyPlant  # that it is in
+    instance: ModelInstanceIndex  # its model instance there
+    joints: list[Joint]  # of the axes, in order
+    root: Frame  # the frame of its root link
+    tools: dict[str, Frame]  # frames of tools and carried pieces by name; ``tcp`` is the one in use
 
     @cached_property
     def axis_map(self) -> AxisMap:
@@ -195,33 +141,22 @@ class StationRobot(ResolvedRobot):
         return AxisMap.of_joints(self.plant, self.joints, [axis.sign for axis in self.model.axes.values()])
 
     def free_inertias(self, context: Context | None = None) -> Vector:
-        """Return the inertia (n,) [kg m² or kg] that each axis feels while all others are free, at the start or now.
-
-        The context is the plant's own.
-        """
+        """Return each axis's inertia (n,) [kg m² or kg] with the others free, at the start or in a context."""
         mass = self.plant.CalcMassMatrix(self.plant.CreateDefaultContext() if context is None else context)
         return np.asarray(1 / np.diag(np.linalg.inv(mass))[self.axis_map.velocity_places])
 
 
 @dataclass(frozen=True)
 class StationPlant:
-    """The plant of a station and where its robots are in it.
+    """The plant of a station and where its robots are in it."""
 
-    Attributes:
-        plant: finalized.
-        scene_graph: with which it is registered.
-        robots: by name.
-        free_pieces: the bodies of the pieces that nothing holds, by name.
-        ground: what there is to stand on.
-        engine: what is stepped in the plant's place, with its ports; None where that itself is, or nothing.
-    """
-
-    plant: MultibodyPlant
-    scene_graph: SceneGraph
-    robots: dict[str, StationRobot]
+    plant: MultibodyPlant  # finalized
+    scene_graph: SceneGraph  # with which it is registered
+    robots: dict[str, StationRobot]  # by name
+    # the bodies of the pieces that nothing holds, by name
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
-    ground: Ground = field(default_factory=Ground)
-    engine: Any = None
+    ground: Ground = field(default_factory=Ground)  # what there is to stand on
+    engine: Any = None  # what is stepped in the plant's place, with its ports; None where that itself is, or nothing
 
     @property
     def stepped(self) -> Any:
@@ -243,15 +178,10 @@ class StationPlant:
         return self.plant.GetFrameByName(frame, instance)
 
     def __repr__(self) -> str:
-        """Say in one line what stands in it."""
         return f"<StationPlant of {[*self.robots.values()]}, free pieces {[*self.free_pieces]}>"
 
     def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
-        """Let a plant that stands outside of the diagram pose its geometry.
-
-        Returns:
-            the port for its positions (nq), or ``of_state`` for positions and velocities (nq + nv).
-        """
+        """Let a plant outside of the diagram pose its geometry; return its port for positions, or ``of_state``."""
         poses = MultibodyPositionToGeometryPose(self.plant, input_multibody_state=of_state)
         builder.AddNamedSystem("geometry_poses", poses)
         source_id = self.plant.get_source_id()
@@ -278,51 +208,41 @@ class Site:
     """A station under construction: its plant, and the ports that its parts add and read.
 
     Names carry the prefix ``<robot>.`` where there are several robots.
-
-    Attributes:
-        station: what it is made of.
-        plant: its multibody plant, scene graph and robots.
-        state: positions and velocities of the whole plant, size nq + nv.
-        inputs: input ports by name: ``reference`` (n) and what the station lists under ``inputs``.
-        outputs: output ports by name: ``position``, ``velocity``, ``torque`` (n), ``base_pose``, ``tcp_pose`` (7),
-            ``piece_pose.<piece>`` (7), ``piece_velocity.<piece>`` (6), ``force.<sensor>`` (3) ...
-        of_state: how the plant's state gives an output without its port, by the output's name.
-        lean: whether blocks that only report join the diagram when something reads them, and not before.
-        idle: those that have not joined it, with what they are to read, by the names of their outputs.
-        images: what cameras show blocks of the user's own, by name: ``image.<sensor>``.
-        later: what gives a sensor's output after the run, where it has no port, by the output's name.
-        signals: what the outputs are, in the order of the columns of a result.
-        monitors: when they end a run, by name; their conditions watch the outputs.
-        notes: how a part was made, in words, by its name.
-        edges: times at which a run must end a step: corners of references, edges of pushes [s].
-        spatial_forces: what acts on the plant from outside, to be gathered into its port.
-        generalized_forces: what acts on the plant's joints beside their motors, likewise.
-        drawn: by the name of a system, or the part of it before a dot, the block of the picture that it belongs to;
-            None for wiring.
-        blocks: controllers and others of the user's own, by name.
     """
 
-    station: Surroundings
-    plant: StationPlant
-    state: OutputPort
+    station: Surroundings  # what it is made of
+    plant: StationPlant  # its multibody plant, scene graph and robots
+    state: OutputPort  # positions and velocities of the whole plant, size nq + nv
+    # input ports by name: ``reference`` (n) and what the station lists under ``inputs``
     inputs: dict[str, InputPort] = field(default_factory=dict)
+    # output ports by name: ``position``, ``velocity``, ``torque`` (n), ``base_pose``, ``tcp_pose`` (7),
+    # ``piece_pose.<piece>`` (7), ``piece_velocity.<piece>`` (6), ``force.<sensor>`` (3)
     outputs: dict[str, OutputPort] = field(default_factory=dict)
+    # how the plant's state gives an output without its port, by the output's name
     of_state: dict[str, FromState] = field(default_factory=dict)
-    lean: bool = False
+    lean: bool = False  # whether blocks that only report join the diagram when something reads them, and not before
+    # those that have not joined it, with what they are to read, by the names of their outputs
     idle: dict[str, tuple[LeafSystem, OutputPort]] = field(default_factory=dict)
+    # what cameras show blocks of the user's own, by name: ``image.<sensor>``
     images: dict[str, OutputPort] = field(default_factory=dict)
+    # what gives a sensor's output after the run, where it has no port, by the output's name
     later: dict[str, Compute] = field(default_factory=dict)
-    signals: list[Signal] = field(default_factory=list)
+    signals: list[Signal] = field(default_factory=list)  # what the outputs are, in the order of the columns of a result
+    # when they end a run, by name; their conditions watch the outputs
     monitors: dict[str, Trigger] = field(default_factory=dict)
-    notes: dict[str, dict[str, str]] = field(default_factory=dict)
+    notes: dict[str, dict[str, str]] = field(default_factory=dict)  # how a part was made, in words, by its name
+    # times at which a run must end a step: corners of references, edges of pushes [s]
     edges: list[float] = field(default_factory=list)
+    # what acts on the plant from outside, to be gathered into its port
     spatial_forces: list[OutputPort] = field(default_factory=list)
+    # what acts on the plant's joints beside their motors, likewise
     generalized_forces: list[OutputPort] = field(default_factory=list)
+    # by the name of a system, or the part of it before a dot, the block of the picture that it belongs to; None for
+    # wiring
     drawn: dict[str, Drawn | None] = field(default_factory=dict)
-    blocks: dict[str, LeafSystem] = field(default_factory=dict)
+    blocks: dict[str, LeafSystem] = field(default_factory=dict)  # controllers and others of the user's own, by name
 
     def __repr__(self) -> str:
-        """Say in one line what goes in and what comes out."""
         return f"<{type(self).__name__}: {', '.join(self.inputs) or 'nothing'} → {', '.join(self.outputs)}>"
 
     def add(self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None) -> None:

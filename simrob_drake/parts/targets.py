@@ -12,8 +12,7 @@ from pydrake.multibody.tree import Frame, RigidBody
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
 
-FLOOR = "floor"
-"""The whole name of the floor's shape; boxes of its terrain are called `floor.<number>`."""
+FLOOR = "floor"  # the whole name of the floor's shape; boxes of its terrain are called `floor.<number>`
 
 
 def own_name(inspector: SceneGraphInspector, shape: GeometryId) -> str:
@@ -66,31 +65,19 @@ def frame_names(station: Surroundings) -> list[str]:
 
 
 def check_body(station: Surroundings, key: str, name: str) -> None:
-    """Check that a body or shape of a sensor exists.
-
-    Raises:
-        UnknownName: with the nearest known name.
-    """
+    """Check that a body or shape of a sensor exists; raises UnknownName: with the nearest known name."""
     if name == FLOOR and not station.ground.has_floor:
         raise InvalidParameter(key, name, "something that the station has; it has no floor: section")
     one_of(f"body or shape for {key}", name, body_names(station))
 
 
 def check_frame(station: Surroundings, key: str, name: str) -> None:
-    """Check that a frame exists.
-
-    Raises:
-        UnknownName: with the nearest known name.
-    """
+    """Check that a frame exists; raises UnknownName: with the nearest known name."""
     one_of(f"frame for {key}", name, frame_names(station))
 
 
 def shapes_of(plant: StationPlant, station: Surroundings, name: str) -> list[GeometryId]:
-    """Return the collision shapes of a body.
-
-    Raises:
-        InvalidParameter: it has none.
-    """
+    """Return the collision shapes of a body; raises InvalidParameter: it has none."""
     found = list(_candidates(plant, station, name))
     if not found:
         raise InvalidParameter("sensor", f"at {name}", "a body with shapes that collide")

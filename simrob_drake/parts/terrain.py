@@ -1,7 +1,5 @@
 """Uneven ground: a field of boxes on the way from the world's origin, the same for the same seed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import groupby
@@ -18,8 +16,7 @@ from simrob_drake.files import content_of, read_matrix
 from simrob_drake.frames import Vector
 from simrob_drake.sections import Integer, Number, Positive, Strict
 
-_BELOW = 0.05
-"""How far the boxes reach below the lowest of their tops, and how thick what is soft is at least [m]."""
+_BELOW = 0.05  # how far the boxes reach below the lowest of their tops, and how thick what is soft is at least [m]
 _AROUND = 1.0  # level ground behind the field at least [m]
 MOST_BOXES = 1000  # contact looks at each
 _MOST_PIXELS = 100_000  # of a picture of heights
@@ -28,17 +25,11 @@ _TILT = 0.25  # of rubble, at most [rad]
 
 @dataclass(frozen=True)
 class TerrainBox:
-    """A box of a terrain.
+    """A box of a terrain."""
 
-    Attributes:
-        pose: of its middle, in the frame of the floor.
-        half: of its sides, shape (3,) [m].
-        modulus: hydroelastic modulus of what is soft [Pa]; None where it is as hard as the floor.
-    """
-
-    pose: RigidTransform
-    half: Vector
-    modulus: float | None = None
+    pose: RigidTransform  # of its middle, in the frame of the floor
+    half: Vector  # of its sides, shape (3,) [m]
+    modulus: float | None = None  # hydroelastic modulus of what is soft [Pa]; None where it is as hard as the floor
 
 
 class SoftPatch(Strict):
@@ -83,7 +74,7 @@ class Terrain(Strict):
     """What comes behind it; none unless given."""
 
     @model_validator(mode="after")
-    def _fits(self) -> Terrain:
+    def _fits(self) -> "Terrain":
         if self.kind == "grid" and self.file is None:
             raise ValueError("file is missing, which has the heights of a grid")
         if self.kind != "grid" and self.file is not None:
@@ -111,11 +102,7 @@ class Terrain(Strict):
         return _BELOW + max(self.height, -float(lowest))
 
     def heights(self) -> Vector:
-        """Return the heights of a grid, shape (rows along the way, columns from the right) [m].
-
-        Raises:
-            InvalidConfig: the file cannot be read, or holds no table of numbers, or no picture, or a large one.
-        """
+        """Return a grid's heights (ahead, from the right) [m]; raises InvalidConfig: no table, no picture."""
         assert self.file is not None  # a grid has one
         if self.file.suffix.lower() != ".png":
             return read_matrix(self.file)[:, ::-1]

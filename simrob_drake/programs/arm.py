@@ -1,7 +1,5 @@
 """Program an arm in the words of RAPID: SimRob's class Kin, later Cin."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import wraps
@@ -17,9 +15,9 @@ from simrob_drake.frames import PoseLike
 from simrob_drake.kinematics.analytic import SolverLike
 from simrob_drake.programs.automatic import pace_of, run_cells
 from simrob_drake.programs.geometry import ArmGeometry
-from simrob_drake.programs.method_help import describe
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kinds import move_from
+from simrob_drake.programs.moves.motion import describe
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, move_name, naming
 from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
 from simrob_drake.programs.moves.move_c import plan_move_c
@@ -56,15 +54,14 @@ class Planner(Planning):
     move_free = plan_move_free
 
     def __repr__(self) -> str:
-        """Say in one line whose moves it plans."""
         return f"<Planner of {self.robot}: {self.chain!r}>"
 
 
-def _running(plan: Callable[Concatenate[Planning, P], Plan]) -> Callable[Concatenate[Arm, P], SimulationResult]:
+def _running(plan: Callable[Concatenate[Planning, P], Plan]) -> "Callable[Concatenate[Arm, P], SimulationResult]":
     """Return the method of an arm that runs what ``plan`` plans."""
 
     @wraps(plan)
-    def run(arm: Arm, /, *targets: P.args, **how: P.kwargs) -> SimulationResult:
+    def run(arm: "Arm", /, *targets: P.args, **how: P.kwargs) -> SimulationResult:
         return arm.cell.run(plan(arm.plan, *targets, **how))
 
     describe(run, plan)
@@ -94,7 +91,7 @@ class Arm(ArmGeometry):
 
     def __init__(
         self,
-        station: Workcell | StationLike,
+        station: "Workcell | StationLike",
         robot: str | None = None,
         tool: str | PoseLike | None = None,
         *,

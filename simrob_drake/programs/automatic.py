@@ -15,11 +15,9 @@ from simrob_drake.programs.geometry import CellRobot
 from simrob_drake.programs.moves.joints import JointMove
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.sections import Positive, validated
-from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
 
-NAME = "automatic"
-"""What the sequencer is called in the station that runs a program."""
+NAME = "automatic"  # what the sequencer is called in the station that runs a program
 
 
 class Automatic(Pace):
@@ -30,12 +28,7 @@ class Automatic(Pace):
 
 
 def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
-    """Return how to go through cells, of what a user gave; True for as usual.
-
-    Raises:
-        InvalidConfig: a mapping that is wrong.
-        InvalidParameter: something else.
-    """
+    """Return how to go through cells, True for as usual; raises InvalidConfig: a wrong mapping, InvalidParameter."""
     if value is True:
         return Automatic()
     expected = "True, or a mapping such as {'tolerance_deg': 3, 'timeout': 20}"
@@ -47,16 +40,17 @@ def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
 def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> SimulationResult:
     """Let a robot go through cells from where it is, while others hold their places; the run ends with the last one.
 
-    Sequencers that the station has for the robot do nothing meanwhile.
-
-    Raises:
-        InvalidParameter: no cell, a target beyond its limits, or a kinematic station.
-        InvalidConfig: a cell whose way takes longer than the time-out.
+    Sequencers that the station has for the robot do nothing meanwhile. Raises InvalidParameter: no cell, a target
+    beyond its limits, or a kinematic station; InvalidConfig: a cell whose way takes longer than the time-out.
     """
     if not cells:
         raise InvalidParameter("the program", "without references", "one with some: add_reference() stores them")
     cell, own = robot.cell, robot.cell.config
-    others = {name: one for name, one in own.controllers.items() if not _is_sequencer_of(one, robot.name, own)}
+    others = {
+        name: one
+        for name, one in own.controllers.items()
+        if not (isinstance(one, Sequencer) and (one.robot or own.only_robot) == robot.name)
+    }
     section = validated(
         Sequencer,
         {
@@ -81,7 +75,3 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
         left = {name: block for name, block in cell.state.blocks.items() if name != f"controller.{NAME}"}
         cell.state = replace(cell.state, blocks=left)
     return result
-
-
-def _is_sequencer_of(section: object, robot: str, station: StationConfig) -> bool:
-    return isinstance(section, Sequencer) and (section.robot or station.only_robot) == robot

@@ -22,23 +22,17 @@ from simrob_drake.results.record.run import Approach
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """One posture of an arm, held at rest.
+    """One posture of an arm, held at rest."""
 
-    Attributes:
-        posture: shape (n,) [rad or m].
-        torque: that holds it with what the arm carries, shape (n,) [N·m or N].
-        load: the largest share that is of an axis's limit, and the axis; above 1 it is more than the servo gives.
-        room: the least distance of an axis to its limits [rad or m], and the axis; below 0 it is beyond them.
-        collision: what would be in what; empty if nothing is.
-        gap: the least distance of the arm and what it carries to anything else [m], below 0 in it, and of what to
-            what; infinite with nothing around.
-    """
-
-    posture: Vector
-    torque: Vector
+    posture: Vector  # shape (n,) [rad or m]
+    torque: Vector  # that holds it with what the arm carries, shape (n,) [N·m or N]
+    # the largest share that is of an axis's limit, and the axis; above 1 it is more than the servo gives
     load: tuple[float, str]
+    # the least distance of an axis to its limits [rad or m], and the axis; below 0 it is beyond them
     room: tuple[float, str]
-    collision: str
+    collision: str  # what would be in what; empty if nothing is
+    # the least distance of the arm and what it carries to anything else [m], below 0 in it, and of what to what;
+    # infinite with nothing around
     gap: tuple[float, str, str]
 
     @classmethod
@@ -91,7 +85,6 @@ class Branches:
         return self.found[index]
 
     def __repr__(self) -> str:
-        """Return the table."""
         if not self.found:
             return "no posture reaches the pose"
         turns = dict(zip(self.chain.names, self.chain.revolute.tolist(), strict=True))
@@ -117,10 +110,7 @@ _SPARSE, _NEAREST = 4, 6  # looks of which one is at all pairs, and pairs that a
 
 
 def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> str:
-    """Return what would be in what with a robot in a posture (n,), others as they stand; empty if nothing.
-
-    What touches with the robot where it is ``now`` does not count.
-    """
+    """Return what is in what with a robot in a posture (n,), but what touches where it is ``now``; empty if nothing."""
     try:
         check_collisions(model, {robot: np.array([now, posture])}, np.array([0.0, 1.0]), lambda _: (1, robot))
     except PathCollision as found:

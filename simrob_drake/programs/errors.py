@@ -99,7 +99,6 @@ class StartInCollision(NoFreePath):
     """
 
     def __init__(self, depth: float, bodies: tuple[str, str]) -> None:
-        """Say what is in what."""
         remedy = "go out of it by move_l or move_abs_j with check 'limits'"
         super().__init__(f"the start: {bodies[0]} is {1e3 * depth:.1f} mm deep in {bodies[1]}; {remedy}")
         self.bodies, self.depth = bodies, depth

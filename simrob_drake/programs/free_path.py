@@ -30,10 +30,7 @@ _FROM_START = 1  # how the search marks the tree that grows from the start
 
 
 def metres(chain: Chain, carried: Vector = _NOTHING) -> Vector:
-    """Return how far what a chain moves goes at most for a radian of each axis, shape (n,) [m].
-
-    It moves the tool, what is 10 cm around it, and points (k, 3) in its frame of what it carries [m].
-    """
+    """Return how far a radian of each axis moves tool, 10 cm around it, and points (k, 3) in its frame, (n,) [m]."""
     postures = random_postures(chain, _POSTURES, 0)
     jacobians = chain.jacobian(postures)[:, np.newaxis]
     arms = np.vstack([np.zeros(3), carried]) @ chain.forward(postures)[:, :3, :3].swapaxes(1, 2)
@@ -45,29 +42,18 @@ def metres(chain: Chain, carried: Vector = _NOTHING) -> Vector:
 
 @dataclass
 class Search:
-    """A search for a way of robots that move together, each number (n,) being of all their axes in turn.
+    """A search for a way of robots that move together, each number (n,) being of all their axes in turn."""
 
-    Attributes:
-        space: what is free.
-        lower, upper: limits of the axes.
-        scale: how many metres a radian counts, see :func:`metres`.
-        seed: two searches with the same one find the same, if they have the time.
-        seconds: how long it may take.
-    """
-
-    space: FreeSpace
+    space: FreeSpace  # what is free
+    # limits of the axes
     lower: Vector
     upper: Vector
-    scale: Vector
-    seed: int
-    seconds: float
+    scale: Vector  # how many metres a radian counts, see :func:`metres`
+    seed: int  # two searches with the same one find the same, if they have the time
+    seconds: float  # how long it may take
 
     def path(self, goals: Vector) -> Vector:
-        """Return the corners (k, n) of a way of straight lines to one of several free goals (m, n), the nearest first.
-
-        Raises:
-            NoFreePath: none was found in the time; says what came near, and what was in the way.
-        """
+        """Return corners (k, n) of a way to one of goals (m, n), nearest first; raises NoFreePath: what was near."""
         start = self.space.posture
         for goal in goals[:_STRAIGHT]:
             if all(self.space.free(posture) for posture in self._between(np.array([start, goal]), _LOOK)[1:]):
@@ -78,11 +64,10 @@ class Search:
         """Return a smooth way near straight lines: its parts (k,) from 0 to 1 by length, and postures (k, n) there.
 
         It is a spline whose control points lie on the lines, so it cuts the corners, as near as it must to be free.
-
-        Raises:
-            NoFreePath: it touches something at its nearest.
+        Raises NoFreePath: it touches something at its nearest.
         """
-        whole, hit = self._length(corners), (0.0, ("", ""))
+        whole = float(np.linalg.norm(np.diff(corners * self.scale, axis=0), axis=1).sum())
+        hit = 0.0, ("", "")
         if whole < _ROUNDING:
             return np.linspace(0.0, 1.0, 2 * _DEGREE), corners[:1].repeat(2 * _DEGREE, axis=0)
         for step in _ROUND:
@@ -98,9 +83,6 @@ class Search:
             hit = found
         depth, (first, second) = hit
         raise NoFreePath(f"the way that was found leads {first} {1e3 * depth:.1f} mm into {second}: try another seed")
-
-    def _length(self, rows: Vector) -> float:
-        return float(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1).sum())
 
     def _between(self, corners: Vector, step: float) -> Vector:
         """Return postures on straight lines, at most a step [m] apart."""

@@ -16,11 +16,9 @@ from simrob_drake.programs.plan import TOUCH
 from simrob_drake.stations.clearance import TOUCH as ROUGH
 
 Bodies = tuple[str, str]
-Hit = tuple[float, Bodies]
-"""How deep what lies in what [m]."""
+Hit = tuple[float, Bodies]  # how deep what lies in what [m]
 _AT_ALL = 1e-9
-SEARCHED = 0.5
-"""The part of what is allowed that a search keeps to, so that the way that is made of it keeps to all."""
+SEARCHED = 0.5  # the part of what is allowed that a search keeps to, so that the way that is made of it keeps to all
 
 
 @dataclass(eq=False)
@@ -29,26 +27,17 @@ class FreeSpace:
 
     Shapes of different owners may be 1 mm in each other, links of one robot 5 mm: meshes count as convex hulls, which
     are rough. Links that are made so may lie in each other, and what does at the start may be so much deeper.
-
-    Attributes:
-        model: of the station with the shapes of all links, its robots where they stand.
-        start: where the robots that move begin, (n,) each, by name.
-        met: how often each thing was in the way.
     """
 
-    model: StationModel
-    start: Mapping[str, Vector]
-    met: Counter[str] = field(default_factory=Counter)
+    model: StationModel  # of the station with the shapes of all links, its robots where they stand
+    start: Mapping[str, Vector]  # where the robots that move begin, (n,) each, by name
+    met: Counter[str] = field(default_factory=Counter)  # how often each thing was in the way
     _pairs: dict[tuple[GeometryId, GeometryId], tuple[Bodies, float]] = field(default_factory=dict)
     _begun: Mapping[Bodies, float] = field(default_factory=dict)
     _owners: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Allow what touches at the start.
-
-        Raises:
-            StartInCollision: a robot that begins deep in something else.
-        """
+        """Allow what touches at the start; raises StartInCollision: a robot that begins deep in something else."""
         self._ends = np.cumsum([len(posture) for posture in self.start.values()])[:-1]
         self._begun = {bodies: depth for depth, bodies in reversed(self.hits(self.posture, _AT_ALL))}
         deep = [(depth, bodies) for bodies, depth in self._begun.items() if depth > ROUGH and not self._of_one(bodies)]

@@ -1,7 +1,5 @@
 """Where the robots of a station and their tools are, and which postures bring tools elsewhere: of arms, and of legs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
@@ -51,7 +49,6 @@ class CellRobot:
         self.name = cell.robot_name(robot)
 
     def __repr__(self) -> str:
-        """Say in one line which robot it is, and how it is."""
         return f"<{type(self).__name__} {self.name}: {', '.join(self._described())}>"
 
     def _described(self) -> list[str]:
@@ -219,8 +216,7 @@ class ArmGeometry(CellRobot):
         return self.dynamics.inverse_dynamics(self.position if q is None else q, v, a)
 
 
-_STAYS = (1e-4, 1e-3)
-"""What counts as a foot that stays [m, rad]: soles that sink in stand a little crooked."""
+_STAYS = (1e-4, 1e-3)  # what counts as a foot that stays [m, rad]: soles that sink in stand a little crooked
 _WHOLE_POSE = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 _PLACE_ONLY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 
@@ -247,11 +243,7 @@ class LeggedGeometry(CellRobot):
         return self.cell.model.pose(self.cell.robot(self.name).root)
 
     def chain(self, tool: str, base: str = "trunk") -> Chain:
-        """Return the axes from the trunk, or from another tool, to a tool, with their limits.
-
-        Raises:
-            UnknownName: no such tool.
-        """
+        """Return the axes, with limits, from the trunk or another tool to a tool; raises UnknownName: no such tool."""
         model = self.cell.model
         robot = model.robots[self.name]
         start = robot.root if base == "trunk" else robot.tools[self._tool(base)]

@@ -15,19 +15,13 @@ from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
-REACH = 0.03
-"""How far from a piece the tool that takes it may be, or the link that it is put on [m]."""
+REACH = 0.03  # how far from a piece the tool that takes it may be, or the link that it is put on [m]
 _THIN = 1e-9  # half of the sides of a point [m]
-_Box = tuple[RigidTransform, Vector]
-"""Pose in the world, and half of the sides (3,) [m]."""
+_Box = tuple[RigidTransform, Vector]  # pose in the world, and half of the sides (3,) [m]
 
 
 def taken(model: StationModel, piece: str, parent: str, *, frame: str | None = None) -> StationConfig:
-    """Return a station in which a piece hangs on something else where it is, see :func:`reparented`.
-
-    Raises:
-        InvalidParameter: a robot takes it from further away than :data:`REACH`.
-    """
+    """Return a station with a piece on something else, see :func:`reparented`; raises InvalidParameter: too far."""
     changed = reparented(model, piece, parent, frame=frame)
     links = model.links(parent) if parent in model.robots else ()
     carrier = model.resolved.pieces[parent].carrier if parent in model.resolved.pieces else parent
@@ -50,9 +44,8 @@ def let_go(
 ) -> StationConfig:
     """Return a station in which a piece is let go: in the world of a dynamic one it is free, unless it is ``fixed``.
 
-    Raises:
-        InvalidParameter: it would fall for ever, or cannot be moved by gravity; tells why.
-        SimrobError: as :func:`reparented`.
+    Raises InvalidParameter: it would fall for ever, or cannot be moved by gravity; tells why; SimrobError: as
+    :func:`reparented`.
     """
     if piece in model.config.pieces and model.resolved.pieces[piece].parent == WORLD:
         raise InvalidParameter(f"{piece}, to be let go,", "held by nothing", "a piece that hangs on a robot or a piece")

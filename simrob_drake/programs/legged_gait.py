@@ -46,16 +46,9 @@ def planned_gait(
 ) -> JointMotion:
     """Plan a gait that suits a robot, what it carries, and the slope on which it stands; nothing moves.
 
-    Args:
-        robot: whose gait.
-        name: of the gait; with steps the first for the robot's feet if None.
-        changes: parameters of the gait in place of its own.
-        steps: how many; None for gaits that go no steps.
-        amplitude: scales the steps.
-        station: with the pieces where they will be; as it is now unless given.
-
-    Raises:
-        SimrobError: as :meth:`simrob_drake.LeggedRobot.walk`.
+    ``name`` is None for the first with steps for its feet, ``steps`` for gaits that go none; ``changes`` are of its
+    parameters, an amplitude scales its steps, ``station`` says where pieces will be. Raises SimrobError: as
+    :meth:`simrob_drake.LeggedRobot.walk`.
     """
     model = robot.model
     what = "act" if steps is None else "gait"

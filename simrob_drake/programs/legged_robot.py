@@ -1,7 +1,5 @@
 """Program a legged robot by joint angles: SimRob's class Hum."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -46,7 +44,7 @@ class LeggedRobot(LeggedGeometry):
         runs: what the last move or program was made of, in order.
     """
 
-    def __init__(self, station: Workcell | StationLike, robot: str | None = None) -> None:
+    def __init__(self, station: "Workcell | StationLike", robot: str | None = None) -> None:
         """Take a robot of a station.
 
         Args:
@@ -118,13 +116,7 @@ class LeggedRobot(LeggedGeometry):
         return self._perform_moves(step_moves(self.model, self.worn_feet, move_time), store=True)[-1]
 
     def walk(
-        self,
-        steps: int,
-        amplitude: float = 1.0,
-        gait: str | None = None,
-        *,
-        store: bool = False,
-        **changes: Any,
+        self, steps: int, amplitude: float = 1.0, gait: str | None = None, *, store: bool = False, **changes: Any
     ) -> SimulationResult:
         """Walk from the last state (Marcha).
 

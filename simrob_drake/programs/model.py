@@ -3,8 +3,6 @@
 Pieces change hands in it (SimRob's PegarEn): another parent, the same place in the world.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from functools import cached_property
 
@@ -44,16 +42,7 @@ class StationModel(PosedStation):
     """
 
     def __init__(self, config: StationConfig, *, collision: bool = False, itself: bool = False) -> None:
-        """Build the model.
-
-        Args:
-            config: the station.
-            collision: with the shapes that collide, for :meth:`query`.
-            itself: those of one robot with each other, too.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
-        """
+        """Build it, with shapes that ``collide`` for :meth:`query`, a robot's with ``itself``; raises InvalidModel."""
         self.config = config
         contact = (config.contact or ContactConfig()) if collision or itself else None
         if contact is not None and itself:
@@ -65,17 +54,17 @@ class StationModel(PosedStation):
         self._offsets: dict[str, Vector] = {}
 
     @cached_property
-    def colliding(self) -> StationModel:
+    def colliding(self) -> "StationModel":
         """The same station with the shapes that collide."""
         return StationModel(self.config, collision=True)
 
     @cached_property
-    def whole(self) -> StationModel:
+    def whole(self) -> "StationModel":
         """The same station, links of one robot colliding with each other, too."""
         return StationModel(self.config, itself=True)
 
     @cached_property
-    def rigid(self) -> StationModel:
+    def rigid(self) -> "StationModel":
         """The same station, its free pieces fixed where they begin; itself if there are none."""
         free = {name: self.config.pieces[name] for name in self.config.free_pieces}
         fixed = {name: piece.model_copy(update={"free": False, "parent": WORLD}) for name, piece in free.items()}
@@ -207,11 +196,7 @@ class StationModel(PosedStation):
         return tool_in_use(own.model.tools, own.held, self.config.robots[robot].tcp)
 
     def piece_frame(self, piece: str, frame: str = TCP) -> Frame:
-        """Return a named frame of a piece, its tool centre point unless given.
-
-        Raises:
-            UnknownName: no such piece, or no such frame of it.
-        """
+        """Return a piece's named frame, else its tool centre point; raises UnknownName: no such piece or frame."""
         one_of("piece", piece, self.config.pieces)
         known = self.resolved.pieces[piece].model.frame_poses
         one_of(f"frame of {piece}", frame, known)
@@ -229,12 +214,8 @@ class StationModel(PosedStation):
     def mount(self, parent: str, frame: str | None = None) -> Frame:
         """Return the frame that pieces hang on whose parent is the world, a robot or a piece.
 
-        Args:
-            parent: which.
-            frame: of a piece, instead of its tool centre point; a tool or link of a robot, instead of its first tool.
-
-        Raises:
-            UnknownName: no such frame, tool or link.
+        That is a piece's ``frame``, else its tool centre point; a robot's tool or link of that name, else its first
+        tool. Raises UnknownName: no such frame, tool or link.
         """
         if parent in self.config.pieces:
             return self.piece_frame(parent, TCP if frame is None else frame)
@@ -257,18 +238,11 @@ class StationModel(PosedStation):
 def reparented(
     model: StationModel, piece: str, parent: str, *, frame: str | None = None, pose: PoseLike | None = None
 ) -> StationConfig:
-    """Return a station in which a piece hangs on something else.
+    """Return a station in which a piece, with all that hangs on it, hangs on something else; the model is of it now.
 
-    Args:
-        model: of the station as it is, in its present posture.
-        piece: which; it brings mass, centre of mass, inertia, colour, tool centre point, and what hangs on it.
-        parent: ``world``, a robot (its flange), or a piece (its tool centre point).
-        frame: a frame of the parent piece instead of its tool centre point; a tool of a robot instead of its first.
-        pose: the piece's pose in the parent's frame; unless given it stays where it is in the world.
-
-    Raises:
-        UnknownName: no such piece, parent or frame.
-        InvalidParameter: the piece itself as its parent, or one that hangs on it.
+    ``parent`` is ``world``, a robot (its flange) or a piece (its tool centre point); ``frame`` a frame of that piece or
+    a tool of that robot instead; ``pose`` in there, else it stays where it is in the world. Raises UnknownName: no such
+    piece, parent or frame; InvalidParameter: the piece itself as its parent, or one that hangs on it.
     """
     config = model.config
     one_of("piece", piece, config.pieces)
@@ -315,11 +289,7 @@ def _with_tools(model: StationModel, new: StationConfig, piece: str) -> StationC
 
 
 def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
-    """Return one posture (n,).
-
-    Raises:
-        InvalidParameter: another shape, or numbers that are not finite.
-    """
+    """Return one posture (n,); raises InvalidParameter: another shape, or numbers that are not finite."""
     found = finite(values)
     if found.shape != (axes,):
         raise InvalidParameter(name, values, f"a posture of {axes} axes, finite numbers [rad]")

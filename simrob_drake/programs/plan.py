@@ -1,7 +1,5 @@
 """A move that is planned, and whether a robot can do it: joint limits, speeds, accelerations, collisions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -27,8 +25,7 @@ from simrob_drake.programs.segments import Stretch, named_point, trajectory
 Check = Literal["nothing", "limits", "collision"]
 """What is looked at before a move beside its reach: joint limits, speeds and accelerations, or these and collisions;
 None, as ``limits``, leaves collisions out."""
-CHECKED: Check = "collision"
-"""What is looked at unless told."""
+CHECKED: Check = "collision"  # what is looked at unless told
 _LOOKS = 4  # a point
 
 
@@ -55,7 +52,6 @@ class Plan:
     frame: RigidTransform | None = None
 
     def __repr__(self) -> str:
-        """Say in one line whose move it is, how long it takes, and where it leads."""
         times, end = (" ".join(f"{value:.4g}" for value in values) for values in (self.arrivals, self.end))
         return shortened(f"<Plan of {self.robot}: to [{end}], targets at {times} s>", 200)
 
@@ -85,7 +81,7 @@ class Plan:
         even = look_times(self.duration, self.points * len(self.arrivals))
         return np.union1d(even, np.concatenate([stretch.times for stretch in self.stretches]))
 
-    def of_axes(self, robot: str, axes: slice) -> Plan:
+    def of_axes(self, robot: str, axes: slice) -> "Plan":
         """Return the motion of some axes, those of one of several robots that move together."""
         return replace(self, robot=robot, stretches=tuple(stretch.of_axes(axes) for stretch in self.stretches))
 
@@ -117,29 +113,19 @@ def look_times(duration: float, points: int) -> Vector:
     return np.linspace(0.0, duration, _LOOKS * max(points, 10) + 1)
 
 
-Naming = Callable[[float], tuple[int, str]]
-"""From a time [s] of a move to the number of its point and the point's name."""
+Naming = Callable[[float], tuple[int, str]]  # from a time [s] of a move to the number of its point and the point's name
 Remedy = Callable[[float, float], str]
 """From how many times slower a move can be done, and in what time [s], to what its user may do about it."""
-TOUCH = 1e-3
-"""How deep shapes may be in each other before it counts [m]: what stands, or is held, touches."""
+TOUCH = 1e-3  # how deep shapes may be in each other before it counts [m]: what stands, or is held, touches
 
 _ROUNDING = 1e-9  # rad or m
 _MARGIN = 1.02  # of what messages propose
 
 
 def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming, hint: str = "") -> None:
-    """Check that all axes stay within their limits.
+    """Check that all axes stay within their limits in postures (k, n) at times (k,) [s].
 
-    Args:
-        chain: whose limits count.
-        times: shape (k,) [s].
-        postures: at these times, shape (k, n).
-        named: how points are called.
-        hint: what the message ends with.
-
-    Raises:
-        JointLimitExceeded: names the first offending point.
+    Raises JointLimitExceeded: names the first offending point, and ends with ``hint``.
     """
     beyond = np.maximum(chain.lower - postures, postures - chain.upper) > _ROUNDING
     if not beyond.any():
@@ -161,19 +147,10 @@ def rate_ratio(trajectory: Trajectory, times: Vector, limits: Vector, order: int
 def check_rates(
     chain: Chain, trajectory: Trajectory, times: Vector, limits: Vector, order: int, named: Naming, remedy: Remedy
 ) -> None:
-    """Check that no axis is faster than its limit, or sped up more.
+    """Check that no axis is faster than its limit (order 1), or sped up more (2), at times (k,) [s].
 
-    Args:
-        chain: whose axes move.
-        trajectory: of the move.
-        times: at which it is looked at, shape (k,) [s].
-        limits: largest speeds or accelerations, shape (n,) [rad/s or m/s, rad/s² or m/s²].
-        order: 1 for speeds, 2 for accelerations.
-        named: how points are called.
-        remedy: what to do about it.
-
-    Raises:
-        SpeedLimitExceeded, AccelerationLimitExceeded: names the first offending point, and what would do.
+    Limits are (n,) [rad/s or m/s, rad/s² or m/s²]. Raises SpeedLimitExceeded, AccelerationLimitExceeded: names the
+    first offending point, and what would do, a ``remedy`` included.
     """
     rates = _rates(trajectory, times, order)
     ratios = rates / limits
@@ -208,28 +185,14 @@ def shown(value: float, revolute: bool) -> str:
 
 
 def check_collisions(
-    model: StationModel,
-    robots: Mapping[str, Vector],
-    times: Vector,
-    named: Naming,
-    *,
-    touch: float = TOUCH,
+    model: StationModel, robots: Mapping[str, Vector], times: Vector, named: Naming, *, touch: float = TOUCH
 ) -> None:
-    """Check that robots touch nothing on their way, and what they carry neither.
+    """Check that robots touch nothing on their way, postures (k, n) at times (k,) [s] by name, others where they are.
 
     A robot and what it carries count as one, and pass through each other; so does what already touched at the
     beginning, as a piece on its table. What fingers hold goes along. Meshes count as their convex hulls, so the holes
-    of a half sphere are closed.
-
-    Args:
-        model: of the station, with collision shapes.
-        robots: postures (k, n) by robot at the times; robots that are left out stay where they are.
-        times: shape (k,) [s].
-        named: how points are called.
-        touch: how deep shapes may be in each other [m].
-
-    Raises:
-        PathCollision: names the first offending point, and what runs into what.
+    of a half sphere are closed. Shapes may ``touch`` so deep [m]. Raises PathCollision: names the first offending
+    point, and what runs into what.
     """
     resting: set[frozenset[str]] = set()
     for row, time in enumerate(times):
@@ -247,11 +210,7 @@ def check_collisions(
 
 
 def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
-    """Check that moves run into nothing, each other neither; other robots stand as they do in the model.
-
-    Raises:
-        PathCollision: names the first offending point, by the move that lasts longest.
-    """
+    """Check that moves run into nothing, nor each other; raises PathCollision: the first point, of the longest move."""
     for plan in plans:
         instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
     longest = max(plans, key=lambda plan: plan.duration)

@@ -52,16 +52,10 @@ PoseTargets: TypeAlias = Targets
 
 
 def world_poses(targets: PoseTargets, wobj: RigidTransform, turn: Vector, name: str = "targets") -> Vector:
-    """Return targets in a work object's frame as poses in the world, shape (k, 4, 4).
+    """Return targets in a work object's frame, poses or places (3,) or (k, 3), as poses in the world, shape (k, 4, 4).
 
-    Args:
-        targets: poses in any form, or places (3,) or (k, 3).
-        wobj: pose of the work object's frame.
-        turn: the orientation that places go with, in the world, shape (3, 3).
-        name: what the user calls them.
-
-    Raises:
-        InvalidParameter: another shape, or numbers that are not finite.
+    Places take the orientation ``turn`` (3, 3) in the world. Raises InvalidParameter, with ``name``: another shape, or
+    not finite.
     """
     check_units(targets, name)
     if is_place(targets):
@@ -72,11 +66,7 @@ def world_poses(targets: PoseTargets, wobj: RigidTransform, turn: Vector, name: 
 
 
 def places(points: npt.ArrayLike | PoseTargets, wobj: RigidTransform, name: str) -> Vector:
-    """Return places (3,) or (k, 3) in a work object's frame, or those of poses, in the world, shape (k, 3) [m].
-
-    Raises:
-        InvalidParameter: another shape, or numbers that are not finite.
-    """
+    """Return places (3,) or (k, 3), or of poses, of a frame in the world (k, 3) [m]; raises InvalidParameter."""
     if not is_place(points):
         return np.asarray((wobj.GetAsMatrix4() @ pose_matrices(points, name))[:, :3, 3])
     rows = np.atleast_2d(finite(points))
@@ -95,11 +85,7 @@ def numbers_or_nothing(targets: Any) -> Vector:
 
 
 def check_units(targets: Any, name: str) -> None:
-    """Refuse pose vectors and places, one or many, whose numbers can only be millimetres or degrees.
-
-    Raises:
-        InvalidParameter: says what they seem to be.
-    """
+    """Refuse poses and places whose numbers can only be millimetres or degrees; raises InvalidParameter: which."""
     rows = np.atleast_2d(numbers_or_nothing(targets))
     for values, most, unit, other, hint in (
         (rows[:, :3], FARTHEST, "m", "millimetres", "lengths are in metres"),
@@ -146,8 +132,7 @@ def row_numbers(targets: Any) -> Any:
     return values.tolist() if values.shape[-2:] != (4, 4) else poses_from_matrices(pose_matrices(targets, "")).tolist()
 
 
-POINTS, ARC_POINTS = 10, 20
-"""Points on the way to a target unless others are asked for, as in SimRob; of arcs."""
+POINTS, ARC_POINTS = 10, 20  # points on the way to a target unless others are asked for, as in SimRob; of arcs
 
 _MOST_POINTS = 10_000
 _POINTS_A_ZONE, _ENOUGH = 4, 2000

@@ -1,7 +1,5 @@
 """A program of a robot: moves by name, of axes, gaits, tools and pieces, that mean the same on every robot."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -68,7 +66,6 @@ class Program(Strict):
         return float(sum(move.duration for move in self.moves if isinstance(move, JointMove)))
 
     def __repr__(self) -> str:
-        """Say in one line what it holds."""
         moves = ", ".join(move.key for move in self.moves)
         held = f"{counted(len(self.moves), 'move')}{shortened(f': {moves}') if moves else ''}"
         references = f"; {counted(len(self.references), 'reference')}" if self.references else ""
@@ -76,12 +73,12 @@ class Program(Strict):
 
     __str__ = __repr__
 
-    def added(self, *moves: Move) -> Program:
+    def added(self, *moves: Move) -> "Program":
         """Return the program with moves behind it."""
         _check_moves(*moves)
         return self.model_copy(update={"moves": (*self.moves, *moves)})
 
-    def inserted(self, index: int, move: Move) -> Program:
+    def inserted(self, index: int, move: Move) -> "Program":
         """Return the program with a move before the one of number ``index``, counted from 0; its length: at the end.
 
         Raises:
@@ -91,7 +88,7 @@ class Program(Strict):
         place = self._place(index, len(self.moves))
         return self.model_copy(update={"moves": (*self.moves[:place], move, *self.moves[place:])})
 
-    def removed(self, index: int) -> Program:
+    def removed(self, index: int) -> "Program":
         """Return the program without a move; negative numbers count from the end.
 
         Raises:
@@ -100,7 +97,7 @@ class Program(Strict):
         place = self._place(index, len(self.moves) - 1)
         return self.model_copy(update={"moves": (*self.moves[:place], *self.moves[place + 1 :])})
 
-    def edited(self, index: int, move: Move) -> Program:
+    def edited(self, index: int, move: Move) -> "Program":
         """Return the program with another move in place of one.
 
         Raises:
@@ -110,7 +107,7 @@ class Program(Strict):
         place = self._place(index, len(self.moves) - 1)
         return self.model_copy(update={"moves": (*self.moves[:place], move, *self.moves[place + 1 :])})
 
-    def with_automatic(self, pace: bool | Automatic | Mapping[str, Any]) -> Program:
+    def with_automatic(self, pace: bool | Automatic | Mapping[str, Any]) -> "Program":
         """Return the program with another way to be run.
 
         Raises:
@@ -118,11 +115,11 @@ class Program(Strict):
         """
         return self.model_copy(update={"automatic": None if pace is False else pace_of(pace)})
 
-    def on(self, station: str) -> Program:
+    def on(self, station: str) -> "Program":
         """Return the program with another station that it is to run on."""
         return self.model_copy(update={"station": station})
 
-    def with_reference(self, cell: JointMove) -> Program:
+    def with_reference(self, cell: JointMove) -> "Program":
         """Return the program with a cell behind the others."""
         instance(cell, "cell", JointMove, "a JointMove, such as JointMove(target_deg={'waist': 10})")
         return self.model_copy(update={"references": (*self.references, cell)})
@@ -144,7 +141,7 @@ class Program(Strict):
         return str(yaml.dump(content, Dumper=yaml.CSafeDumper, **how))
 
     @classmethod
-    def load(cls, file: Path | str) -> Program:
+    def load(cls, file: Path | str) -> "Program":
         """Return the program that a YAML file holds.
 
         Raises:
@@ -159,13 +156,13 @@ class Program(Strict):
         return program.model_copy(update={"changes": changes}) if changes else program
 
     @classmethod
-    def of_text(cls, text: str, where: str = "the program") -> Program:
+    def of_text(cls, text: str, where: str = "the program") -> "Program":
         """Return the program that a YAML text holds, likewise; errors call it as ``where`` says."""
         content = parse_yaml(text, where)
         return cls.of_content(instance(content, where, dict, "a mapping with moves"), where)
 
     @classmethod
-    def of_content(cls, content: dict[str, Any], source: Path | str) -> Program:
+    def of_content(cls, content: dict[str, Any], source: Path | str) -> "Program":
         """Return the program of a mapping, likewise; errors call it as ``source`` says."""
         for key in ("moves", "references"):
             entries = content.get(key)

@@ -1,7 +1,5 @@
 """A station whose runs are recorded: run again, shown and saved as one result, done again elsewhere."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Literal, Unpack
 
@@ -66,7 +64,7 @@ class RecordedStation(StatefulStation):
         return self.result().film(file, frames=frames)
 
     def simulate(
-        self, station: StationLike | None = None, *, duration: float | None = None, strict: bool = False
+        self, station: "StationLike | None" = None, *, duration: float | None = None, strict: bool = False
     ) -> SimulationResult:
         """Do again all that was recorded, on this station or another (SimRob's ``Sim``); this one stays as it is.
 
@@ -105,5 +103,4 @@ class RecordedStation(StatefulStation):
             (self.attach if key == "attach" else self.release)(**content)
 
 
-STATION = "station.yaml"
-"""Where a saved program finds the station that it began in."""
+STATION = "station.yaml"  # where a saved program finds the station that it began in

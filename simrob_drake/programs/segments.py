@@ -7,8 +7,6 @@ The part of the way at a part of the time is that of :func:`~simrob_drake.blocks
 cruises; what depends on it smoothly is interpolated.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -35,8 +33,7 @@ _SMALLEST = 3e-4  # m: z0
 _KNOWN = f"'fine', 'z0' to 'z{_LARGEST}' for so many millimetres, or a number from {_SMALLEST:g} [m]"
 _TOO_WIDE = 1 + 1e-9
 
-Curve = Callable[[Vector], Vector]
-"""Gives postures (k, n), or poses (k, 4, 4), at parts (k,) of a way."""
+Curve = Callable[[Vector], Vector]  # gives postures (k, n), or poses (k, 4, 4), at parts (k,) of a way
 
 
 @dataclass(frozen=True)
@@ -49,11 +46,7 @@ class Way:
 
 
 def zone_size(zone: object) -> float:
-    """Return how far from a target a zone begins [m]; 0 for ``fine``.
-
-    Raises:
-        InvalidParameter: no zone.
-    """
+    """Return how far from a target a zone begins [m]; 0 for ``fine``; raises InvalidParameter: no zone."""
     if not isinstance(zone, str):
         size = positive(zone, "zone", "m")
         if size < _SMALLEST:
@@ -71,12 +64,10 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
     """Return ways to one target each as one that passes their targets within zones [m], as RAPID's are.
 
     Two ways that meet are laid over each other within the zone: what is left of the first, and what is gone of the
-    second. Of the distance x before (negative) or behind the corner, in zones, :math:`g(x) = 2 t^3 - t^4` with
-    :math:`t = (x + 1) / 2` is gone of the second and :math:`g(-x)` left of the first, so that place, direction and
-    curvature go on without a jump: :math:`g'` rises from 0 to 1, and :math:`g(x) - g(-x) = x`.
-
-    Raises:
-        InvalidParameter: a zone larger than half of a way that leads into or out of it.
+    second. Of the distance x before (negative) or behind the corner, in zones, :math:`g(x) = 2 t^3 - t^4` with :math:`t
+    = (x + 1) / 2` is gone of the second and :math:`g(-x)` left of the first, so that place, direction and curvature go
+    on without a jump: :math:`g'` rises from 0 to 1, and :math:`g(x) - g(-x) = x`. Raises InvalidParameter: a zone
+    larger than half of a way that leads into or out of it.
     """
     ends = np.cumsum([way.length for way in ways])
     for index, pair in enumerate(pairwise(ways)):
@@ -119,8 +110,7 @@ def _laid_over(left: Vector, corner: Vector, entered: Vector) -> Vector:
     return stacked(places, left[:, :3, :3] @ corner[:3, :3].T @ entered[:, :3, :3])
 
 
-PATH_TOLERANCE = 2e-5
-"""How far the tool may be from its line or arc between two points [m]."""
+PATH_TOLERANCE = 2e-5  # how far the tool may be from its line or arc between two points [m]
 
 _LEAST_POINTS = 8
 _MOST_POINTS = 5000
@@ -160,19 +150,10 @@ def joint_segment(way: Way, *, points: int) -> Segment:
 
 
 def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target: str) -> Segment:
-    """Return postures that lead the tool along poses.
+    """Return postures, ``points`` at least, that lead the tool from a posture (n,) along a ``way`` of poses (k, 4, 4).
 
-    Args:
-        solver: of the inverse kinematics.
-        way: gives the poses (k, 4, 4) of the tool.
-        start: the posture at its beginning, shape (n,).
-        points: how many points are solved at least.
-        target: what it leads to, for messages.
-
-    Raises:
-        Unreachable: a point that no posture reaches; the incremental solver may ``stray`` on the way, past singular
-            postures, as far as it says, if it comes to the end.
-        BrokenPath: points that no continuous motion joins.
+    Raises Unreachable: a point that no posture reaches; the incremental solver may ``stray`` on the way, past singular
+    postures, as far as it says, if it comes to the end; BrokenPath: points that no continuous motion joins.
     """
     chain, poses = solver.chain, way.curve
     stray = solver.stray if isinstance(solver, IncrementalSolver) else 0.0
@@ -250,8 +231,7 @@ def free_spline(parts: Vector, postures: Vector) -> BSpline:
     return result
 
 
-Slopes = tuple[Vector, Vector]
-"""First and second derivative at an end of a curve, each of shape (n,)."""
+Slopes = tuple[Vector, Vector]  # first and second derivative at an end of a curve, each of shape (n,)
 
 
 def spline(times: Vector, postures: Vector, ends: tuple[Slopes, Slopes] | None = None) -> BSpline:
@@ -273,12 +253,12 @@ class Stretch:
     postures: Vector
     ends: tuple[Slopes, Slopes] | None = None
 
-    def of_axes(self, axes: slice) -> Stretch:
+    def of_axes(self, axes: slice) -> "Stretch":
         """Return the motion of some of the axes."""
         ends = None if self.ends is None else tuple((speed[axes], push[axes]) for speed, push in self.ends)
         return Stretch(self.times, self.postures[:, axes], cast(tuple[Slopes, Slopes] | None, ends))
 
-    def at(self, begin: float, factor: float = 1.0) -> Stretch:
+    def at(self, begin: float, factor: float = 1.0) -> "Stretch":
         """Return the same motion later by ``begin`` [s], its times multiplied by ``factor``."""
         ends = None
         if self.ends is not None:

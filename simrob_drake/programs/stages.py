@@ -4,8 +4,6 @@ Moves of joints that follow each other are one run, each walk and act is one, an
 of a program is checked before the first stage runs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -30,8 +28,7 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import ReferenceLike
 from simrob_drake.stations.config import StationConfig
 
-SEQUENCE = "step"
-"""The sequence of a robot's ``gaits.yaml`` that is a step by joint angles, if it has one."""
+SEQUENCE = "step"  # the sequence of a robot's ``gaits.yaml`` that is a step by joint angles, if it has one
 
 
 @dataclass(frozen=True)
@@ -45,17 +42,7 @@ class Snapshot:
 
 
 def stages_of(robot: LeggedGeometry, moves: Sequence[Move], station: StationConfig, file: str = "") -> list[Stage]:
-    """Cut moves into stages, after checking all of them.
-
-    Args:
-        robot: who does them.
-        moves: one after the other.
-        station: as it is when they begin.
-        file: that they stand in, for messages.
-
-    Raises:
-        SimrobError: what the robot cannot do; names the move.
-    """
+    """Cut a robot's checked moves into stages, from a station on; raises SimrobError: the move, and its file."""
     stages, outlook, joint_moves = list[Stage](), Outlook(station), list[JointMove]()
     for number, move in enumerate(moves):
         name = move_name(number, len(moves), file)
@@ -75,9 +62,7 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[Move], station: StationConf
 def stages_of_program(robot: LeggedGeometry, program: Program, station: StationConfig, file: str = "") -> list[Stage]:
     """Cut a program into stages as :func:`stages_of` does; the references of an automatic one are a single stage.
 
-    Raises:
-        InvalidParameter: a program that does nothing.
-        SimrobError: as :func:`stages_of`.
+    Raises InvalidParameter: a program that does nothing; SimrobError: as :func:`stages_of`.
     """
     _check_references(robot, program, file)
     if program.automatic:
@@ -87,11 +72,7 @@ def stages_of_program(robot: LeggedGeometry, program: Program, station: StationC
 
 
 def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
-    """Return the moves of a program for a robot with legs.
-
-    Raises:
-        InvalidParameter: one for arms.
-    """
+    """Return the moves of a program for a robot with legs; raises InvalidParameter: one for arms."""
     for number, move in enumerate(program.moves):
         if not move.of_legs:
             expected = f"one of {', '.join(LEG_KINDS)}: the others are for arms"
@@ -100,11 +81,7 @@ def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
 
 
 def check_program(robot: LeggedGeometry, program: Program, station: StationConfig, file: str = "") -> None:
-    """Check that a robot can do all of a program, moves and references.
-
-    Raises:
-        SimrobError: as :func:`stages_of`.
-    """
+    """Check that a robot can do all of a program, moves and references; raises SimrobError: as :func:`stages_of`."""
     _check_references(robot, program, file)
     stages_of(robot, leg_moves(program, file), station, file)
 
@@ -112,11 +89,7 @@ def check_program(robot: LeggedGeometry, program: Program, station: StationConfi
 def check_takes_time(
     moves: Sequence[Move], name: str = "the program", expected: str = "one with moves: add_move() stores them"
 ) -> None:
-    """Check that a program to be run does something that takes time.
-
-    Raises:
-        InvalidParameter: it does not.
-    """
+    """Check that a program to be run does something that takes time; raises InvalidParameter: it does not."""
     if not any(move.takes_time for move in moves):
         state = "without a move that takes time" if moves else "empty"
         raise InvalidParameter(name, state, expected)
@@ -125,9 +98,8 @@ def check_takes_time(
 def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> tuple[ReferenceLike, float]:
     """Return the reference that moves of joints are from where a robot is, and its duration [s].
 
-    Raises:
-        InvalidParameter: no move, or one that is no move of joints.
-        SimrobError: what the robot cannot do; names the move.
+    Raises InvalidParameter: no move, or one that is no move of joints; SimrobError: what the robot cannot do; names the
+    move.
     """
     check_takes_time(moves)
     joint_moves = list[JointMove]()
@@ -144,13 +116,7 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> tuple[Refer
 def postures_of(model: RobotModel, moves: Sequence[JointMove], start: Vector) -> tuple[Vector, Vector]:
     """Return when moves of joints end and where, the start included: times (k + 1,) [s], postures (k + 1, n).
 
-    Args:
-        model: the robot.
-        moves: one after the other.
-        start: the posture before them, shape (n,) [rad or m]; axes that no move names stay there.
-
-    Raises:
-        SimrobError: as :func:`targets_on`.
+    Axes that no move names stay as at the start (n,) [rad or m]. Raises SimrobError: as :func:`targets_on`.
     """
     times, postures = [0.0], [np.array(start, dtype=float)]
     for number, move in enumerate(moves):
@@ -166,14 +132,8 @@ def postures_of(model: RobotModel, moves: Sequence[JointMove], start: Vector) ->
 def step_moves(model: RobotModel, feet: str | None, move_time: float | None = None) -> list[Move]:
     """Return one step ahead: the robot's sequence ``step``, else a step of its first gait, of full length.
 
-    Args:
-        model: the robot.
-        feet: those that it wears.
-        move_time: of each move of the sequence, or of each step of the gait [s]; their own unless given.
-
-    Raises:
-        InvalidParameter: a robot without feet or gaits, without a gait for the feet that it wears, or a time that is
-            not positive.
+    ``move_time`` is of each move or step, their own unless given [s]. Raises InvalidParameter: a robot without feet or
+    gaits, without a gait for the feet that it wears, or a time that is not positive.
     """
     if model.feet is None:
         raise InvalidParameter("robot", model.name, "one with legs: step() is for legged robots")

@@ -29,10 +29,8 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.station import StationLike, config_of
 
-GOES_ON = ("completed", "monitor")
-"""Endings of a run after which the next one begins where it ended."""
-_SAME_PLACE = 1e-9
-"""How far from the robot's reference a plan may begin [rad or m]."""
+GOES_ON = ("completed", "monitor")  # endings of a run after which the next one begins where it ended
+_SAME_PLACE = 1e-9  # how far from the robot's reference a plan may begin [rad or m]
 
 
 class StatefulStation:
@@ -79,7 +77,6 @@ class StatefulStation:
         self._collision_free: tuple[object, ...] = ()  # what was found so last
 
     def __repr__(self) -> str:
-        """Say in one line what stands in it."""
         robots = ", ".join(f"{name} ({robot.model.name})" for name, robot in self._model.robots.items()) or "no robot"
         pieces = f", pieces {', '.join(self.config.pieces)}" if self.config.pieces else ""
         return f"<{type(self).__name__} {self.config.name}, {self.config.mode}: {robots}{pieces}>"
@@ -112,12 +109,7 @@ class StatefulStation:
         return self._model.robots[one_of("robot", name, self._model.robots)]
 
     def robot_name(self, name: str | None) -> str:
-        """Return a robot's name; the only one need not be named.
-
-        Raises:
-            UnknownName: no such robot.
-            InvalidParameter: a station without a robot, or no robot named where there are several.
-        """
+        """Return a robot's name, the only one's unless named; raises UnknownName, InvalidParameter: none, several."""
         robots = self.config.robots
         if not robots:
             raise InvalidParameter("station", self.config.name, "one with a robot; it has none")
@@ -310,11 +302,7 @@ class StatefulStation:
         self._change(with_efforts(self.config, self.robot(robot), efforts))
 
     def change(self, config: StationConfig) -> None:
-        """Go on with a changed station, such as other gains, from the state that this one is in.
-
-        Raises:
-            InvalidParameter: a station with other robots.
-        """
+        """Go on from this state with a changed station, such as other gains; raises InvalidParameter: other robots."""
         self._change(config)
         self.tape.note(None)
 
@@ -328,11 +316,7 @@ class StatefulStation:
             self._window.draw(config, self._shown_state())
 
     def check_collisions(self, *plans: Plan) -> None:
-        """Check that planned moves, run at the same time, run into nothing; other robots stay where they are.
-
-        Raises:
-            PathCollision: names the first offending point.
-        """
+        """Check that moves run at once hit nothing, other robots at rest; raises PathCollision: the first point."""
         looked_at = (self.config, self.state, *(part for plan in plans for part in (plan.robot, plan.stretches)))
         if list(map(id, looked_at)) == list(map(id, self._collision_free)):  # all of which are kept, and do not change
             return
@@ -345,11 +329,7 @@ class StatefulStation:
         return self._placed(self._model.colliding)
 
     def free_space(self, robots: Sequence[str]) -> FreeSpace:
-        """Return what robots that move together from their references must not touch, themselves included.
-
-        Raises:
-            StartInCollision: one of them is in something now.
-        """
+        """Return what robots that move together must not touch; raises StartInCollision: one touches something now."""
         return FreeSpace(self._placed(self._model.whole), {robot: self.reference(robot) for robot in robots})
 
     def _placed(self, model: StationModel) -> StationModel:

@@ -1,7 +1,5 @@
 """What a workcell recorded: what ran and what came of it, and what was taken, let go and changed in between."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby, pairwise
@@ -28,8 +26,7 @@ from simrob_drake.stations.config import StationConfig
 _SAME = 1e-12  # m and parts of a rotation: rounding
 _JOINS = 1e-9  # rad or m between the end of a move and the beginning of the next
 
-Entry: TypeAlias = dict[str, Any]
-"""A move as a program's file has it; between runs one that takes no time."""
+Entry: TypeAlias = dict[str, Any]  # a move as a program's file has it; between runs one that takes no time
 Stage: TypeAlias = tuple[Mapping[str, ReferenceLike], float]
 """References by robot, and for how long they are followed [s]."""
 
@@ -95,23 +92,12 @@ class Tape:
         return [take.run() for take in self.takes]
 
     def check_some(self) -> None:
-        """Check that something was recorded.
-
-        Raises:
-            InvalidParameter: nothing.
-        """
+        """Check that something was recorded; raises InvalidParameter: nothing."""
         if not self.entries:
             raise InvalidParameter("the recording", "empty", "begun with record() before the moves")
 
     def stages(self, duration: float | None = None) -> list[Stage | Entry]:
-        """Return all that was recorded to be done again, runs that follow each other as one.
-
-        Args:
-            duration: of the whole [s]; as recorded unless given.
-
-        Raises:
-            InvalidParameter: nothing was recorded, or runs that do not join: such a tape can be replayed.
-        """
+        """Return all that was recorded in stages, so long [s]; raises InvalidParameter: nothing, or not joined."""
         self.check_some()
         takes = self.takes
         factor = 1.0 if duration is None else seconds(duration) / sum(take.duration for take in takes)
@@ -157,18 +143,7 @@ def recorded(
     solver: SolverLike | None = None,
     **more: Any,
 ) -> Plan:
-    """Return a plan with the entry of a program's file that would make it again; with none where no file can say it.
-
-    Args:
-        plan: of a call from Python.
-        key: of the kind of move.
-        planning: what it was planned from.
-        targets: what the call was given, as all that follows.
-        how: likewise.
-        wobj: likewise.
-        solver: likewise.
-        more: ``stop`` or ``via``.
-    """
+    """Return a plan with the entry of a file that makes it again, of what the call was given; None where none can."""
     used = planning.solver if solver is None else solver
     moved = None if wobj is None else planning.frame(wobj)
     if not isinstance(used, str):
@@ -189,19 +164,11 @@ def recorded(
 
 
 def run_entry(
-    plans: Sequence[Plan],
-    duration: float | None,
-    frame: Callable[[WorkObject], RigidTransform],
-    *,
-    several: bool,
+    plans: Sequence[Plan], duration: float | None, frame: Callable[[WorkObject], RigidTransform], *, several: bool
 ) -> Entry | None:
-    """Return what a program's file has of planned moves that are run at the same time; None if no file can say it.
+    """Return what a file has of planned moves run at the same time, in a duration [s]; None if it can't say it.
 
-    Args:
-        plans: the moves.
-        duration: of the run, where it was given [s].
-        frame: gives the pose of a work object now: one that has moved since the move was planned becomes a pose.
-        several: whether the station has several robots.
+    ``frame`` gives the pose of a work object now: one that has moved since the move was planned becomes a pose.
     """
     if not plans:
         return {"wait": float(duration or 0.0)}

@@ -31,25 +31,16 @@ _TRIES, _ENOUGH = 6, 1 + 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Motors:
-    """What the motors of robots that move together can do, with what these carry.
+    """What the motors of robots that move together can do, with what these carry."""
 
-    Attributes:
-        model: of the station, with nothing free in it.
-        robots: that move, in turn.
-    """
-
-    model: StationModel
-    robots: Sequence[str]
+    model: StationModel  # of the station, with nothing free in it
+    robots: Sequence[str]  # that move, in turn
 
     def fastest(self, segment: Segment, speed: float | None) -> tuple[Stretch, Vector]:
-        """Return the motion along a segment from rest to rest, and when it passes its targets, shape (k,) [s].
+        """Return the motion along a segment of all robots from rest to rest, and when it passes its targets, (k,) [s].
 
-        Args:
-            segment: the way, of the axes of all robots.
-            speed: of their tools at most [m/s].
-
-        Raises:
-            InvalidParameter: a way on which the motors could not even hold the robots.
+        Their tools are no faster than ``speed`` [m/s]. Raises InvalidParameter: a way where motors could not even hold
+        them.
         """
         way = free_spline(segment.parts, segment.postures)
         times, parts = _averaged(self._law(way, len(segment.parts), speed))

@@ -4,8 +4,6 @@ Runs are cut at a grid of time, and where something happens, so that each can be
 last bit.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -26,8 +24,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, with_settings
 from simrob_drake.stations.resolve import resolve
 
-GRID = 0.05
-"""From one moment of the grid to the next, unless told otherwise [s]."""
+GRID = 0.05  # from one moment of the grid to the next, unless told otherwise [s]
 _SERVO = "servo."
 
 
@@ -131,22 +128,14 @@ class Timeline:
         return {key: value for one in settings for key, value in one.items()}
 
     def station(self, config: StationConfig, duration: float) -> StationConfig:
-        """Return a station as it is from now on for a time [s] in which no setting changes.
-
-        Raises:
-            InvalidConfig: a setting that cannot be.
-        """
+        """Return a station as it is for a time [s] without changes from now on; raises InvalidConfig: a wrong key."""
         settings = _for_robots(self.settings(), config)
         changed = with_settings(config, settings, "changes of the program") if settings else config
         forces = {**changed.forces, **self.forces(duration)}
         return changed.model_copy(update={"forces": forces})
 
     def check(self, config: StationConfig) -> None:
-        """Check that all can happen to a station, before it runs.
-
-        Raises:
-            SimrobError: a setting that cannot be, or a push or drag of what is not there; names the change.
-        """
+        """Check that all can happen to a station; raises SimrobError: names the change of what is not there."""
         for number, change in enumerate(self.changes):
             where = f"changes[{number}]"
             if change.set is not None:
@@ -213,8 +202,7 @@ def _for_robots(settings: Mapping[str, Any], config: StationConfig) -> dict[str,
     return found
 
 
-USER = "user"
-"""Who stops a run that its timeline ends."""
+USER = "user"  # who stops a run that its timeline ends
 _END = 1e-9  # s
 
 
@@ -236,10 +224,8 @@ class Timed(Protocol):
 def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: float) -> SimulationResult:
     """Run references on a station whose timeline has a grid, from the state that it is in.
 
-    The run ends on the grid, not before ``duration`` [s]. The station's state and time stay as they are.
-
-    Raises:
-        SimrobError: a change that cannot be.
+    The run ends on the grid, not before ``duration`` [s]. The station's state and time stay as they are. Raises
+    SimrobError: a change that cannot be.
     """
     line, runs = cell.timeline, list[SimulationResult]()
     begun, state, left = line.now, cell.state, False

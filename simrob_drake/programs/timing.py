@@ -15,10 +15,8 @@ from simrob_drake.programs.plan import Check, Plan, rate_ratio
 from simrob_drake.programs.segments import Segment, Stretch, by_law, rest
 from simrob_drake.programs.time_optimal import Motors
 
-POINT_TIME = 0.1
-"""Time that a point of a move takes unless something else is asked [s]; Ts in SimRob."""
-ACCELERATION = 2.0
-"""How fast the tool is sped up to its cruise speed unless told [m/s²], or less where an axis cannot."""
+POINT_TIME = 0.1  # time that a point of a move takes unless something else is asked [s]; Ts in SimRob
+ACCELERATION = 2.0  # how fast the tool is sped up to its cruise speed unless told [m/s²], or less where an axis cannot
 
 Profile = Literal["smooth", "trapezoid", "s_curve", "time_optimal"]
 """How a move is sped up and slowed down: by a polynomial of degree five, evenly, or with an acceleration that does not
@@ -61,12 +59,7 @@ class How(TypedDict, total=False):
 
 
 def profile_of(how: How) -> Profile:
-    """Return by which profile a move is done.
-
-    Raises:
-        UnknownName: no such profile.
-        InvalidParameter: an acceleration that nothing is to be reached with.
-    """
+    """Return by which profile a move is done; raises UnknownName: none; InvalidParameter: a needless acceleration."""
     profile: Profile = how.get("profile", "s_curve" if "speed" in how else "smooth")
     one_of("profile", profile, get_args(Profile))
     if profile == TIME_OPTIMAL and (key := next((key for key in ("duration", "times") if key in how), None)):
@@ -77,11 +70,7 @@ def profile_of(how: How) -> Profile:
 
 
 def speed_of(how: How) -> float:
-    """Return the speed of a move that has one [m/s].
-
-    Raises:
-        InvalidParameter: none that a tool can have.
-    """
+    """Return the speed of a move that has one [m/s]; raises InvalidParameter: none that a tool can have."""
     speed = positive(how["speed"], "speed", "m/s")
     if speed > _FASTEST:
         expected = f"at most {_FASTEST:g} m/s; were these mm/s? Then it is {speed / 1e3:g}"
@@ -95,10 +84,8 @@ def timed(
     """Return the move that goes segment by segment by a law of time, and rests at the end of each.
 
     Where its time is left to us it takes as long as the joints need; with a speed alone it is sped up as they allow.
-    Past corners it keeps that speed: less acceleration would help there only by not reaching it.
-
-    Raises:
-        InvalidParameter: as :func:`arrivals`.
+    Past corners it keeps that speed: less acceleration would help there only by not reaching it. Raises
+    InvalidParameter: as :func:`arrivals`.
     """
     if profile_of(how) == TIME_OPTIMAL:
         return _by_motors(robot, segments, how, points, motors())
@@ -122,11 +109,7 @@ def timed(
 
 
 def through_all(robot: str, segments: Sequence[Segment], how: How, points: int, limits: Limits) -> Plan:
-    """Return the move that passes smoothly through the ends of all segments, and rests at the last.
-
-    Raises:
-        InvalidParameter: as :func:`arrivals`.
-    """
+    """Return the move smoothly through all segments' ends, at rest at the last; raises as :func:`arrivals`."""
     times, free = arrivals(segments, how, points)
     rows = np.array([segments[0].postures[0], *(segment.end for segment in segments)])
 
@@ -197,8 +180,7 @@ def _laws(segments: Sequence[Segment], how: How, points: int, acceleration: floa
 def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector, bool]:
     """Return when each segment ends that is gone smoothly, shape (k,) [s], and whether that was left to us.
 
-    Raises:
-        InvalidParameter: more than one of duration, times and speed; or one that cannot be.
+    Raises InvalidParameter: more than one of duration, times and speed; or one that cannot be.
     """
     stated = [key for key in ("duration", "times", "speed") if key in how]
     if len(stated) > 1:

@@ -11,16 +11,7 @@ from simrob_drake.stations.config import StationConfig
 
 
 def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResult:
-    """Let the robots of a station do a program, and return all of it as one result.
-
-    Args:
-        cell: the station.
-        program: what they do.
-        file: that it stands in, for messages.
-
-    Raises:
-        SimrobError: what they cannot do; names the move.
-    """
+    """Let a station's robots do a program, all as one result; raises SimrobError: the move that fails, and its file."""
     source = file or program
     if of_arms(cell, program):
         return cell.perform(source)
@@ -30,20 +21,12 @@ def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResul
 
 
 def carried_program(config: StationConfig) -> Program | None:
-    """Return the program that a station carries; None if it has none.
-
-    Raises:
-        InvalidConfig: a program that cannot be; names the move and the key.
-    """
+    """Return a station's program, None without; raises InvalidConfig: one that cannot be; names move and key."""
     return None if config.program is None else Program.of_content(config.program, f"{config.name}: program")
 
 
 def run_whole(config: StationConfig) -> SimulationResult:
-    """Run a station with the program that it carries, or along its references.
-
-    Raises:
-        SimrobError: what cannot be run; of a program the message names the move.
-    """
+    """Run a station's program, or its references; raises SimrobError: what cannot be run; names the program's move."""
     program = carried_program(config)
     return simulate(config, progress=False) if program is None else perform(Workcell(config), program)
 

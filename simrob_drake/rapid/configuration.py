@@ -1,7 +1,5 @@
 """Which of its postures an arm takes for a pose, as RAPID's ``confdata`` tells: quadrants of axes, and the sides."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a robot's controller does with RAPID's instructions: moves of a program, one after the other, each looked at."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -76,14 +74,10 @@ class Controller:
     """
 
     def __init__(self, cell: Workcell, robot: str | None, signals: Signals, run: Run, check: Check) -> None:
-        """Take an arm.
+        """Take an arm of a workcell, which goes on with each move; the only one need not be named.
 
-        Args:
-            cell: its workcell, which goes on with each move.
-            robot: which; the only one need not be named.
-            signals: what inputs and outputs mean.
-            run: what does planned moves: :meth:`Workcell.stand` or :meth:`Workcell.run_plans`.
-            check: what is looked at before each of them beside its reach.
+        ``signals`` are what inputs and outputs mean; ``run`` does planned moves, as :meth:`Workcell.stand` or
+        :meth:`Workcell.run_plans`; ``check`` is looked at before each of them beside its reach.
         """
         self.cell, self.robot = cell, cell.robot_name(robot)
         self.signals, self._run, self._check = signals, run, check
@@ -109,11 +103,7 @@ class Controller:
         return self._planner
 
     def frame(self, wobj: RecordValue | None) -> tuple[float, ...] | None:
-        """Return the pose of a work object in the world, the robot's base unless given; None for the world itself.
-
-        Raises:
-            WrongType: one that the robot holds, or that another unit moves.
-        """
+        """Return a work object's pose in the world, None for the world; raises WrongType: held, or another unit's."""
         frame = self._base
         if wobj is not None:
             if wobj["robhold"] or (wobj["ufmec"] and not wobj["ufprog"]):
@@ -124,11 +114,7 @@ class Controller:
         return _numbers(frame)
 
     def take_tool(self, tool: RecordValue) -> None:
-        """Use the tool centre point of a tool.
-
-        Raises:
-            WrongType: a tool that the robot does not hold.
-        """
+        """Use the tool centre point of a tool; raises WrongType: a tool that the robot does not hold."""
         if not tool["robhold"]:
             raise WrongType("a tool that stands still, which is not done,")
         desired, whose = transform_of(tool["tframe"]), self.robot if self._named else None
@@ -142,15 +128,11 @@ class Controller:
             self._do(ToolMove(pose=_numbers(change), robot=whose))
 
     def go(self, call: Call, motion: Motion, target: Sequence[float], zone: float, **more: Any) -> None:
-        """Take a move up: joined with the one before by its zone, or as the first of others.
+        """Take up an instruction's move to a pose (6,) [m, rad] or posture (n,), joined to the last by its zone.
 
-        Args:
-            call: the instruction.
-            motion: how.
-            target: pose in the work object's frame (6,) [m, rad], or posture (n,) [rad or m].
-            zone: how near to the target the tool turns to the next one [m]; 0 to rest there.
-            more: ``pose`` of the tool in the world (4, 4), ``posture`` of a move of axes, ``via`` of an arc,
-                ``configuration`` that a line is to end with.
+        The zone is how near to the target the tool turns to the next one [m]; 0 to rest there. ``more`` has the
+        ``pose`` of the tool in the world (4, 4), the ``posture`` of a move of axes, ``via`` of an arc, the
+        ``configuration`` of a line's end.
         """
         group = self._group
         joins = group is not None and group.motion == motion and motion.duration is None
@@ -265,12 +247,7 @@ class Controller:
         return bool(solutions.reached.all() and away < _SAME)
 
     def posture(self, call: Call, target: RecordValue, pose: Vector) -> Vector:
-        """Return the posture (n,) that an arm takes for a target, by its configuration if that counts.
-
-        Raises:
-            WrongType: no posture has that configuration.
-            Unreachable: no posture at all.
-        """
+        """Return an arm's posture (n,) for a target; raises WrongType: not in this configuration; Unreachable."""
         arm, start = self.arm, self.ahead
         if self.configured["j"] and has_configuration(arm.chain):
             found, others = postures_like(arm.chain, pose, start, target["robconf"].flat())

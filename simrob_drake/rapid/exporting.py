@@ -1,7 +1,5 @@
 """Programs in RAPID and URScript: first as controllers take them, moves to one target each, then in words."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -74,17 +72,11 @@ class ExportedProgram:
     remarks: list[str] = field(default_factory=list)  # what cannot be said in other languages
 
     @classmethod
-    def of(cls, program: Program, cell: Workcell, file: str = "") -> ExportedProgram:
-        """Return the steps of a program; the cell goes on to its end without a run.
+    def of(cls, program: Program, cell: Workcell, file: str = "") -> "ExportedProgram":
+        """Return the steps of a program of one arm; the cell goes on to its end without a run.
 
-        Args:
-            program: of one arm.
-            cell: where it is done.
-            file: that it stands in, for messages.
-
-        Raises:
-            InvalidParameter: moves that no other language can say, such as those of two robots together.
-            SimrobError: what cannot be done; names the move.
+        Raises InvalidParameter: moves that no other language can say, such as those of two robots together;
+        SimrobError: what cannot be done; names the move, and the file that it stands in.
         """
         name = cell.robot_name(program.robot)
         own = cell.robot(name)
@@ -185,11 +177,7 @@ class _Names:
 
 
 def rapid_text(steps: ExportedProgram, name: str) -> tuple[str, str]:
-    """Return the module of a program, and the YAML of the table that says what its signals do; empty without any.
-
-    Raises:
-        InvalidParameter: a robot with more axes than a target of RAPID has.
-    """
+    """Return a program's module and its signals' table in YAML, or ""; raises InvalidParameter: too many axes."""
     if steps.chain.size > _MOST_AXES:
         raise InvalidParameter("robot", steps.name, f"one of at most {_MOST_AXES} axes; it has {steps.chain.size}")
     names, signals = _Names(), dict[str, dict[int, Any]]()

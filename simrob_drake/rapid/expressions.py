@@ -1,7 +1,5 @@
 """The data and the expressions of RAPID: what they are at any time, and where data are kept."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -41,7 +39,7 @@ class Location:
 class Call:
     """A call with its arguments, those in order and the optional ones by name in lower case, switches as None."""
 
-    task: Expressions
+    task: "Expressions"
     name: str
     node: Node
     arguments: tuple[Node, ...]
@@ -53,11 +51,7 @@ class Call:
         return len(self.arguments)
 
     def argument(self, index: int) -> Node:
-        """Return an argument as it is written.
-
-        Raises:
-            WrongType: so many are not given.
-        """
+        """Return an argument as it is written; raises WrongType: so many are not given."""
         if index >= len(self.arguments):
             raise WrongType(f"{self.name} with {self.count} arguments, of which {index + 1} or more are needed,")
         return self.arguments[index]
@@ -111,13 +105,7 @@ class Expressions:
         functions: Mapping[str, Callable[[Call], Value]],
         signal: Callable[[str], float | None],
     ) -> None:
-        """Read what the modules declare.
-
-        Args:
-            modules: of the program.
-            functions: by name in lower case.
-            signal: gives the value of a signal, or None if there is no such.
-        """
+        """Read what modules declare; functions are by name in lower case, ``signal`` gives a signal's value."""
         self._functions, self._signal = functions, signal
         self.remarks: list[Remark] = []
         self._locals: dict[str, Datum] = {}
@@ -136,10 +124,8 @@ class Expressions:
     def place(self, node: Node) -> Location:
         """Return the place that an expression names.
 
-        What is assigned to a value that is kept nowhere is lost.
-
-        Raises:
-            WrongType: there is no such data, component or element.
+        What is assigned to a value that is kept nowhere is lost. Raises WrongType: there is no such data, component or
+        element.
         """
         if node.data == "name":
             found = self._find(node.children[0])

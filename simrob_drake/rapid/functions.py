@@ -1,7 +1,5 @@
 """The functions of RAPID that depend on their arguments alone."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from typing import Any

@@ -1,22 +1,232 @@
 """A RAPID program as a program of this package: what its main procedure does, move by move."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeAlias
 
 from simrob_drake.arguments import as_path
+from simrob_drake.errors import nearest
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.plan import CHECKED, Check
 from simrob_drake.programs.program import Program
 from simrob_drake.rapid.controller import Controller
+from simrob_drake.rapid.expressions import Call, Expressions, Location
+from simrob_drake.rapid.functions import FUNCTIONS
 from simrob_drake.rapid.instructions import FUNCTIONS_OF_CONTROLLER, INSTRUCTIONS
-from simrob_drake.rapid.interpreter import Interpreter
 from simrob_drake.rapid.signals import Signals
-from simrob_drake.rapid.syntax import RapidError, Remark, read_modules
+from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Remark, Routine, RoutineParameter, read_modules
+from simrob_drake.rapid.values import Value, WrongType
 from simrob_drake.stations.station import StationLike
+
+_DEEPEST = 40  # routines that wait for each other
+_MOST_STATEMENTS = 1_000_000
+
+
+_Argument: TypeAlias = tuple[RoutineParameter, Datum, Location | None]
+"""A parameter with its data, and where what is assigned to it goes in the end."""
+
+
+class Ended(Exception):
+    """The program ends itself."""
+
+
+class _Returned(Exception):
+    """A routine ends, and gives a value if it is a function."""
+
+
+class _Jump(Exception):
+    """A statement GOTO."""
+
+
+class Interpreter(Expressions):
+    """Does a program."""
+
+    def __init__(
+        self,
+        modules: Iterable[Module],
+        instructions: Mapping[str, Callable[[Call], None]],
+        functions: Mapping[str, Callable[[Call], Value]],
+        signal: Callable[[str], float | None],
+        cycles: int,
+    ) -> None:
+        """Read what modules declare; what instructions and functions do is by name in lower case.
+
+        A loop WHILE TRUE is done ``cycles`` times; ``signal`` gives a signal's value.
+        """
+        super().__init__(modules, {**FUNCTIONS, **functions}, signal)
+        self._instructions = {**instructions, "goto": self._goto, "exit": self._end, "exitcycle": self._end}
+        self._cycles, self._depth, self._done = cycles, 0, 0
+
+    def run(self, main: str = "main") -> None:
+        """Do a procedure of the program; raises RapidError: something that cannot be; names the file and the line."""
+        self.remarks += self._faults
+        routine = self._scope.find(main)
+        if not isinstance(routine, Routine):
+            raise RapidError(f"{self._scope.file}: line 1", f"there is no PROC {main}()")
+        try:
+            self._run(routine, [])
+        except Ended:
+            return
+        except RecursionError:
+            raise RapidError(f"{self._scope.file}: line 1", "is nested too deeply") from None
+
+    def _block(self, lines: list[Node]) -> None:
+        row = 0
+        while row < len(lines):
+            try:
+                self._do(lines[row])
+                row += 1
+            except _Jump as jump:
+                labels = [line.data == "label" and line.children[0].lower() == jump.args[0] for line in lines]
+                if True not in labels:
+                    raise
+                row = labels.index(True)
+
+    def _do(self, node: Node) -> None:
+        self._done += 1
+        with self._naming_line(node):
+            if self._done > _MOST_STATEMENTS:
+                raise WrongType(f"the program does not end within {_MOST_STATEMENTS} statements")
+            getattr(self, f"_do_{node.data}")(*node.children)
+
+    def _do_data(self, *parts: Node) -> None:
+        for item in parts[3:]:
+            name, datum = self._datum(self._scope, (parts, item))
+            if not self.types.known(datum.kind):
+                raise WrongType(f"the type {parts[2]} is not known")
+            _ = datum.value
+            self._locals[name.lower()] = datum
+
+    def _do_assignment(self, target: Node, expression: Node) -> None:
+        place = self.place(target)
+        place.set(self.types.fitted(place.kind, self.value(expression), place.dimensions))
+
+    def _do_call(self, name: Node, arguments: Node | None) -> None:
+        found, call = self._find(name), self._call_of(name, name, arguments)
+        if isinstance(found, Routine):
+            self._called(found, call)
+        elif name.lower() in self._instructions:
+            self._instructions[name.lower()](call)
+        else:
+            self.remark(name, f"{name} is not known, and left out{self._hint(name, self._instructions)}")
+
+    def _do_late_call(self, name: Node, arguments: Node | None) -> None:
+        routine = self._find(self.typed(name, "string"))
+        if not isinstance(routine, Routine):
+            raise WrongType(f"there is no procedure '{self.typed(name, 'string')}'")
+        self._called(routine, self._call_of(routine.name, name, arguments))
+
+    def _do_return(self, expression: Node | None) -> None:
+        raise _Returned(None if expression is None else self.value(expression))
+
+    def _do_connect(self, target: Node, trap: Node) -> None:
+        self.remark(trap, f"interrupts are not done: TRAP {trap} is left out")
+
+    def _do_label(self, name: Node) -> None:
+        pass
+
+    def _do_if(self, *parts: Node) -> None:
+        for condition, block in zip(parts[:-1:2], parts[1:-1:2], strict=True):
+            if self.typed(condition, "bool"):
+                return self._block(block.children)
+        otherwise = parts[-1]
+        return self._block(otherwise.children) if otherwise is not None else None
+
+    def _do_compact_if(self, condition: Node, statement: Node) -> None:
+        if self.typed(condition, "bool"):
+            self._do(statement)
+
+    def _do_for(self, name: Node, begin: Node, end: Node, step: Node | None, block: Node) -> None:
+        at, last = self.typed(begin, "num"), self.typed(end, "num")
+        by = self.typed(step, "num") if step is not None else (1.0 if at <= last else -1.0)
+        if by == 0:
+            raise WrongType("a STEP of 0, which never ends")
+        hidden = self._locals.get(name.lower())
+        while (last - at) * by >= 0:
+            self._locals[name.lower()] = Datum("num", held=at)
+            self._block(block.children)
+            at += by
+        del self._locals[name.lower()]
+        if hidden:
+            self._locals[name.lower()] = hidden
+
+    def _do_while(self, condition: Node, block: Node) -> None:
+        endless, rounds = condition.data == "name" and condition.children[0].lower() == "true", 0
+        while self.typed(condition, "bool"):
+            if endless and rounds == self._cycles:
+                times = "once" if rounds == 1 else f"{rounds} times"
+                self.remark(condition, f"WHILE TRUE is done {times}, then the program ends: see --cycles", lost=False)
+                raise Ended
+            self._block(block.children)
+            rounds += 1
+            self._done += 1
+            if self._done > _MOST_STATEMENTS:
+                raise WrongType(f"a loop that does not end within {_MOST_STATEMENTS} rounds")
+
+    def _do_test(self, expression: Node, *cases: Node) -> None:
+        value = self.value(expression)
+        for case in cases[:-1]:
+            choices, block = case.children
+            if any(self._applied("=", value, self.value(choice)) for choice in choices.children):
+                return self._block(block.children)
+        otherwise = cases[-1]
+        return self._block(otherwise.children) if otherwise is not None else None
+
+    def _goto(self, call: Call) -> None:
+        raise _Jump(str(call.argument(0).children[0]).lower(), self.where(call.node))
+
+    def _end(self, call: Call) -> None:
+        raise Ended
+
+    def _called(self, routine: Routine, call: Call) -> Any:
+        return self._run(routine, self._bound(routine, call))
+
+    def _bound(self, routine: Routine, call: Call) -> list[_Argument]:
+        """Return the parameters of a routine with what a call gives for them, and where shared ones come from."""
+        needed = [parameter for parameter in routine.parameters if not parameter.optional]
+        if len(needed) != call.count:
+            raise WrongType(f"{routine.name} with {call.count} arguments, of {len(needed)} that it has,")
+        passed = list(zip(needed, call.arguments, strict=True))
+        known = {parameter.name: parameter for parameter in routine.parameters if parameter.optional}
+        for name, node in call.options.items():
+            if name not in known:
+                raise WrongType(f"{routine.name} has no option '{name}'{nearest(name, known)}")
+            passed.append((known[name], node))
+        return [self._argument(parameter, node) for parameter, node in passed]
+
+    def _argument(self, parameter: RoutineParameter, node: Node | None) -> _Argument:
+        if node is None:
+            return parameter, Datum("bool", held=True), None
+        if parameter.kind.startswith("signal"):
+            return parameter, Datum(parameter.kind, held=self.signal(node)), None
+        value = self.types.fitted(parameter.kind, self.value(node), parameter.dimensions)
+        place = self.place(node) if parameter.shared else None
+        return parameter, Datum(parameter.kind, parameter.dimensions, held=value), place
+
+    def _run(self, routine: Routine, bound: list[_Argument]) -> Any:
+        if self._depth == _DEEPEST:
+            raise WrongType(f"{routine.name} is called {_DEEPEST} deep: it calls itself without an end")
+        self._depth += 1
+        value = None
+        with self._in(routine.scope, {parameter.name: datum for parameter, datum, _ in bound}):
+            try:
+                self._block([line for line in routine.body.children if line.data != "handler"])
+            except _Returned as returned:
+                value = returned.args[0]
+            except _Jump as jump:
+                raise RapidError(jump.args[1], f"there is no label '{jump.args[0]}' in {routine.name}") from None
+        self._depth -= 1
+        for _, datum, place in bound:
+            if place is not None:
+                place.set(datum.value)
+        if routine.gives:
+            if value is None:
+                raise WrongType(f"FUNC {routine.name} ends without RETURN")
+            dimensions = 1 if isinstance(value, list) and routine.gives not in self.types.records else 0
+            return self.types.fitted(routine.gives, value, dimensions)
+        return None
 
 
 @dataclass(frozen=True)
@@ -43,18 +253,11 @@ def import_rapid(
     cycles: int = 1,
     check: Check = CHECKED,
 ) -> Imported:
-    """Do a RAPID program's main procedure without a run, and return the moves that it makes.
+    """Do a RAPID program's main procedure without a run, and return the moves that it makes on a station.
 
-    Args:
-        files: of its modules, or a `.pgf`.
-        station: on which it is done.
-        robot: who does it; the only one need not be named.
-        signals: what inputs and outputs mean, or the file of a table.
-        cycles: how often a loop WHILE TRUE is done.
-        check: what is looked at before each move beside its reach.
-
-    Raises:
-        RapidError: what cannot be understood or done; names the file and the line.
+    ``files`` are of its modules, or a `.pgf`; the only robot need not be named; ``signals`` are what inputs and outputs
+    mean, or a table's file; a loop WHILE TRUE is done ``cycles`` times; ``check`` is looked at before each move beside
+    its reach. Raises RapidError: what cannot be understood or done; names the file and the line.
     """
     sources = [files] if isinstance(files, (Path, str)) else files
     modules = [module for file in sources for module in read_modules(as_path(file, "file"))]

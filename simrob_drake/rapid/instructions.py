@@ -1,7 +1,5 @@
 """The instructions and functions of RAPID that a controller does: motion, time, signals, and what has no effect."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Mapping

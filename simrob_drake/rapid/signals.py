@@ -1,7 +1,5 @@
 """The signals of a controller, as a table says what they do and what they are: `--io table.yaml`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -56,12 +54,8 @@ class Signals:
         self._set: dict[str, float] = {}
 
     @classmethod
-    def load(cls, file: Path | str) -> Signals:
-        """Return the signals of a table.
-
-        Raises:
-            InvalidConfig: a file that cannot be read, or a wrong entry; names the key.
-        """
+    def load(cls, file: Path | str) -> "Signals":
+        """Return the signals of a table; raises InvalidConfig: an unreadable file, or a wrong entry with its key."""
         source = as_path(file, "file")
         return cls(validated(SignalTable, read_yaml(source), source))
 

@@ -1,7 +1,5 @@
 """RAPID modules as trees of syntax, by the grammar in `rapid.lark`, and what they declare: types, data, routines."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -53,11 +51,7 @@ class Module:
 
 
 def read_modules(file: Path) -> list[Module]:
-    """Return the modules of a file, or of all files that a `.pgf` lists.
-
-    Raises:
-        RapidError: a file that cannot be read, or is no module.
-    """
+    """Return the modules of a file, or of all that a `.pgf` lists; raises RapidError: unreadable, or no module."""
     if file.suffix.lower() != ".pgf":
         return modules_of(_text(file), file.name)
     listed = re.findall(r"<Module>\s*([^<]+?)\s*</Module>", _text(file))
@@ -67,11 +61,7 @@ def read_modules(file: Path) -> list[Module]:
 
 
 def modules_of(text: str, file: str) -> list[Module]:
-    """Return the modules of a text; statements that are none are left out and named.
-
-    Raises:
-        RapidError: no module, or one of which too much is not understood.
-    """
+    """Return a text's modules, and what is no statement; raises RapidError: none, or too little is understood."""
     with needed("RAPID", "rapid"):
         from lark.exceptions import UnexpectedInput
 
@@ -147,17 +137,13 @@ class Datum:
 
     kind: str
     dimensions: int = 0
-    first: Callable[[], Value] | None = None
-    held: Value | None = None
+    first: "Callable[[], Value] | None" = None
+    held: "Value | None" = None
     constant: bool = False
 
     @property
     def value(self) -> Any:
-        """What it holds.
-
-        Raises:
-            WrongType: its first value depends on itself.
-        """
+        """What it holds; raises WrongType: its first value depends on itself."""
         if self.held is None:
             if self.first is None:
                 raise WrongType("data whose value depends on itself")
@@ -182,7 +168,7 @@ class Routine:
     """A procedure, or a function if it gives something."""
 
     name: str
-    scope: Scope
+    scope: "Scope"
     parameters: tuple[RoutineParameter, ...]
     body: Node
     gives: str = ""

@@ -1,7 +1,5 @@
 """The data of RAPID: numbers, texts, records, arrays; and poses among them as transforms [m] and back [mm]."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +22,7 @@ class RecordValue:
     """A value of a record type, with its components by name in lower case."""
 
     kind: str
-    parts: dict[str, Value]
+    parts: "dict[str, Value]"
 
     def __getitem__(self, path: str) -> Any:
         """Return a component, or one of a component: ``record["trans.x"]``."""
@@ -88,11 +86,7 @@ class Types:
         return SignalName("") if name in _SIGNALS else _SIMPLE[name]
 
     def fitted(self, kind: str, value: Value, dimensions: int = 0) -> Value:
-        """Return a copy of a value as one of a type: aggregates become records and arrays.
-
-        Raises:
-            WrongType: it is none of that type.
-        """
+        """Return a value's copy as one of a type, aggregates as records and arrays; raises WrongType: it is none."""
         name = self.plain(kind)
         if dimensions:
             if not isinstance(value, list):
@@ -149,11 +143,7 @@ def place_of(pos: RecordValue) -> Vector:
 
 
 def rotation_of(orient: RecordValue) -> RotationMatrix:
-    """Return the rotation of an ``orient``.
-
-    Raises:
-        WrongType: its quaternion is all zero.
-    """
+    """Return the rotation of an ``orient``; raises WrongType: its quaternion is all zero."""
     wxyz = np.array(orient.flat(), dtype=float)
     if not np.linalg.norm(wxyz) > 0:
         raise WrongType("an orient of four zeros, which is no rotation,")

@@ -14,10 +14,8 @@ RED = "#b2182b"
 GOOD, BAD = "#0f9d8a", RED
 """What can be done or was proven, and what not."""
 
-PATHS = COLOURS[2], COLOURS[3], COLOURS[6]
-"""The ways of the tools of one robot and the next, in recordings and views."""
-FORCE, SUM_OF_FORCES = COLOURS[1], COLOURS[4]
-"""Contact forces there, and their sum on a body."""
+PATHS = COLOURS[2], COLOURS[3], COLOURS[6]  # the ways of the tools of one robot and the next, in recordings and views
+FORCE, SUM_OF_FORCES = COLOURS[1], COLOURS[4]  # contact forces there, and their sum on a body
 AXES = "#ff0000", "#00ff00", "#0000ff"
 """The world's x, y and z, as Meshcat draws them."""
 
@@ -32,10 +30,7 @@ _LOOKS = tuple(
 
 
 def looks(count: int) -> list[tuple[str, str]]:
-    """Return a colour and a kind of line, matplotlib's "-", "--", "-." or ":", for each curve of a frame.
-
-    Up to 32 curves differ; beyond them the looks come again.
-    """
+    """Return a colour and matplotlib's kind of line for each curve of a frame; 32 of them differ."""
     return list(islice(cycle(_LOOKS), count))
 
 

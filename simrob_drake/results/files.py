@@ -1,7 +1,13 @@
 """Write a result to a folder, all of it or nothing; its references, too, as CSV files that ``station.yaml`` names."""
 
 import csv
+import gc
 import json
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import Literal, TypedDict
@@ -13,7 +19,6 @@ from simrob_drake.blocks.references import Samples, SineReference, hermite_sampl
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.parts.references import TIME_COLUMN, Interpolation, Table, speed_columns
-from simrob_drake.results.background import in_background
 from simrob_drake.results.plots.formats import PlotFormat, plot_format
 from simrob_drake.results.record.events import all_events
 from simrob_drake.results.record.run import RecordedRun
@@ -26,8 +31,7 @@ RUNS = Path("runs")
 SUMMARY = "summary.json"
 START = "start.json"
 EVENTS, PROGRAM, COMMANDS = "events.csv", "program.yaml", "commands.yaml"
-_TRAJECTORY_RATE = 1000.0
-"""Samples a second [Hz] of a Drake trajectory that is not made of smooth cubics."""
+_TRAJECTORY_RATE = 1000.0  # samples a second [Hz] of a Drake trajectory that is not made of smooth cubics
 
 
 class Saved(TypedDict, total=False):
@@ -62,25 +66,11 @@ def save_result(
 
     Of a program that is the station in which it began; ``events.csv`` tells what happened when, and ``program.yaml``,
     where one can say it, does it all again on that station. What somebody commanded meanwhile is in the station, and
-    alone in ``commands.yaml``.
-
-    Args:
-        result: the run.
-        verdict: what became of what was asked of it.
-        folder: where to; it appears at once, when everything is in it.
-        force: replace a result that is there.
-        recording: write ``recording.html`` and ``film_strip.png``.
-        video: write ``video.mp4``; needs the extra ``video``.
-        frames: of the strip, as :func:`film_strip` takes them; seven unless given, and of a program one an event.
-        plots: as ``png``, ``svg`` or ``pdf``.
-
-    Returns:
-        the folder.
-
-    Raises:
-        InvalidParameter: fewer than two frames.
-        OutputError: the folder cannot be written, or exists.
-        UnknownName: plots of another kind.
+    alone in ``commands.yaml``. The folder appears at once, when everything is in it, and is returned; ``force``
+    replaces a result that is there; ``recording`` is ``recording.html`` and ``film_strip.png``, whose frames are as
+    :func:`film_strip` takes them, seven unless given, and of a program one an event; ``video.mp4`` needs the extra
+    ``video``; plots are ``png``, ``svg`` or ``pdf``. Raises InvalidParameter: fewer than two frames; OutputError: the
+    folder cannot be written, or exists; UnknownName: plots of another kind.
     """
     # what draws is loaded where it is needed: most commands do without
     from simrob_drake.results.animation.pictures import check_frames, frame_writer, save_film_strip, save_video
@@ -183,3 +173,44 @@ def _with_reference(config: StationConfig, robot: str, table: Table) -> StationC
         return config.model_copy(update={"reference": table})
     entry = config.robots[robot].model_copy(update={"reference": table})
     return config.model_copy(update={"robots": {**config.robots, robot: entry}})
+
+
+@contextmanager
+def in_background(work: Callable[[], object]) -> Iterator[None]:
+    """Do work in a copy of this process while the body of a ``with`` statement runs; after it, where none can be made.
+
+    Only the files that the work writes remain of it. Work that fails is done again here, where its errors are told; if
+    the body fails, the work is broken off.
+    """
+    if not _can_copy():
+        yield
+        work()
+        return
+    copy = os.fork()
+    if not copy:
+        _work_and_leave(work)
+    try:
+        yield
+        failed = os.waitpid(copy, 0)[1] != 0
+    except BaseException:
+        os.kill(copy, signal.SIGKILL)
+        os.waitpid(copy, 0)
+        raise
+    if failed:
+        work()
+
+
+def _work_and_leave(work: Callable[[], object]) -> None:
+    code = 1
+    try:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the other's business
+        gc.freeze()  # what came with it is no rubbish, nor to be copied by looking at it
+        work()
+        code = 0
+    finally:
+        os._exit(code)  # without what the other has still to write, or to tidy up
+
+
+def _can_copy() -> bool:
+    """Tell whether there is a second core, and no thread that a copy would lack, such as a notebook's."""
+    return sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1 and len(os.listdir("/proc/self/task")) == 1

@@ -29,11 +29,7 @@ class Footage:
     """
 
     def __init__(self, result: RecordedRun, camera: CameraSensor) -> None:
-        """Make ready to render.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
-        """
+        """Make ready to render; raises InvalidModel: a robot that cannot be built."""
         self._result, self._camera = result, camera
         config = result.config.model_copy(update={"contact": None, "sensors": {}})
         self._scene = PosedStation(config, lambda _, station: let_render(station.scene_graph))
@@ -45,7 +41,6 @@ class Footage:
         self._rendered = lru_cache(maxsize=64)(self._render)
 
     def __len__(self) -> int:
-        """Return how many images there are."""
         return len(self.times)
 
     def __getitem__(self, number: int) -> Image:
@@ -53,7 +48,6 @@ class Footage:
         return self._rendered(range(len(self))[number])
 
     def __iter__(self) -> Iterator[Image]:
-        """Yield the images in order."""
         return (self[number] for number in range(len(self)))
 
     @property

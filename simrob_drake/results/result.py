@@ -1,7 +1,5 @@
 """What a simulation returns: a run at a glance, for a shell or a notebook, and the folder it can be saved to."""
 
-from __future__ import annotations
-
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -81,7 +79,7 @@ class SimulationResult(RecordedRun):
         return replace(whole, moves=(*(judge_move(self, move) for move in self.moves), *whole.moves))
 
     @cached_property
-    def images(self) -> dict[str, Footage]:
+    def images(self) -> "dict[str, Footage]":
         """What the cameras of the station saw, by their names; rendered as it is asked for."""
         from simrob_drake.results.footage import footage_of  # which takes its time to load
 

@@ -35,19 +35,12 @@ def joined(
     left: StationConfig | None = None,
     program: str = "",
 ) -> Run:
-    """Return runs that follow each other as one result.
+    """Return runs that follow each other, each begun where the one before ended, as one result.
 
     Its signals are those that all runs have, and ``piece.<piece>`` for each piece that changes hands; where one run
     ends and the next begins stands what the next one says. Its recording shows contact forces if it is a single run.
-
-    Args:
-        runs: of one station, each begun where the one before ended.
-        begun: the station and its state before all that was done; those of the first run unless given.
-        left: the station as the last run left it, with what was attached or let go since.
-        program: the YAML that does it all again.
-
-    Raises:
-        InvalidParameter: no run, or runs of stations with other robots or pieces.
+    ``begun`` are station and state before it all, those of the first run unless given; ``left`` the station as the last
+    one left it. Raises InvalidParameter: no run, or runs of stations with other robots or pieces.
     """
     if not runs:
         raise InvalidParameter("runs", "empty", "some: what was run last")

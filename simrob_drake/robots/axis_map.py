@@ -1,7 +1,5 @@
 """The axes of a robot: their order, names and units, and how values are laid out over them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
@@ -45,7 +43,7 @@ class AxisMap:
     num_velocities: int
 
     @classmethod
-    def of_joints(cls, plant: MultibodyPlant, joints: Sequence[Joint], signs: npt.ArrayLike | None = None) -> AxisMap:
+    def of_joints(cls, plant: MultibodyPlant, joints: Sequence[Joint], signs: npt.ArrayLike | None = None) -> "AxisMap":
         """Return the map of one-axis joints, one an axis, of a finalized plant; signs (n,) are all 1 unless given.
 
         Raises:
@@ -155,20 +153,13 @@ PositiveAxisValues = Annotated[AxisValues, every_axis(lambda value: value > 0, "
 
 @dataclass(frozen=True)
 class AxisUnit:
-    """In what an axis is measured.
+    """In what an axis is measured."""
 
-    Attributes:
-        size: of a user's unit of position in SI.
-        name: of the user's unit, and ``si`` of the one that Drake has.
-        effort: unit of its torque or force.
-        digits: how its positions are written.
-    """
-
-    size: float
-    name: str
+    size: float  # of a user's unit of position in SI
+    name: str  # of the user's unit, and ``si`` of the one that Drake has
     si: str
-    effort: str
-    digits: str
+    effort: str  # unit of its torque or force
+    digits: str  # how its positions are written
 
     def shown(self, position: float) -> str:
         """Return a position [rad or m] in the user's unit: "110.0 deg"."""

@@ -9,8 +9,6 @@ Fingers are joints that follow one other (``mimic``), or at least two that slide
 at that end of their way at which their links' centres of mass are nearer to each other.
 """
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
@@ -44,8 +42,7 @@ from simrob_drake.sections import Number, Positive, Strict
 
 _USUAL = re.compile(r"tool|tcp|flange|attachment|end_?effector|(^|_)ee(_|f?$)|tip|grasp", re.IGNORECASE)
 """Names that published robots give to the place of the tool."""
-_GRASPS = re.compile(r"tcp|tip|grasp", re.IGNORECASE)
-"""Those of them that say where fingers grasp."""
+_GRASPS = re.compile(r"tcp|tip|grasp", re.IGNORECASE)  # those of them that say where fingers grasp
 _SHAPES = ("visual", "collision")
 
 
@@ -86,12 +83,12 @@ class _Inertia:
     com: Vector
     moments: Vector
 
-    def seen_from(self, parent: RigidTransform) -> _Inertia:
+    def seen_from(self, parent: RigidTransform) -> "_Inertia":
         """Return the same inertia in the parent's frame, in which the link has the pose ``parent``."""
         turn = parent.rotation().matrix()
         return _Inertia(self.mass, parent @ self.com, turn @ self.moments @ turn.T)
 
-    def __add__(self, other: _Inertia) -> _Inertia:
+    def __add__(self, other: "_Inertia") -> "_Inertia":
         mass = self.mass + other.mass
         com = (self.mass * self.com + other.mass * other.com) / mass
         return _Inertia(mass, com, self._about(com) + other._about(com))
@@ -170,8 +167,7 @@ def tool_links(root: ET.Element, palm: str = "") -> list[str]:
 
 
 _MOST = 5  # fingers of a hand
-FOLLOWS = "follows"
-"""What an import calls a ``mimic``, which no solver of ours does: the joint has a motor of its own."""
+FOLLOWS = "follows"  # what an import calls a ``mimic``, which no solver of ours does: the joint has a motor of its own
 
 
 class Gripper(Strict):
@@ -183,7 +179,7 @@ class Gripper(Strict):
     """Largest force of each finger [N, or N·m of one that turns]; what its motor has unless given."""
 
     @model_validator(mode="after")
-    def _opens(self) -> Gripper:
+    def _opens(self) -> "Gripper":
         if still := [axis for axis, (closed, opened) in self.axes.items() if closed == opened]:
             raise ValueError(f"{', '.join(still)} must be open elsewhere than closed")
         return self
@@ -197,10 +193,7 @@ class _Fingers(NamedTuple):
 
 
 def fingers_of(root: ET.Element) -> tuple[dict[str, tuple[float, float]], str] | None:
-    """Return the joints of the fingers of a URDF, each closed and open [rad or m], and the link that holds them.
-
-    None where there are none, or where no end of their way is the closed one.
-    """
+    """Return a URDF's finger joints, closed and open [rad or m], and the link that holds them; None if undecided."""
     joints = {name_of(joint): joint for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS}
     found = _following(joints) or _sliding(root, joints)
     if found is None or not _is_hand(root, joints, found):

@@ -1,7 +1,5 @@
 """The robots that a station can name: folders of ``models/`` with a ``robot.yaml``, such a file, or any clean URDF."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cached_property
 from os.path import isfile
@@ -124,7 +122,7 @@ class RobotModel(Strict):
         )
 
     @model_validator(mode="after")
-    def _one_origin(self) -> RobotModel:
+    def _one_origin(self) -> "RobotModel":
         if (self.urdf is None) == (self.dh is None):
             raise ValueError("a robot has either a urdf or a dh table")
         if self.urdf is not None and not self.urdf_path.resolve().is_relative_to(self.folder.resolve()):
@@ -132,7 +130,6 @@ class RobotModel(Strict):
         return self
 
     def __repr__(self) -> str:
-        """Say in one line which robot it is."""
         return f"<RobotModel {self.name}: {len(self.axes)} axes, {self.base} base; {self.description}>"
 
     __str__ = __repr__
@@ -144,12 +141,7 @@ class RobotModel(Strict):
 
     @cached_property
     def element(self) -> Element:
-        """The checked ``robot`` element of the URDF, or of the table.
-
-        Raises:
-            InvalidModel: the file cannot be read or has a defect.
-            InvalidParameter: its root is another link.
-        """
+        """The checked ``robot`` element; raises InvalidModel: a damaged file; InvalidParameter: another root."""
         if self.dh is None:
             root = checked_urdf(self.urdf_path)
         else:
@@ -167,7 +159,7 @@ class RobotModel(Strict):
         vector = self.axis_vector(values, key, np.nan)
         return {joint: value for joint, value in zip(joints, vector.tolist(), strict=True) if np.isfinite(value)}
 
-    def with_drives(self, drives: Drives) -> RobotModel:
+    def with_drives(self, drives: Drives) -> "RobotModel":
         """Return the robot with other figures of its drives, as far as they are given."""
         changes = drives.model_dump(exclude_unset=True)
         for key, values in changes.items():
@@ -192,11 +184,7 @@ class RobotModel(Strict):
 
     @cached_property
     def joints(self) -> list[Element]:
-        """The ``joint`` elements of the axes, in order.
-
-        Raises:
-            UnknownName: an axis names a joint that the URDF does not have.
-        """
+        """The ``joint`` elements of the axes, in order; raises UnknownName: an axis without a joint in the URDF."""
         known = {name_of(joint): joint for joint in self.element.iterfind("joint")}
         unknown = next((axis.joint for axis in self.axes.values() if axis.joint not in known), None)
         if unknown is not None:
@@ -265,11 +253,7 @@ class RobotModel(Strict):
 
     @cached_property
     def fingers(self) -> dict[int, tuple[float, float]]:
-        """The places of the axes of its gripper, each with where it is closed and where open [rad or m]; often none.
-
-        Raises:
-            UnknownName: the gripper names no axis of it.
-        """
+        """Places of its fingers' axes, each with closed and open [rad or m]; raises UnknownName: a name of no axis."""
         axes = {} if self.gripper is None else self.gripper.axes
         places = {self.axis_index(axis, "gripper.axes"): ends for axis, ends in axes.items()}
         return {
@@ -294,11 +278,8 @@ class RobotModel(Strict):
     def axis_vector(self, values: AxisValues, name: str, default: float | Vector = 0.0) -> Vector:
         """Spread a number, a list or a mapping, written under the key ``name``, over the axes: shape (n,), in order.
 
-        ``default`` is the value, or the values, of axes that a mapping leaves out.
-
-        Raises:
-            InvalidParameter: a list of the wrong length.
-            UnknownName: a mapping with a key that is no axis.
+        ``default`` is the value, or the values, of axes that a mapping leaves out. Raises InvalidParameter: a list of
+        the wrong length; UnknownName: a mapping with a key that is no axis.
         """
         count = len(self.axes)
         if isinstance(values, Mapping):
@@ -336,11 +317,7 @@ def load_robot(name: str) -> RobotModel:
 
 
 def load_robot_file(file: Path | str) -> RobotModel:
-    """Return the robot that a ``robot.yaml`` describes; it is called as the file, or as its folder if that says more.
-
-    Raises:
-        InvalidConfig: the file cannot be read or has a wrong entry.
-    """
+    """Return the robot of a ``robot.yaml``, named as that or its folder; raises InvalidConfig: a wrong entry."""
     file = as_path(file, "file").resolve()
     name = file.parent.name if file.name == ROBOT_FILE and file.parent.name else file.stem
     return validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
@@ -350,10 +327,7 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
     """Return the robot of any clean URDF: with the ``robot.yaml`` beside it if that names this file, else its joints.
 
     Where nothing is told of its home, joints that cannot be at zero are in the middle of their range there, and fingers
-    are open.
-
-    Raises:
-        InvalidModel: the file cannot be read or has a defect.
+    are open. Raises InvalidModel: the file cannot be read or has a defect.
     """
     path = as_path(path, "path")
     described = described_robot(path)

@@ -3,8 +3,6 @@
 It looks like an arm: a drum at each joint, tubes between them, a foot and a flange.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -63,7 +61,7 @@ class DhRow(Strict):
     """About the centre of mass [kg m²]; that of the generated shape, with the link's mass, unless given."""
 
     @model_validator(mode="after")
-    def _fitting(self) -> DhRow:
+    def _fitting(self) -> "DhRow":
         revolute = self.type == "revolute"
         own, other = ("limit_deg", "limit") if revolute else ("limit", "limit_deg")
         spared = "velocity" if revolute else "velocity_deg"
@@ -217,10 +215,7 @@ def _add_motion(joint: ET.Element, row: DhRow) -> None:
 
 
 def link_shapes(table: DhTable) -> list[list[LinkShape]]:
-    """Return the shapes of all links, that of the base first.
-
-    A tube goes from each link's joint along z and then straight to the next joint, or to the tool.
-    """
+    """Return the shapes of all links, the base first: tubes along z, then straight to the next joint or the tool."""
     origins, radii = table.origins(), _radii(table)
     links = []
     for number, (end, radius) in enumerate(zip(origins, radii, strict=True)):

@@ -4,8 +4,6 @@ Spheres are contact proxies: point contact pushes once for each pair of shapes, 
 A box is one shape, and lies flat in hydroelastic contact alone.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -47,7 +45,7 @@ class FootContact(Strict):
     """Static and dynamic coefficient; those of the contacts in the Simulink library."""
 
     @model_validator(mode="after")
-    def _one_kind(self) -> FootContact:
+    def _one_kind(self) -> "FootContact":
         if bool(self.points) == bool(self.boxes):
             raise ValueError("feet are either spheres about points, or boxes")
         return self
@@ -66,10 +64,7 @@ class FootContact(Strict):
         return np.asarray(sole.centre + corners * np.array(sole.size) / 2)
 
     def lowest_points(self, link: str, poses: Vector) -> Vector:
-        """Return the lowest point of each sphere of a foot, or its sole's lower corners, in the world, (m, k, 3) [m].
-
-        The poses are those of its link, shape (m, 4, 4).
-        """
+        """Return the lowest points of a foot's spheres or sole in the world (m, k, 3) [m], its link at (m, 4, 4)."""
         under = self.radius if link in self.points else 0.0
         own = np.array(self.points[link]) if link in self.points else self.support_points(link)
         points = poses[:, np.newaxis, :3, 3] + own @ poses[:, :3, :3].transpose(0, 2, 1)
@@ -85,17 +80,13 @@ class Feet(Strict):
     """The kinds by name."""
 
     @model_validator(mode="after")
-    def _default_is_one(self) -> Feet:
+    def _default_is_one(self) -> "Feet":
         if self.default not in self.contacts:
             raise ValueError(f"default '{self.default}' is none of {', '.join(self.contacts)}")
         return self
 
     def kind(self, name: str | None) -> FootContact:
-        """Return a kind of feet by its name, or the default one.
-
-        Raises:
-            UnknownName: there is no such kind.
-        """
+        """Return a kind of feet by its name, or the default one; raises UnknownName: there is no such kind."""
         return self.contacts[self.default if name is None else one_of("kind of feet", name, self.contacts)]
 
 

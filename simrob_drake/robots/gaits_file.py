@@ -26,17 +26,11 @@ class _Head(BaseModel):
 
 @dataclass(frozen=True)
 class GaitsFile:
-    """A robot's gaits as their file has them; each section is checked by those who know it.
+    """A robot's gaits as their file has them; each section is checked by those who know it."""
 
-    Attributes:
-        file: where they stand.
-        facing_deg: where the robot looks while its root is not turned, counterclockwise from the world's x [deg].
-        content: all of the file.
-    """
-
-    file: Path
-    facing_deg: float
-    content: Mapping[str, Any]
+    file: Path  # where they stand
+    facing_deg: float  # where the robot looks while its root is not turned, counterclockwise from the world's x [deg]
+    content: Mapping[str, Any]  # all of the file
 
     @property
     def sections(self) -> list[str]:
@@ -50,15 +44,10 @@ class GaitsFile:
 
 
 def gaits_file(robot: str | RobotModel) -> GaitsFile:
-    """Return the gaits of a robot, which stand beside its ``robot.yaml``.
+    """Return the gaits beside the ``robot.yaml`` of a robot of the package by name, or of any other's model.
 
-    Args:
-        robot: a robot of the package by its name, or any other's model.
-
-    Raises:
-        UnknownName: no such robot; proposes the nearest.
-        InvalidParameter: a robot without gaits.
-        InvalidConfig: a file that cannot be read.
+    Raises UnknownName: no such robot, proposes the nearest; InvalidParameter: one without gaits; InvalidConfig: a file
+    that cannot be read.
     """
     name = one_of("robot", robot, robot_names()) if isinstance(robot, str) else robot.name
     folder = models_root() / robot if isinstance(robot, str) else robot.folder

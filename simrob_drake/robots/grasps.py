@@ -5,8 +5,6 @@ tell how far their faces are apart, over a grid across it; they meet where they 
 than wide the outermost square counts.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import Joint, RigidBody
@@ -17,8 +15,7 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.outlines import shape_outline
 from simrob_drake.robots.parse import lone_robot
 
-GRASP = "grasp"
-"""The frame in which fingers grasp: z points out of the hand, and the fingers close along y."""
+GRASP = "grasp"  # the frame in which fingers grasp: z points out of the hand, and the fingers close along y
 
 _LINES = 80  # along each side of the grid
 _HALVINGS = 12  # of the way, to find where fingers meet
@@ -47,10 +44,7 @@ class _Tip:
         self.planes = [ConvexHull(points).equations for points in shapes]
 
     def spans(self, pose: RigidTransform, points: Vector, way: Vector) -> tuple[Vector, Vector]:
-        """Return where lines from points (k, 3) along a unit vector enter the tip at a pose, and where they leave it.
-
-        Shape (k,) each [m]; inf and -inf of those that miss it.
-        """
+        """Return where lines from (k, 3) along a unit vector enter and leave the tip, (k,) [m]; inf, -inf if never."""
         inside = pose.inverse()
         points, way = (inside @ points.T).T, inside.rotation() @ way
         first, last = np.full(len(points), np.inf), np.full(len(points), -np.inf)

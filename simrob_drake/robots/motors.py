@@ -14,8 +14,6 @@ the current :math:`I_s` at the stall on the voltage U, that leaves the no-load s
 :math:`\tau_s / (1 + R I_s / U)`.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -32,8 +30,7 @@ from simrob_drake.robots.urdf import DRAKE, add_joint, child_of, copied, name_of
 from simrob_drake.sections import NotNegative, Number, Positive, Strict, validated
 from simrob_drake.yaml_files import read_yaml
 
-MOTORS_FILE = "motors.yaml"
-"""The motors that have names, in the folder of models."""
+MOTORS_FILE = "motors.yaml"  # the motors that have names, in the folder of models
 OF_URDF, NO_MOTOR = "urdf", "none"
 """A motor with the URDF's effort as stall torque and its velocity as no-load speed; and a servo without a motor."""
 
@@ -90,7 +87,7 @@ class Motor(Strict):
         return share * left * self.stall_torque, share * self.no_load_speed
 
     @property
-    def at_output(self) -> Motor:
+    def at_output(self) -> "Motor":
         """The same motor, its torques behind its gear."""
         torques = {key: getattr(self, key) for key in ("stall_torque", "peak_torque", "rated_torque")}
         own = {key: self.gear_efficiency * value for key, value in torques.items() if value is not None}
@@ -139,8 +136,7 @@ def rated_torques(motors: Iterable[Motor | None]) -> Vector:
     return np.array([np.inf if motor is None else motor.rated_torque or np.inf for motor in motors])
 
 
-PLAY = "_play"
-"""How the joints end, after the names of their motors' sides, between which links are free."""
+PLAY = "_play"  # how the joints end, after the names of their motors' sides, between which links are free
 _GEAR_MASS, _GEAR_INERTIA = 1e-3, 1e-7  # kg, kg m²: cenic takes no body without any
 
 _Figure = Annotated[AxisValues, every_axis(lambda value: 0 <= value <= 1e9, "it is not negative, and at most 1e9")]

@@ -60,9 +60,7 @@ def held_robot(model: RobotModel, element: ET.Element | None = None) -> tuple[Mu
     """Return a plant of a robot alone, and its root, which stands at the world's origin.
 
     It has no shapes, so no mesh is looked for. ``element`` is its URDF with what it carries; its own unless given.
-
-    Raises:
-        InvalidModel: a URDF that Drake cannot read.
+    Raises InvalidModel: a URDF that Drake cannot read.
     """
     plant = MultibodyPlant(0.0)
     plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -STANDARD_GRAVITY]))
@@ -76,20 +74,14 @@ def held_robot(model: RobotModel, element: ET.Element | None = None) -> tuple[Mu
 
 @dataclass(frozen=True)
 class LoneRobot:
-    """A robot's finalized plant, in a diagram that is still open.
+    """A robot's finalized plant, in a diagram that is still open."""
 
-    Attributes:
-        builder: owns plant and scene graph; keep it as long as them.
-        joints: of the axes, in order.
-        axes: where they stand in the plant, and their senses.
-    """
-
-    builder: DiagramBuilder
+    builder: DiagramBuilder  # owns plant and scene graph; keep it as long as them
     plant: MultibodyPlant
     scene_graph: SceneGraph
     instance: ModelInstanceIndex
-    joints: list[Joint]
-    axes: AxisMap
+    joints: list[Joint]  # of the axes, in order
+    axes: AxisMap  # where they stand in the plant, and their senses
 
     def origins(self) -> Vector:
         """Return where the links are at the default posture, shape (m, 3) [m]."""
@@ -104,11 +96,7 @@ class LoneRobot:
 
 
 def lone_robot(robot: RobotModel, *, floating: bool = False, collision: bool = True) -> LoneRobot:
-    """Build a robot alone, at its home posture by default; its root is fixed to the world's origin unless ``floating``.
-
-    Raises:
-        InvalidModel: Drake cannot build it.
-    """
+    """Build a robot alone, at home by default, held unless ``floating``; raises InvalidModel: Drake cannot build it."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
     element = with_absolute_meshes(robot.element, robot.folder)

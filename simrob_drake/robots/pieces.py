@@ -1,7 +1,5 @@
 """Work objects, tools and loads: rigid bodies with mass, named frames, colour and shapes, perhaps filled evenly."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -46,32 +44,23 @@ from simrob_drake.sections import (
 )
 from simrob_drake.yaml_files import read_yaml
 
-_NOTHING = 1e-12
-"""Products of inertia smaller than this part of the largest moment are rounding."""
+_NOTHING = 1e-12  # products of inertia smaller than this part of the largest moment are rounding
 
 
 @dataclass(frozen=True)
 class SolidInertia:
-    """What follows from a body's form alone.
+    """What follows from a body's form alone."""
 
-    Attributes:
-        volume: [m³], positive.
-        centre: of mass, shape (3,) [m].
-        moments: about the centre, for a density of 1 kg/m³: Ixx Iyy Izz Ixy Ixz Iyz, shape (6,) [m⁵].
-    """
-
-    volume: float
-    centre: Vector
-    moments: Vector
+    volume: float  # [m³], positive
+    centre: Vector  # of mass, shape (3,) [m]
+    moments: Vector  # about the centre, for a density of 1 kg/m³: Ixx Iyy Izz Ixy Ixz Iyz, shape (6,) [m⁵]
 
 
 def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
     """Return the figures of bodies, at least one, as one; where two overlap, both count.
 
-    Every mesh must enclose a volume if ``closed``; if not, one that doesn't counts as its convex hull.
-
-    Raises:
-        InvalidModel: a mesh that Drake cannot read, or that must enclose a volume and doesn't.
+    Every mesh must enclose a volume if ``closed``; if not, one that doesn't counts as its convex hull. Raises
+    InvalidModel: a mesh that Drake cannot read, or that must enclose a volume and doesn't.
     """
     own = [
         _mesh_inertia(solid.shape, solid.scale, closed, solid.shape.stat().st_mtime_ns)
@@ -127,8 +116,7 @@ def _sorted_rows(
     return rows[np.lexsort(rows.T)]
 
 
-TCP = "tcp"
-"""The frame that every piece has."""
+TCP = "tcp"  # the frame that every piece has
 
 _MOST_FRAMES = 1000  # of one series
 
@@ -169,7 +157,7 @@ class PieceShape(Strict):
         return Solid(pose, mesh_file(str(self.mesh), folder), self.scale)
 
     @model_validator(mode="after")
-    def _exactly_one(self) -> PieceShape:
+    def _exactly_one(self) -> "PieceShape":
         if sum(kind is not None for kind in (self.box, self.cylinder, self.sphere, self.mesh)) != 1:
             raise ValueError("a shape has exactly one of box, cylinder, sphere and mesh")
         return self
@@ -222,7 +210,7 @@ class PieceModel(Strict):
     """What it is made of: what is seen of it, and what touches others."""
 
     @model_validator(mode="after")
-    def _consistent(self) -> PieceModel:
+    def _consistent(self) -> "PieceModel":
         if self.density is not None and "mass" in self.model_fields_set:
             raise ValueError("a piece has either a mass or a density")
         series = [entry.series for entry in self.frames.values() if isinstance(entry, FrameSeries)]
@@ -258,32 +246,12 @@ def piece_names() -> list[str]:
 
 
 def piece_file(name: str) -> Path:
-    """Return the file of a piece of the package.
-
-    Raises:
-        UnknownName: no such piece.
-    """
+    """Return the file of a piece of the package; raises UnknownName: no such piece."""
     return models_root() / "pieces" / one_of("piece", name, piece_names()) / PIECE_FILE
 
 
-def load_piece(name: str) -> PieceModel:
-    """Return a piece of the package by its name, with all its figures.
-
-    Raises:
-        UnknownName: no such piece.
-        InvalidConfig: its file has a wrong entry.
-        InvalidModel: as for :func:`weighed`.
-    """
-    return weighed(described_piece(piece_file(name)))
-
-
 def described_piece(file: Path) -> PieceModel:
-    """Return a piece as its file describes it; what follows from its shapes is not filled in.
-
-    Raises:
-        InvalidConfig: the file has a wrong entry.
-        InvalidModel: a mesh is missing, outside the folder, or in a format that Drake does not read.
-    """
+    """Return a piece as described, no figures computed; raises InvalidConfig: a wrong entry; InvalidModel: its mesh."""
     changed = file.stat().st_mtime_ns if isfile(file) else 0
     return _described(file.resolve(), changed)
 
@@ -292,10 +260,7 @@ def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> P
     """Return a described piece with figures replaced, and all of them filled in.
 
     A mass replaces a density, and a density the mass; with it go a centre of mass and an inertia that are not changed.
-
-    Raises:
-        InvalidConfig: a figure that cannot be; the message names ``where``.
-        InvalidModel: as for :func:`weighed`.
+    Raises InvalidConfig: a figure that cannot be; the message names ``where``; InvalidModel: as for :func:`weighed`.
     """
     replaced = {*changes, *(("mass", "com", "inertia") if "density" in changes else ())}
     replaced |= {"density"} if "mass" in changes else set()
@@ -306,10 +271,8 @@ def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> P
 def weighed(piece: PieceModel) -> PieceModel:
     """Return a piece with mass, centre of mass and inertia filled in from its shapes, where they follow from them.
 
-    They do with a density, and with a mass but no inertia. Shapes are solid, and where two overlap both count.
-
-    Raises:
-        InvalidModel: a mesh cannot be read; with a density, a mesh does not enclose a volume, or there are no shapes.
+    They do with a density, and with a mass but no inertia. Shapes are solid, and where two overlap both count. Raises
+    InvalidModel: a mesh cannot be read; with a density, a mesh does not enclose a volume, or there are no shapes.
     """
     stated, shapes = piece.model_fields_set, piece.shapes
     if piece.density is None and ("inertia" in stated or piece.mass == 0 or not shapes):
@@ -352,8 +315,7 @@ def _series_poses(series: FrameSeries, name: str) -> tuple[tuple[str, Pose], ...
     return tuple(found)
 
 
-FRICTION = {"mu_static": 1.0, "mu_dynamic": 0.9}
-"""Of all pieces and floors: the contacts of the Simulink library."""
+FRICTION = {"mu_static": 1.0, "mu_dynamic": 0.9}  # of all pieces and floors: the contacts of the Simulink library
 
 
 def add_piece(robot: ET.Element, *, name: str, piece: PieceModel, parent: str, pose: RigidTransform) -> None:

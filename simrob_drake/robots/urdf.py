@@ -164,15 +164,12 @@ def impossible(moments: Vector) -> str:
     return f"no body has the principal moments {listed} kg m²: none is negative, none exceeds the others' sum"
 
 
-LARGEST_URDF = 10_000_000
-"""Of a description [bytes]: published ones stay far below, for meshes are files of their own."""
-MOST_TAGS = 300_000
-"""Of a description: a robot of a thousand links has some forty thousand."""
+LARGEST_URDF = 10_000_000  # of a description [bytes]: published ones stay far below, for meshes are files of their own
+MOST_TAGS = 300_000  # of a description: a robot of a thousand links has some forty thousand
 MOVABLE_JOINTS = ("revolute", "continuous", "prismatic")
 LIMITED_JOINTS = ("revolute", "prismatic")
 _STRONG, _LIGHT = 500.0, 5.0  # N·m that a link below so many kg does not have
-DRAKE = "{http://drake.mit.edu}"
-"""What stands before the names of Drake's own elements, such as acceleration limits."""
+DRAKE = "{http://drake.mit.edu}"  # what stands before the names of Drake's own elements, such as acceleration limits
 
 ET.register_namespace("drake", DRAKE.strip("{}"))
 MESH_FORMATS = (".obj", ".gltf", ".vtk")
@@ -180,11 +177,7 @@ _OUTERMOST = re.compile(r"\A\ufeff?(?>\s+|<!--.*?-->|<\?.*?\?>)*+<robot\b", re.D
 
 
 def read_urdf(path: Path) -> ET.Element:
-    """Return the ``robot`` element of a URDF file.
-
-    Raises:
-        InvalidModel: the file is missing, not readable, a xacro, not XML, declares entities, or holds no robot.
-    """
+    """Return a URDF's ``robot`` element; raises InvalidModel: unreadable, a xacro, no XML, entities, or no robot."""
     try:
         text = text_of(path, LARGEST_URDF)
     except NotRead as problem:
@@ -281,11 +274,7 @@ def with_absolute_meshes(root: ET.Element, folder: Path) -> ET.Element:
 
 
 def scale_masses(robot: ET.Element, factors: Mapping[str, float]) -> None:
-    """Make links of a robot, by name, so many times as heavy, and their moments of inertia as many times as large.
-
-    Raises:
-        UnknownName: no such link.
-    """
+    """Make links, by name, so many times as heavy, moments of inertia as well; raises UnknownName: no such link."""
     links = {name_of(link): link for link in robot.iterfind("link")}
     for name, factor in factors.items():
         link = links[one_of("link (under mass_factors)", name, links)]
@@ -303,8 +292,7 @@ def drop_collision(robot: ET.Element) -> None:
 def mesh_file(uri: str, folder: Path) -> Path:
     """Return the file of a mesh that is named relative to a folder; robots that ship may share theirs.
 
-    Raises:
-        InvalidModel: it is missing, outside the folder, or in a format that Drake does not read.
+    Raises InvalidModel: it is missing, outside the folder, or in a format that Drake does not read.
     """
     try:
         path = (folder / uri.removeprefix("file://")).resolve()

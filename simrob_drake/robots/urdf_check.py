@@ -44,21 +44,18 @@ SHAPE_SIZES = {
 }
 """The shapes but for meshes, and how many numbers each of their sizes is."""
 
-MOST_LINKS = 3000
-"""Of a robot: Drake keeps a dozen dense matrices of its joints, 1.2 GB with 3000 of them."""
+MOST_LINKS = 3000  # of a robot: Drake keeps a dozen dense matrices of its joints, 1.2 GB with 3000 of them
 
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _WORLD = "world"  # Drake's own link
 
-Refuse = Callable[[str, str], InvalidModel]
-"""Makes the error for an element and what is wrong with it."""
+Refuse = Callable[[str, str], InvalidModel]  # makes the error for an element and what is wrong with it
 
 
 def checked_urdf(path: Path) -> ET.Element:
     """Return the ``robot`` element of a URDF file, as :func:`~simrob_drake.robots.urdf.read_urdf`, without a defect.
 
-    Raises:
-        InvalidModel: the file cannot be read or has a defect; names the element and what would be right.
+    Raises InvalidModel: the file cannot be read or has a defect; names the element and what would be right.
     """
     state = path.stat() if isfile(path) else None
     changed = state and (state.st_dev, state.st_ino, state.st_mtime_ns, state.st_size)
@@ -77,11 +74,7 @@ def _checked(path: Path, changed: object) -> ET.Element:
 
 
 def check_urdf(root: ET.Element, path: Path) -> None:
-    """Check all that Drake would refuse with an assertion or accept in silence.
-
-    Raises:
-        InvalidModel: names the file, the element and what would be right.
-    """
+    """Check all that Drake asserts or accepts in silence; raises InvalidModel: file, element, what would be right."""
     refuse = partial(InvalidModel, path)
     check_size(root, refuse)
     for element in (*root.iterfind("link"), *root.iterfind("joint"), *root.iterfind("material")):
@@ -100,11 +93,7 @@ def check_urdf(root: ET.Element, path: Path) -> None:
 
 
 def check_size(root: ET.Element, refuse: Refuse) -> None:
-    """Check that a robot is none that Drake has no memory for.
-
-    Raises:
-        InvalidModel: it has too many links.
-    """
+    """Check that a robot is none that Drake has no memory for; raises InvalidModel: it has too many links."""
     count = len(root.findall("link"))
     if count > MOST_LINKS:
         raise refuse("", f"has {count} links; at most {MOST_LINKS} are taken, for memory grows with their square")
@@ -152,11 +141,7 @@ def _check_tree(root: ET.Element, refuse: Refuse) -> None:
 
 
 def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
-    """Return the parent of each link that has one.
-
-    Raises:
-        InvalidModel: a joint from a link to itself, a link with two parents, a loop.
-    """
+    """Return each link's parent; raises InvalidModel: a joint to itself, a link with two parents, a loop."""
     holders: dict[str, ET.Element] = {}
     for joint in root.iterfind("joint"):
         child = link_of(joint, "child")

@@ -21,11 +21,7 @@ ReferencesLike: TypeAlias = ReferenceLike | Mapping[str, ReferenceLike] | None
 
 
 def with_duration(config: StationConfig, duration: Any) -> StationConfig:
-    """Return a configuration with a duration [s], its own if that is None.
-
-    Raises:
-        InvalidParameter: no positive time, or so long that a run would have too many samples or steps.
-    """
+    """Return a configuration with a duration [s], its own if None; raises InvalidParameter: none, or too long."""
     if duration is None:
         return config
     longer = config.model_copy(update={"duration": seconds(duration)})
@@ -34,11 +30,7 @@ def with_duration(config: StationConfig, duration: Any) -> StationConfig:
 
 
 def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> StationConfig:
-    """Return a configuration with other pushes, by name: sections of ``forces``, or mappings of their keys.
-
-    Raises:
-        InvalidParameter: a push that cannot be.
-    """
+    """Return a configuration with other ``forces``, sections or keys, by name; raises InvalidParameter: none such."""
     if pushes is None:
         return config
     instance(pushes, "pushes", Mapping, "a mapping of names to pushes")
@@ -54,12 +46,7 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
 
 
 def by_robot(config: StationConfig, reference: Any) -> dict[str, Reference | Samples]:
-    """Return references by robot, arrays split into times and positions.
-
-    Raises:
-        InvalidParameter: one for all where there are several robots, or something that is no reference.
-        UnknownName: no such robot.
-    """
+    """Return references by robot, arrays as times and positions; raises InvalidParameter or UnknownName: for nobody."""
     if reference is None:
         return {}
     if not isinstance(reference, Mapping):

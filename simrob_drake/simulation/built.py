@@ -1,7 +1,5 @@
 """The diagrams of a station: built when they are needed, and used again for other references and pushes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from math import degrees
@@ -44,13 +42,9 @@ class StationDiagrams:
         *,
         watched: bool = False,
     ) -> None:
-        """Prepare the diagrams; they are built when they are needed.
+        """Prepare diagrams of a station, its references and the user's blocks by name, built when needed.
 
-        Args:
-            station: resolved.
-            references: what each robot is asked.
-            blocks: the station's controllers and other blocks of the user's own, by name.
-            watched: step the one with everything, since somebody looks at it meanwhile.
+        With ``watched`` the one with everything is stepped, since somebody looks at it meanwhile.
         """
         self._station, self._blocks, self._watched = station, blocks, watched
         self._driven = driven_inputs(blocks)
@@ -141,11 +135,7 @@ class ByHand:
     """Hands over what walks are asked for, after each accepted step; their next sample obeys."""
 
     def __init__(self, config: StationConfig, hands: Hands | None) -> None:
-        """Prepare.
-
-        Raises:
-            InvalidParameter: something else than functions by name, or a name of something that is no walk.
-        """
+        """Prepare; raises InvalidParameter: something else than functions by name, or a name that is no walk's."""
         self._hands = {} if hands is None else instance(hands, "commands", Mapping, "a mapping by controller")
         self._rows: dict[str, list[Commanded]] = {}
         walks = [name for name, section in config.controllers.items() if section.kind == "walk"]
@@ -155,11 +145,7 @@ class ByHand:
                 raise InvalidParameter(f"commands: {name}", ask, "a function of the time")
 
     def look(self, diagram: Diagram, context: Context) -> None:
-        """Ask, and tell the walks; of the moment at which a run begins nobody is asked.
-
-        Raises:
-            InvalidParameter: an answer that is no command.
-        """
+        """Ask and tell the walks, but not at the first moment; raises InvalidParameter: an answer is no command."""
         time = context.get_time()
         for name, ask in self._hands.items():
             if not time or (command := ask(time)) is None:
@@ -181,7 +167,7 @@ class ByHand:
         return tuple(self._rows)
 
 
-def _row(name: str, time: float, command: Sequence[float]) -> Commanded:
+def _row(name: str, time: float, command: Sequence[float]) -> "Commanded":
     from simrob_drake.walking.commands import Commanded  # loaded where a walk is commanded: most stations have none
 
     values = numbers(command)

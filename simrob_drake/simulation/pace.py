@@ -1,7 +1,5 @@
 """How a run gets on: whether its solver creeps, or hardly gets on, with what holds it up; shorter steps in flight."""
 
-from __future__ import annotations
-
 import warnings
 import weakref
 from collections import Counter, deque
@@ -31,17 +29,14 @@ from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
 from simrob_drake.stations.steps import DISCRETE, apply_solver, bound_steps, controlled_by, stiffest
 
 _TRIAL = 0.3  # s of a clock, each
-_GAIN = 3.0
-"""So many times as far a trial without a suspect must get in its time: then that is to blame."""
+_GAIN = 3.0  # so many times as far a trial without a suspect must get in its time: then that is to blame
 _MOST = 4  # pairs that are tried without, one by one
-_SHORT = 0.1
-"""Part of ``max_step`` below which steps are short; longer ones are dear."""
+_SHORT = 0.1  # part of ``max_step`` below which steps are short; longer ones are dear
 _LOOKS = 3  # at what a step costs
 _HALF = 0.5  # of what a step costs: then a part is to blame
 _LONGEST = 1e3  # s of simulated time
 
-Pair = frozenset[str]
-"""The names of two bodies."""
+Pair = frozenset[str]  # the names of two bodies
 
 
 @dataclass(frozen=True)
@@ -50,22 +45,14 @@ class Slow:
 
     Its state is stepped for a moment without a suspect. Trials have contexts of their own and leave the run as it is.
     Blocks of the user's own may remember more than Drake knows of, so that a run with such is only looked at.
-
-    Attributes:
-        config: the station.
-        built: what is stepped.
-        context: where it is.
-        step: mean length of its last steps [s].
-        cost: of each, by a clock [s].
-        own_blocks: whether there are blocks of the user's own.
     """
 
-    config: StationConfig
-    built: ClosedStation
-    context: Context
-    step: float
-    cost: float
-    own_blocks: bool
+    config: StationConfig  # the station
+    built: ClosedStation  # what is stepped
+    context: Context  # where it is
+    step: float  # mean length of its last steps [s]
+    cost: float  # of each, by a clock [s]
+    own_blocks: bool  # whether there are blocks of the user's own
 
     def cause(self) -> str:
         """Return what holds it up and what to set, in words."""
@@ -153,10 +140,7 @@ class Slow:
 
 
 def _reached(
-    simulator: Simulator,
-    config: StationConfig,
-    step: float,
-    look: Callable[[Context], object] = lambda context: None,
+    simulator: Simulator, config: StationConfig, step: float, look: Callable[[Context], object] = lambda context: None
 ) -> float:
     """Return how far a simulator gets in the time of a trial [s]; it begins with steps of a length [s]."""
     apply_solver(simulator, config)
@@ -210,13 +194,10 @@ def _discrete(config: StationConfig) -> tuple[str, StationConfig]:
 
 
 _OVER = 100  # steps
-_CREEPING = 1e-5
-"""A mean step as small creeps: a hundred thousand steps a simulated second [s]."""
+_CREEPING = 1e-5  # a mean step as small creeps: a hundred thousand steps a simulated second [s]
 _PATIENCE = 5.0  # s of a clock
-_SLOWEST = 0.02
-"""Part of real time that a run should make at least."""
-_BUSY = 0.5
-"""Part of a processor: a process that gets less has to wait for others."""
+_SLOWEST = 0.02  # part of real time that a run should make at least
+_BUSY = 0.5  # part of a processor: a process that gets less has to wait for others
 _OFTEN = 0.02  # s of a clock; a look at the processor's takes long on some machines
 _PAUSE, _IDLE = 0.5, 0.01
 """Where a step takes so long [s], and a processor works so small a part of that, somebody has paused the run."""
@@ -245,14 +226,7 @@ class PaceWatch:
     def __init__(
         self, config: StationConfig, built: Callable[[], ClosedStation], *, own_blocks: bool, show: Advance | None
     ) -> None:
-        """Watch a run.
-
-        Args:
-            config: the station.
-            built: gives what is stepped now.
-            own_blocks: whether there are blocks of the user's own in it.
-            show: shows how far it is.
-        """
+        """Watch a run; ``built`` gives what is stepped now, ``show`` shows how far it is."""
         self.config, self._built, self._own_blocks, self._show = config, built, own_blocks, show
         self._ends: deque[float] = deque(maxlen=_OVER + 1)
         self._clocks, self._warned = (monotonic(), process_time()), False
@@ -306,8 +280,7 @@ _IN_FLIGHT = (1e-3, 1e-3)
 """Longest step [s] and coarsest accuracy: a humanoid that moves its legs then keeps its momentum within 0.1 %."""
 _LOOK_EVERY = 5  # steps
 _JUST_OVER = 1e-3  # m
-_FALLS = 0.3
-"""Part of gravity by which a body must gain speed downward before that is done."""
+_FALLS = 0.3  # part of gravity by which a body must gain speed downward before that is done
 
 
 class Flight:

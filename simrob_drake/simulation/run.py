@@ -30,21 +30,13 @@ _NOTHING = StateHistory(np.zeros(1), np.zeros((1, 0)))
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is about to be stepped.
+    """A run that is about to be stepped."""
 
-    Attributes:
-        config: the station, as it is run.
-        whole: the diagram in which signals are evaluated.
-        stepper: what is stepped.
-        prepare: gives the whole diagram the references of this run back.
-        forget: takes them from all diagrams, so that they stand in memory once.
-    """
-
-    config: StationConfig
-    whole: ClosedStation
-    stepper: Stepper
-    prepare: Callable[[], None] | None = None
-    forget: Callable[[], None] = lambda: None
+    config: StationConfig  # the station, as it is run
+    whole: ClosedStation  # the diagram in which signals are evaluated
+    stepper: Stepper  # what is stepped
+    prepare: Callable[[], None] | None = None  # gives the whole diagram the references of this run back
+    forget: Callable[[], None] = lambda: None  # takes them from all diagrams, so that they stand in memory once
 
     def result(
         self,
@@ -124,10 +116,7 @@ class Run:
             context=None if self.config.mode == "kinematic" else lambda: sampler.looked_at,
             shortened=self.stepper.shortened,
             final_state=State.of(
-                self.whole.diagram,
-                ports,
-                sampler.context_at(sampler.history.end),
-                tolerant=outcome.ending == FAILED,
+                self.whole.diagram, ports, sampler.context_at(sampler.history.end), tolerant=outcome.ending == FAILED
             ),
             **known,
         )

@@ -1,7 +1,5 @@
 """Run a station: reference in, result out, however the run ends."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
@@ -108,7 +106,6 @@ class Runner:
         self._diagrams: dict[Any, StationDiagrams] = {}
 
     def __repr__(self) -> str:
-        """Say in one line what it runs."""
         return f"<Runner of {self.config!r}>"
 
     def like(self, config: StationConfig) -> Self | None:
@@ -186,7 +183,7 @@ class Runner:
         return self._playing(self.config, {}, self._started(self.config, None), watched=watched).whole.ports
 
     @drake_asserts()
-    def fork(self, at: float, *, reference: ReferencesLike = None, duration: float | None = None) -> Fork:
+    def fork(self, at: float, *, reference: ReferencesLike = None, duration: float | None = None) -> "Fork":
         """Run the station up to a moment, from which runs with other pushes go on.
 
         Args:
@@ -369,11 +366,7 @@ class Fork:
 
     @drake_asserts()
     def outcome(self, pushes: Mapping[str, Any]) -> Outcome:
-        """Return how the run ends that goes on under pushes, by name, as ``Runner.run`` takes them; at the same places.
-
-        Raises:
-            InvalidParameter: a push that cannot be.
-        """
+        """Return how a run ends under pushes, as ``Runner.run`` takes them; raises InvalidParameter: none such."""
         if self.begun.ending != "completed":
             return self.begun
         config = with_pushes(self._config, pushes)

@@ -1,7 +1,5 @@
 """Step a station from edge to edge, and tell how a run ended."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -104,15 +102,10 @@ class Stepper:
         ticks: Ticks | None = None,
         reached: Context | None = None,
     ) -> None:
-        """Prepare to step.
+        """Prepare to step what ``diagram_at`` gives from a time on [s]; steps must end at the edges, in order [s].
 
-        Args:
-            config: the station.
-            diagram_at: the diagram to be stepped from a time on [s].
-            edges: times at which a step must end, in their order [s].
-            blocks: of the user's own, by name.
-            ticks: at which stepping begins anew.
-            reached: where another stepper of the same run came to, to go on from there.
+        At ``ticks`` stepping begins anew; ``reached`` is where another stepper of the same run came to, to go on from
+        there.
         """
         self._config, self._diagram_at, self._blocks = config, diagram_at, blocks
         first = 0.0 if reached is None else reached.get_time()
@@ -175,11 +168,7 @@ class Stepper:
         return Outcome("completed", None, f"ran to its end at {self.simulator.get_context().get_time():.6g} s")
 
     def step(self, history: StateHistory, time: float) -> StateHistory:
-        """Return the state at ``time`` [s], stepped anew from the last recorded one before it.
-
-        Raises:
-            RuntimeError: a state ran away on the way.
-        """
+        """Return the state at ``time`` [s], stepped again from the last record; raises RuntimeError: one ran away."""
         before = int((history.times < time).sum()) - 1
         built = self._diagram_at(float(history.times[before]))
         simulator = self._simulator(built)
@@ -258,13 +247,7 @@ class Stepper:
         return None if watch.stop is None else Outcome("monitor", watch.stop.name, watch.stop.why)
 
     def failed(self, problem: BaseException, context: Context, time: float) -> Outcome | None:
-        """Return how a block of the user's own, or one that cannot go on, ended the run; None if none of them did.
-
-        Args:
-            problem: the exception.
-            context: of the diagram, as it was then.
-            time: of the failure [s].
-        """
+        """Return how a block of the user's own, or one that cannot go on, ended the run [s]; None if none did."""
         if isinstance(problem, BlockFails):
             return Outcome("failed", problem.block, f"{problem.block} failed at {time:.4g} s: it {problem}")
         for frame, line in reversed(list(walk_tb(problem.__traceback__))):
@@ -279,7 +262,7 @@ class Stepper:
     def _diverged(self, recorder: Recorder, problem: BaseException) -> Outcome:
         first_sentence = " ".join(str(problem).split()).split(". ")[0].rstrip(".")
         cause = likely_cause(self._config, self.built.ports.plant)
-        return Outcome("diverged", DIVERGED, f"diverged at {_time(recorder)}: {first_sentence}; {cause}")
+        return Outcome("diverged", DIVERGED, f"diverged at {recorder.history().end:.4g} s: {first_sentence}; {cause}")
 
 
 def interrupted(config: StationConfig, recorder: Recorder) -> Outcome:
@@ -307,7 +290,3 @@ def _copy_state(source: Context, target: Context) -> None:
         target.SetDiscreteState(group, source.get_discrete_state(group).value())
     for index in range(source.num_abstract_states()):
         target.get_mutable_abstract_state(index).SetFrom(source.get_abstract_state(index))
-
-
-def _time(recorder: Recorder) -> str:
-    return f"{recorder.history().end:.4g} s"

@@ -1,10 +1,9 @@
 """What can be said of a station before it runs: torques, what touches and comes near, what its solver makes of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
+from pydrake.systems.framework import Diagram
 
 from simrob_drake.blocks.references import Reference
 from simrob_drake.dynamics import Dynamics
@@ -17,7 +16,7 @@ from simrob_drake.signals import Signal
 from simrob_drake.stations.clearance import KNEELING, Clearance, Overlap, standing
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.contact_checks import DEEP, contact_findings
+from simrob_drake.stations.contact import pairs_without_surface
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.steps import Finding, step_findings
@@ -25,13 +24,12 @@ from simrob_drake.stations.steps import Finding, step_findings
 _EVERY = 20  # of the 501 samples of a reference
 _BURIED = 5e-3  # what stands on the floor may reach below it by as much [m]
 _NAMES = 3
+_DEEP = 1e-3  # things that rest on each other are less deep in each other [m]
+_PRESSED = 1e-4  # bodies that lie deeper in each other than this at the start are pushed apart [m]
 
 
 def clearance_findings(config: StationConfig, references: Mapping[str, Reference]) -> list[Finding]:
-    """Look how near the shapes of a station's robots come to the ground, to themselves and to others.
-
-    That is along their references, where they follow these exactly; at the start where a controller leads.
-    """
+    """Look how near robots come to ground, themselves and others, along references, or as controllers begin."""
     if not config.robots:
         return []
     clearance = Clearance(config)
@@ -132,22 +130,16 @@ def listed(names: list[str]) -> str:
 
 
 _LISTED = 6  # links that carry
-_DROP = 2e-3
-"""A robot that starts higher over the floor than this drops on it [m]."""
+_DROP = 2e-3  # a robot that starts higher over the floor than this drops on it [m]
 
 _STEADY = np.tan(np.deg2rad(1.0))
 """Part of its height by which the centre of mass has to be inside of the support area: servos sag."""
 
-_FASTER = 1.001
-"""A speed by straight lines between looks counts as beyond a limit from this part of it on."""
+_FASTER = 1.001  # a speed by straight lines between looks counts as beyond a limit from this part of it on
 
 
 def check_station(config: StationConfig) -> list[Finding]:
-    """Look at a station before it runs.
-
-    Raises:
-        SimrobError: what would keep it from running at all: a reference beyond the limits, an invalid inertia ...
-    """
+    """Look at a station before it runs; raises SimrobError: what keeps it from that, such as a reference or inertia."""
     closed = closed_station(resolve(config))
     ports, diagram = closed.ports, closed.diagram
     findings = _piece_findings(ports)
@@ -228,11 +220,7 @@ def _piece_findings(ports: StationPorts) -> list[Finding]:
 
 
 def _reference_findings(robot: StationRobot, reference: Reference | None, duration: float) -> list[Finding]:
-    """Say that a reference stays within the joints' limits, and name the axes that it asks for too much speed.
-
-    Raises:
-        InvalidParameter: a reference beyond a limit.
-    """
+    """Tell of a reference within limits, and axes asked for too much speed; raises InvalidParameter: beyond them."""
     subject = f"reference of {robot.name}"
     if reference is None:
         return [Finding("note", subject, "not looked at: a controller says where the robot goes")]
@@ -341,7 +329,7 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
     parts = "feet's" if robot.feet else "collision shapes'"
     side = "over" if found.gap >= 0 else "below"
     place = f"the {parts} lowest point is {abs(found.gap) * 1e3:.2f} mm {side} the floor at the start"
-    findings.append(Finding("ok" if -DEEP <= found.gap <= _DROP else "warning", subject, place))
+    findings.append(Finding("ok" if -_DEEP <= found.gap <= _DROP else "warning", subject, place))
     inside = "inside" if found.margin >= 0 else "outside"
     links = f" of {', '.join(found.ends)}" if len(found.ends) <= _LISTED else ""
     area = f"{found.mass:.3f} kg on {found.contacts} points{links}, "
@@ -368,3 +356,39 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
         end = ": the joint will not hold" if weak else sag + warm
         findings.append(Finding("warning" if weak or warm else "ok", f"torque of {robot.prefix}{name}", text + end))
     return findings
+
+
+def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
+    """Look at the surfaces of a station, and at what lies in what at the start."""
+    config, plant = ports.config, ports.plant
+    if config.contact is None:
+        return [Finding("note", "contact", "the station has none: whatever meets passes through each other")]
+    dissipates = [config.contact, *(piece.contact for piece in config.pieces.values() if piece.contact is not None)]
+    findings = []
+    if config.solver.scheme == "sap" and any(material.dissipation for material in dissipates):
+        text = "the solver scheme sap does not know contact.dissipation; take lagged or similar"
+        findings.append(Finding("warning", "contact", text))
+    flat = _flat_pieces(ports) if config.contact.model == "point" and config.solver.scheme != "mujoco" else []
+    if len(flat) > 1 and {*flat} & {*plant.free_pieces}:
+        text = f"{' and '.join(flat[:2])} meet in one point: a piece that rests on another sinks and slides"
+        findings.append(Finding("warning", "contact", f"{text}; take contact.model hydroelastic"))
+    context = diagram.CreateDefaultContext()
+    query = plant.scene_graph.get_query_output_port().Eval(plant.scene_graph.GetMyContextFromRoot(context))
+    inspector = query.inspector()
+    fallen_back = pairs_without_surface(plant.plant, plant.scene_graph.model_inspector())
+    if fallen_back and config.contact.model != "point":
+        text = f"both are rigid, so {', '.join(fallen_back)} meet in points; make one of them compliant"
+        findings.append(Finding("warning", "contact", text))
+    pairs = [pair for pair in query.ComputePointPairPenetration() if pair.depth > _PRESSED]
+    if not pairs:
+        return [*findings, Finding("ok", "contact", "of what can touch nothing penetrates at the start")]
+    deepest = max(pairs, key=lambda pair: pair.depth)
+    names = " and ".join(inspector.GetName(geometry) for geometry in (deepest.id_A, deepest.id_B))
+    text = f"{names} penetrate by {deepest.depth * 1e3:.1f} mm at the start"
+    text += "; move one of them" if deepest.depth > _DEEP else ""
+    return [*findings, Finding("warning" if deepest.depth > _DEEP else "ok", "contact", text)]
+
+
+def _flat_pieces(ports: StationPorts) -> list[str]:
+    pieces = ports.station.pieces.items()
+    return [name for name, piece in pieces if any(shape.collides and not shape.sphere for shape in piece.model.shapes)]

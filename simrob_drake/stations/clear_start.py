@@ -1,7 +1,5 @@
 """How a robot that is held may begin and move at first: clear of floor and self, and so that its motors hold it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -35,19 +33,12 @@ _FAULTS = {  # how a comment tells them of home, and with their figures
 
 @dataclass(frozen=True)
 class Start:
-    """How a robot begins.
+    """How a robot begins."""
 
-    Attributes:
-        posture: of its axes, shape (n,) [rad or m].
-        target: where its first move leads, shape (n,).
-        height: of its root over the floor [m].
-        remarks: what was looked at, and what is wrong, in words, a line each.
-    """
-
-    posture: Vector
-    target: Vector
-    height: float
-    remarks: tuple[str, ...]
+    posture: Vector  # of its axes, shape (n,) [rad or m]
+    target: Vector  # where its first move leads, shape (n,)
+    height: float  # of its root over the floor [m]
+    remarks: tuple[str, ...]  # what was looked at, and what is wrong, in words, a line each
 
 
 class ClearStart:
@@ -62,14 +53,7 @@ class ClearStart:
     """
 
     def __init__(self, clearance: Clearance, robot: StationRobot, duration: float, *, torque: bool) -> None:
-        """Look at a station's robot, whose root is held at the origin.
-
-        Args:
-            clearance: the station.
-            robot: of it.
-            duration: of the first move [s].
-            torque: whether its motors have to hold it.
-        """
+        """Look at a robot held at the origin, its first move [s] and, with ``torque``, what its motors have to hold."""
         self._clearance, self._robot, self._duration, self._torque = clearance, robot, duration, torque
         self._random, self._home, self._near = np.random.default_rng(0), robot.model.home, robot.model.home
         self._chain = max(clearance.chains(robot), key=lambda chain: len(chain[1]))

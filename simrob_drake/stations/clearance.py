@@ -1,7 +1,5 @@
 """A station that is put into configurations, and never stepped: how near its robots come to what, how they stand."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -33,26 +31,18 @@ _EVEN = 1e-4  # weight of sharing the load evenly, where there are more contacts
 
 @dataclass(frozen=True)
 class Standing:
-    """A robot on the ground, at rest.
+    """A robot on the ground, at rest."""
 
-    Attributes:
-        mass: of the robot with what it carries [kg].
-        gap: height of the lowest point over the ground [m]; negative if it lies deeper.
-        contacts: how many points carry.
-        margin: distance of the centre of mass, seen from above, from the border of the support area [m]; negative
-            outside of it, and zero where the points span no area.
-        height: of the centre of mass over the lowest point [m].
-        torque: what the joints hold against gravity, shape (n,) [N·m].
-        ends: of each link that carries, by its name, how far from its joint it does, as part of its length: 1 at its
-            farthest point, near 0 at a knee; 1 of the root, which hangs on no joint.
-    """
-
-    mass: float
-    gap: float
-    contacts: int
+    mass: float  # of the robot with what it carries [kg]
+    gap: float  # height of the lowest point over the ground [m]; negative if it lies deeper
+    contacts: int  # how many points carry
+    # distance of the centre of mass, seen from above, from the border of the support area [m]; negative outside of it,
+    # and zero where the points span no area
     margin: float
-    height: float
-    torque: Vector
+    height: float  # of the centre of mass over the lowest point [m]
+    torque: Vector  # what the joints hold against gravity, shape (n,) [N·m]
+    # of each link that carries, by its name, how far from its joint it does, as part of its length: 1 at its farthest
+    # point, near 0 at a knee; 1 of the root, which hangs on no joint
     ends: Mapping[str, float]
 
 
@@ -87,10 +77,7 @@ def standing(station: StationPlant, robot: StationRobot, context: Context | None
 
 
 def shape_points(station: StationPlant, robot: StationRobot, context: Context) -> list[tuple[RigidBody, Vector]]:
-    """Return points of a robot's collision shapes in a state, of each the lowest over the floor, with their bodies.
-
-    They are in the world, shape (k, 3) [m].
-    """
+    """Return points of a robot's shapes in the world, of each the lowest over the floor, (k, 3) [m], with bodies."""
     plant, tilt = station.plant, station.ground.tilt
     inspector, from_floor = station.scene_graph.model_inspector(), tilt.inverse()
     found = []
@@ -173,11 +160,7 @@ class PosedStation:
     def __init__(
         self, config: StationConfig, add: Callable[[DiagramBuilder, StationPlant], None] = lambda *_: None
     ) -> None:
-        """Build the station in its initial configuration; ``add`` puts more into its diagram.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
-        """
+        """Build it as it begins; ``add`` puts more into its diagram; raises InvalidModel: an impossible robot."""
         builder = DiagramBuilder()
         self.resolved = resolve(config)
         self.station = add_plant(builder, self.resolved)
@@ -233,17 +216,11 @@ _RANDOM, _MOSTLY = 24, 0.9  # postures of chance, and in which part of them shap
 
 @dataclass(frozen=True)
 class Overlap:
-    """Two bodies that lie in each other.
+    """Two bodies that lie in each other."""
 
-    Attributes:
-        depth: of the deepest pair of their shapes [m]; through thin shapes it is too large.
-        bodies: their names, in alphabetical order.
-        robot: whose links, or pieces in hand, both are; empty if they are of two owners.
-    """
-
-    depth: float
-    bodies: tuple[str, str]
-    robot: str
+    depth: float  # of the deepest pair of their shapes [m]; through thin shapes it is too large
+    bodies: tuple[str, str]  # their names, in alphabetical order
+    robot: str  # whose links, or pieces in hand, both are; empty if they are of two owners
 
 
 class Clearance(PosedStation):
@@ -254,11 +231,7 @@ class Clearance(PosedStation):
     """
 
     def __init__(self, config: StationConfig) -> None:
-        """Build the station with its shapes, in its initial configuration.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
-        """
+        """Build the station with its shapes, in its initial configuration; raises InvalidModel: an impossible robot."""
         self.config = config
         contact = (config.contact or ContactConfig()).model_copy(update={"self_collision": True})
         super().__init__(config.model_copy(update={"contact": contact}))
@@ -341,10 +314,7 @@ def turned(robot: StationRobot, posture: Vector, axes: Iterable[int]) -> Iterato
 
 
 def untangled(clearance: Clearance, robot: StationRobot, posture: Vector, axes: Collection[int]) -> Vector:
-    """Return a posture (n,) whose links lie in each other less than in another one, if a turn of some axes does that.
-
-    Step by step that axis is turned, or slid, which takes the deepest overlap apart best.
-    """
+    """Return a posture (n,) less in itself, step by step by the axis that takes the deepest overlap apart best."""
     chains = {f"{robot.prefix}{body.name()}": set(order) for body, order in clearance.chains(robot)}
 
     def overlaps(tried: Vector) -> list[Overlap]:

@@ -30,24 +30,18 @@ from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.station import compose
 
 _MOTION = "reference", "reference_velocity", "reference_acceleration"
-_LOOKS = 500
-"""At how many times a reference is checked against the joint limits."""
+_LOOKS = 500  # at how many times a reference is checked against the joint limits
 
 
 @dataclass(frozen=True)
 class ClosedStation:
-    """A diagram that holds a station whose inputs all have sources.
+    """A diagram that holds a station whose inputs all have sources."""
 
-    Attributes:
-        diagram: that can be run.
-        ports: of the station.
-        references: what each robot is asked, by name; those that a block asks are left out.
-        players: the sources of those that are trajectories, by robot.
-    """
-
-    diagram: Diagram
-    ports: StationPorts
+    diagram: Diagram  # that can be run
+    ports: StationPorts  # of the station
+    # what each robot is asked, by name; those that a block asks are left out
     references: dict[str, Reference] = field(default_factory=dict)
+    # the sources of those that are trajectories, by robot
     players: Mapping[str, TrajectorySource] = field(default_factory=dict)
 
     def play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
@@ -80,10 +74,7 @@ def closed_station(
     """Build a station with the sources of its references; its other inputs are zero.
 
     What each robot is asked is as the configuration says unless given; the other arguments are those of
-    :func:`~simrob_drake.stations.station.compose`.
-
-    Raises:
-        SimrobError: blocks that cannot be wired so.
+    :func:`~simrob_drake.stations.station.compose`. Raises SimrobError: blocks that cannot be wired so.
     """
     builder = DiagramBuilder()
     played = station_references(station) if references is None else references
@@ -187,9 +178,7 @@ def station_references(
 
     Samples that are given are joined by straight lines, as Simulink joins them, but by a smooth curve where their
     derivatives are needed. The configuration's references begin at ``starts`` (n,) [rad], else at the initial posture.
-
-    Raises:
-        SimrobError: a reference that does not fit the robot, or leaves its joint limits.
+    Raises SimrobError: a reference that does not fit the robot, or leaves its joint limits.
     """
     references = {}
     for robot in station.robots.values():
@@ -217,11 +206,7 @@ def reference_samples(reference: Reference, duration: float) -> tuple[Vector, Ve
 
 
 def check_reference(robot: ResolvedRobot, reference: Reference, duration: float) -> None:
-    """Check that a reference stays within the joint limits.
-
-    Raises:
-        InvalidParameter: names the joint, the time, the value and the limits.
-    """
+    """Check a reference against joint limits; raises InvalidParameter: the joint, the time, the value, the limits."""
     times, positions = reference_samples(reference, duration)
     if not np.isfinite(positions).all():
         row, axis = np.argwhere(~np.isfinite(positions))[0]

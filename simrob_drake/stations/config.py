@@ -4,8 +4,6 @@ All values are SI units and radians, except where a name ends in ``_deg``: that 
 slides. A value "per axis" is one number for all axes, a list in axis order, or a mapping by axis name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -60,8 +58,7 @@ Law = Literal["pid", "cascade", "computed_torque"]
 Feedforward = Literal["none", "gravity", "inverse_dynamics"]
 MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
-MOST_LATE = 10_000
-"""By so many samples a sensor may be late."""
+MOST_LATE = 10_000  # by so many samples a sensor may be late
 MOST_STEPS = 10_000_000
 """Steps that a run may have, and samples of a sensor: a day of steps of 10 ms. A robot's states fill 4 GB then."""
 
@@ -113,7 +110,7 @@ class ServoConfig(Renamed):
         return self.law == "computed_torque" or self.feedforward == "inverse_dynamics"
 
     @model_validator(mode="after")
-    def _fits_together(self) -> ServoConfig:
+    def _fits_together(self) -> "ServoConfig":
         if self.admittance_gain > 0 and self.realization == "implicit":
             raise ValueError("admittance_gain needs realization per_joint or vector: implicit hides the servo's torque")
         if self.law != "pid" and self.realization == "implicit":
@@ -180,7 +177,7 @@ class RobotConfig(Renamed):
     """This robot's end stops, in place of the station's."""
 
     @model_validator(mode="after")
-    def _one_origin(self) -> RobotConfig:
+    def _one_origin(self) -> "RobotConfig":
         if (self.model is None) == (self.urdf is None):
             raise ValueError("a robot has either a model or a urdf")
         if self.urdf is None and self.import_options is not None:
@@ -224,13 +221,13 @@ class PieceConfig(Strict):
     """What its surface is made of and how it meets others, in place of the station's `contact`."""
 
     @model_validator(mode="after")
-    def _free_of_parents(self) -> PieceConfig:
+    def _free_of_parents(self) -> "PieceConfig":
         if self.free and self.parent not in (None, "world"):
             raise ValueError(f"a free piece hangs on nothing, so its parent is world and not {self.parent}")
         return self
 
     @model_validator(mode="after")
-    def _one_source(self) -> PieceConfig:
+    def _one_source(self) -> "PieceConfig":
         if self.mesh is not None and self.model is not None:
             raise ValueError("a piece has either a model or a mesh")
         if self.scale is not None and self.mesh is None:
@@ -322,7 +319,7 @@ class StationConfig(Renamed):
     __str__ = __repr__
 
     @model_validator(mode="after")
-    def _can_be_computed(self) -> StationConfig:
+    def _can_be_computed(self) -> "StationConfig":
         check_effort(self)
         return self
 
@@ -372,11 +369,7 @@ class StationConfig(Renamed):
 
 
 def check_effort(config: StationConfig) -> None:
-    """Check that a run has not more samples than a computer can keep, nor more steps than it can do.
-
-    Raises:
-        InvalidParameter: too many.
-    """
+    """Check that a run's samples can be kept and its steps be done; raises InvalidParameter: too many."""
     duration, rate, solver = config.duration, config.sample_rate, config.solver
     if duration * rate > MOST_SAMPLES:
         longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"

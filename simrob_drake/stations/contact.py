@@ -47,8 +47,7 @@ _STEPS_A_CONTACT = 10
 _SAP_FACTOR = 3.3
 _SAP_RELAXATION = 0.1  # s, Drake's default
 
-MODULUS = 1e7
-"""Hydroelastic modulus [Pa] where none is given: stiff rubber."""
+MODULUS = 1e7  # hydroelastic modulus [Pa] where none is given: stiff rubber
 
 
 def needs_shapes(config: StationConfig) -> bool:
@@ -61,10 +60,7 @@ def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: Res
     """Write stiffness, dissipation, friction and modulus into the shapes of a plant.
 
     The plant is not finalized yet: a shape whose surface is written anew loses its collision filters, and finalizing
-    makes those between neighbours.
-
-    Raises:
-        InvalidParameter: a resolution that is too fine.
+    makes those between neighbours. Raises InvalidParameter: a resolution that is too fine.
     """
     config, contact = station.config, station.config.contact
     if contact is None:
@@ -110,11 +106,7 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
 
 
 def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
-    """Check that the solver of a station can hold its contacts.
-
-    Raises:
-        InvalidParameter: a stiffness that it cannot hold, with the largest that it can.
-    """
+    """Check that a solver can hold a station's contacts; raises InvalidParameter: with the largest stiffness it can."""
     config = station.config
     if config.contact is None or config.mode == "kinematic":
         return

@@ -55,10 +55,7 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     torque, in continuous time if that was tried and found to get through, else in discrete steps. One with a floating
     base is put on its feet, and was tried to stand there; a monitor ends the run if it falls. A robot without inertias
     moves kinematically. Comments say what was looked at, tried and found. Options of the import are written into the
-    station, and paths start at its folder.
-
-    Raises:
-        InvalidModel: the robot cannot be imported.
+    station, and paths start at its folder. Raises InvalidModel: the robot cannot be imported.
     """
     file, home = robot_file(urdf, "urdf"), None if folder is None else as_path(folder, "folder")
     robot = robot_from_file(file, options)
@@ -217,8 +214,7 @@ def _named(robot: RobotModel, values: Vector) -> dict[str, float]:
     return dict(zip(robot.axes, values.tolist(), strict=True))
 
 
-_WORK = 10_000
-"""Evaluations of the dynamics that a trial may take: about what 3 s in discrete steps of 1 ms cost."""
+_WORK = 10_000  # evaluations of the dynamics that a trial may take: about what 3 s in discrete steps of 1 ms cost
 _LEANS, _SINKS = 10.0, 0.1  # deg, and part of its height: a robot that leans or sinks more does not stand
 
 

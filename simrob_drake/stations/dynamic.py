@@ -91,11 +91,7 @@ def largest_explicit_steps(config: StationConfig, robot: StationRobot) -> Vector
 
 
 def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
-    """Check that servos that are blocks are stable at the steps of an engine that takes their torques explicitly.
-
-    Raises:
-        InvalidParameter: a joint's are not.
-    """
+    """Check that servo blocks are stable at an explicit engine's steps; raises InvalidParameter: a joint's are not."""
     for robot in plant.robots.values():
         steps = largest_explicit_steps(config, robot)
         worst = int(np.argmin(steps))
@@ -285,8 +281,7 @@ def _add_admittance_servos(
     ports.add(output, port, axis_signal(robot, "felt", "felt_torque", "effort"))
 
 
-STEP = 0.01
-"""How often monitors look [s]: nothing is integrated here, so a simulator would go to the end in one step."""
+STEP = 0.01  # how often monitors look [s]: nothing is integrated here, so a simulator would go to the end in one step
 
 _MOTION = ("reference", "reference_velocity", "reference_acceleration")
 
@@ -294,8 +289,7 @@ _MOTION = ("reference", "reference_velocity", "reference_acceleration")
 def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[dict[str, InputPort], OutputPort]:
     """Add inputs of position, velocity and acceleration for every robot.
 
-    Returns:
-        the inputs, each of whose blocks hands it on, and the state of the whole plant that they make.
+    Returns them, each handed on by its block, and the state of the whole plant that they make.
     """
     inputs: dict[str, InputPort] = {}
     motions: list[OutputPort] = []
@@ -309,10 +303,7 @@ def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[dic
 
 
 def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Add the outputs of every robot, inverse dynamics, and geometry poses.
-
-    The plant itself stands outside of the diagram: it is registered with the scene graph and never stepped.
-    """
+    """Add outputs, inverse dynamics and geometry poses of robots, their plant out of the diagram, never stepped."""
     for robot in ports.plant.robots.values():
         sources = {signal: ports.inputs[f"{robot.prefix}{signal}"].get_system() for signal in _MOTION}
         position, velocity = (sources[signal].get_output_port() for signal in _MOTION[:2])

@@ -24,8 +24,7 @@ from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, MujocoSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES, place_of, read_yaml
 
-ONLY_ROBOT = "robot"
-"""The name of the robot of a station that says ``robot:`` instead of ``robots:``."""
+ONLY_ROBOT = "robot"  # the name of the robot of a station that says ``robot:`` instead of ``robots:``
 
 ENTRIES = ("pieces", "sensors", "monitors", "couplings", "forces", "controllers")
 """Sections of entries by name, which an override can take out: `pieces.load=null`."""
@@ -118,26 +117,14 @@ def _loaded(
 
 
 def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> StationConfig:
-    """Return a station with nothing but a robot, which moves kinematically unless overrides say otherwise.
-
-    Args:
-        robot: its name, or the file of its URDF.
-        overrides: as :func:`load_station` takes them.
-
-    Raises:
-        SimrobError: no such robot, or an override that cannot be.
-    """
+    """Return a station of a robot, named or URDF, alone, kinematic by default; raises SimrobError: no such, or key."""
     origin = "urdf" if is_robot_file(robot) else "model"
     content = {"name": Path(robot).stem, "mode": "kinematic", ONLY_ROBOT: {origin: robot}}
     return _configured(content, overrides or {}, robot, allow_code=False)
 
 
 def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str = "settings") -> StationConfig:
-    """Return a configuration with changes, as :func:`load_station` takes them.
-
-    Raises:
-        InvalidConfig: an entry that cannot be; the message names ``where``, key and what would be right.
-    """
+    """Return a configuration with changes, see :func:`load_station`; raises InvalidConfig: ``where``, key, expected."""
     if not settings:
         return config
     trusted = any(controller.kind == "own" for controller in config.controllers.values())
@@ -342,11 +329,7 @@ def _loops_of(folder: Path, model: str | None) -> dict[str, Settings]:
 
 
 def switched(known: dict[str, Settings], settings: Settings, name: str, on: bool) -> Settings:
-    """Return the settings of a station with a loop switched on or off.
-
-    Raises:
-        UnknownName: no such loop; proposes the nearest.
-    """
+    """Return a station's settings with a loop on or off; raises UnknownName: no such loop; proposes the nearest."""
     needed, key = known[one_of("loop", name, known)], f"controllers.{name}"
     others = {other for loop in loops_on(known, settings) if loop != name for other in known[loop]}
     dropped = {key, *needed} - others

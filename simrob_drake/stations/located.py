@@ -37,16 +37,7 @@ _KEYS = (
 
 
 def located(content: Mapping[str, Any], folder: Path, border: Border | None = None) -> dict[str, Any]:
-    """Return sections of a station with absolute paths.
-
-    Args:
-        content: the sections.
-        folder: where relative paths start.
-        border: of the file in which they stand; None where the user says them.
-
-    Raises:
-        InvalidConfig: a path that may not be read; the message names file, key and what would allow it.
-    """
+    """Return sections with absolute paths from a folder, within a border; raises InvalidConfig: beyond it."""
     result: dict[str, Any] = deepcopy(dict(content))
     for section, last, key in paths_in(result):
         value = section[last]
@@ -76,10 +67,7 @@ def located_changes(changes: Mapping[str, Any], folder: Path, border: Border | N
 
 
 def located_program(program: Mapping[str, Any], folder: Path, border: Border | None) -> dict[str, Any]:
-    """Return the content of a program as a station carries it: its changes with absolute paths, and no station's name.
-
-    Parameters and errors are as of :func:`located`.
-    """
+    """Return a program as its station carries it, unnamed, paths absolute; otherwise as :func:`located`."""
     result = deepcopy({key: value for key, value in program.items() if key != "station"})
     changes = result.get("changes")
     for change in changes if isinstance(changes, list) else []:
@@ -89,11 +77,7 @@ def located_program(program: Mapping[str, Any], folder: Path, border: Border | N
 
 
 def located_station(station: str, file: Path) -> str:
-    """Return the name of a station, or the path of its file, that another file names from where it lies.
-
-    Raises:
-        InvalidConfig: a path that may not be read; the message names file, key and what would allow it.
-    """
+    """Return a station's name, or its file's path from another file; raises InvalidConfig: it may not be read."""
     if Path(station).suffix not in YAML_SUFFIXES:
         return station
     near = file.absolute().parent / station
@@ -122,18 +106,15 @@ def _paths_at(node: Any, way: list[str], before: str = "") -> Iterator[tuple[dic
             yield node, key, f"{before}{key}"
 
 
-FILES = "files"
-"""The folder of the copies."""
+FILES = "files"  # the folder of the copies
 _FILES = (ROBOT_FILE, "gaits.yaml", "walking.yaml")  # what is read of a robot beside its URDF
 
 
 def carried(config: StationConfig, folder: Path) -> StationConfig:
     """Return a station that names copies of its files in a folder, by paths from there; robots as imported.
 
-    Paths that are relative already stay, and so does what cannot be read any more.
-
-    Raises:
-        OSError: the disk does not take the copies.
+    Paths that are relative already stay, and so does what cannot be read any more. Raises OSError: the disk does not
+    take the copies.
     """
     content = config.model_dump(mode="json", exclude_none=True)
     for section, last, key in paths_in(content):

@@ -52,11 +52,7 @@ _FLOOR_FRICTION = CoulombFriction(FRICTION["mu_static"], FRICTION["mu_dynamic"])
 
 
 def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlant:
-    """Add a station's scene graph and its finalized plant, which stands in the diagram unless it is kinematic.
-
-    Raises:
-        InvalidModel: a robot that cannot be simulated in this mode.
-    """
+    """Add a station's scene graph and plant, outside if kinematic; raises InvalidModel: not for this mode."""
     config = resolved.config
     collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
     in_mujoco = config.mode == "dynamic" and isinstance(config.solver, MujocoSolver)
@@ -176,11 +172,7 @@ def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> 
 def add_robot(
     plant: MultibodyPlant, station: ResolvedStation, robot: ResolvedRobot, *, collision: bool
 ) -> StationRobot:
-    """Add a station's robot to its plant, which is not finalized, with the pieces that it carries.
-
-    Raises:
-        InvalidModel: a robot that cannot be simulated in the station's mode.
-    """
+    """Add a robot and what it carries to an unfinished plant; raises InvalidModel: one not for the station's mode."""
     model = robot.model
     if station.mode == "dynamic" and model.links_without_inertia:
         listed = ", ".join(model.links_without_inertia)

@@ -126,15 +126,10 @@ _WITHOUT_UNIT, _UNSCALED = (".stl", ".obj"), 1.0  # files that do not tell it, a
 def piece_of(entry: PieceConfig, name: str) -> PieceModel:
     """Return the piece that the section ``pieces.<name>`` of a station stands for, with all its figures.
 
-    It is the piece of the package of that name, unless the section names another source.
-
-    Raises:
-        UnknownName: no such piece.
-        InvalidConfig: a figure that cannot be.
-        InvalidModel: a mesh that cannot be read, or has no volume though a density is given.
-        InvalidParameter: a mesh that is far too large or small, as one in millimetres is; or a robot carries it, and
-            what it weighs is not said.
-        OutputError: the cache of converted meshes cannot be written.
+    It is the piece of the package of that name, unless the section names another source. Raises UnknownName: no such
+    piece; InvalidConfig: a figure that cannot be; InvalidModel: a mesh that cannot be read, or has no volume though a
+    density is given; InvalidParameter: a mesh that is far too large or small, as one in millimetres is; or a robot
+    carries it, and what it weighs is not said; OutputError: the cache of converted meshes cannot be written.
     """
     changes = {key: value for key, value in entry.model_dump(exclude_none=True).items() if key in _OWN_KEYS}
     model = entry.model or name

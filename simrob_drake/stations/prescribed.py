@@ -38,12 +38,7 @@ _RATES = {True: 100.0, False: 20.0}
 
 
 def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dict[str, int]:
-    """Return which axes of a robot are prescribed: their places by their keys under ``prescribed``.
-
-    Raises:
-        UnknownName: a key that is no axis.
-        InvalidParameter: a station or servos that prescribed joints do not go with.
-    """
+    """Return prescribed axes' places by key; raises UnknownName: no axis; InvalidParameter: no station for them."""
     keys = [key for key in config.prescribed if config.only_robot or key.partition(".")[0] == robot]
     for key in config.prescribed:
         if not config.only_robot and key.partition(".")[0] not in config.robots:
@@ -64,10 +59,8 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
 def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> ResolvedRobot:
     """Return a robot with the references of its prescribed axes, which start where these begin, without servos.
 
-    They begin as others do: about or at the axis' initial position.
-
-    Raises:
-        SimrobError: as :func:`prescribed_axes`, or a reference that cannot be.
+    They begin as others do: about or at the axis' initial position. Raises SimrobError: as :func:`prescribed_axes`, or
+    a reference that cannot be.
     """
     references = {}
     for key, place in prescribed_axes(config, robot.name, robot.model).items():
@@ -108,11 +101,7 @@ def set_rotors(plant: MultibodyPlant, joints: list[Joint], robot: ResolvedRobot)
 def add_prescribed_motion(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, reference: OutputPort
 ) -> OutputPort:
-    """Add an input ``prescribed.<axis>`` for each prescribed axis: position, velocity, acceleration, size 3 [rad or m].
-
-    Returns:
-        the reference (n,) of the robot with the positions of these axes in it.
-    """
+    """Add inputs ``prescribed.<axis>`` of position, rate, acceleration [rad or m], and return the robot's reference."""
     inputs = []
     for place in robot.prescribed:
         name = f"{robot.prefix}prescribed.{robot.axes[place]}"
@@ -133,11 +122,7 @@ def add_prescribed_motion(
 def add_prescribed_torque(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, torque: OutputPort
 ) -> OutputPort:
-    """Move a robot's prescribed joints.
-
-    Returns:
-        the torques (n,) [N·m or N] of its servos, which ``torque`` gives, with what the prescribed motions take.
-    """
+    """Move a robot's prescribed joints; return its servos' torques (n,) [N·m or N] with what the motions take."""
     plant, axes, prefix, places = ports.plant.plant, robot.axis_map, robot.prefix, list(robot.prescribed)
     motion = builder.GetSubsystemByName(f"{prefix}prescribed").get_output_port()
     rotors = np.diag([_motor(plant, robot.joints[place]).default_reflected_inertia() for place in places])

@@ -29,13 +29,9 @@ from simrob_drake.yaml_files import YAML_SUFFIXES
 
 @dataclass(frozen=True)
 class ResolvedStation(Surroundings):
-    """A station, resolved.
+    """A station, resolved."""
 
-    Attributes of :class:`Surroundings`, and:
-        config: its configuration.
-    """
-
-    config: StationConfig
+    config: StationConfig  # its configuration
 
 
 _SERVO_KEYS = "kp", "ki", "kd", "torque_limit", "integral_limit", "speed_limit"
@@ -43,11 +39,7 @@ _FOOT = "foot"  # how tools on feet are called, after their side
 
 
 def resolve(config: StationConfig) -> ResolvedStation:
-    """Read the robots and pieces of a station.
-
-    Raises:
-        SimrobError: a name that stands for nothing, or a figure that does not fit; the message names the key.
-    """
+    """Read a station's robots and pieces; raises SimrobError: the key whose name or figure does not fit."""
     driven = {name for loop in readers_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
     config = config.model_copy(update={"inputs": (*config.inputs, *sorted(driven))}) if driven else config
     models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}
@@ -80,11 +72,7 @@ def _sensors(config: StationConfig) -> dict[str, Sensor]:
 
 
 def check_parts(station: ResolvedStation) -> None:
-    """Check that a station can do what it is asked: that something moves, and that its parts find what they name.
-
-    Raises:
-        SimrobError: the first thing that cannot be; the message names the key, and what would be right.
-    """
+    """Check that something moves, and that parts find what they name; raises SimrobError: key, what would be right."""
     config = station.config
     _check_movers(config)
     _check_engine(config)
@@ -283,9 +271,8 @@ def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator
 def carriers_of(config: StationConfig) -> dict[str, str]:
     """Return which robot carries each piece, directly or through others, or ``world``: each after what it hangs on.
 
-    Raises:
-        UnknownName: a parent that is no robot, no piece and not the world.
-        InvalidParameter: pieces that hang on each other in a circle.
+    Raises UnknownName: a parent that is no robot, no piece and not the world; InvalidParameter: pieces that hang on
+    each other in a circle.
     """
     parents = {piece: _parent(config, piece) for piece in config.pieces}
     carriers: dict[str, str] = {}
@@ -323,10 +310,7 @@ def _outward(config: StationConfig, parents: Mapping[str, str]) -> list[str]:
 def _mount(
     key: str, frame: str | None, parent: str, robots: Mapping[str, RobotModel], pieces: Mapping[str, PieceModel]
 ) -> str:
-    """Return the name of the frame of the plant that a piece hangs on; empty for the world.
-
-    On a robot that is one of its tools or links, see :func:`flange`; on a piece one of its frames.
-    """
+    """Return the plant's frame that a piece hangs on: a robot's (:func:`flange`), a piece's; empty for the world."""
     if parent in robots:
         places = [*robots[parent].tools, *robots[parent].links]
         if frame is not None:

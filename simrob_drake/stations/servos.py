@@ -18,9 +18,8 @@ _OF_MOTORS = "rotor_inertia", "gear_ratio", "damping", "friction", "backlash_deg
 def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
     """Return the motor of each axis of a robot, whole: the station's, else its own; None where the axis has none.
 
-    Raises:
-        UnknownName: no motor of such a name, or no such axis.
-        InvalidParameter: figures without a torque at rest or a speed without load, or a supply without a voltage.
+    Raises UnknownName: no motor of such a name, or no such axis; InvalidParameter: figures without a torque at rest or
+    a speed without load, or a supply without a voltage.
     """
     choice = robot.servo.motor if servo.motor is None else servo.motor
     found: list[Motor | None] = [None] * len(robot.axes)
@@ -80,10 +79,8 @@ def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
 def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False) -> ServoGains:
     """Return the gains and limits of a robot's servos: the station's, else the robot's own, its motors', the URDF's.
 
-    ``dampers``: the lines of motors are to be dampers of joints where they can, as actuators need it.
-
-    Raises:
-        InvalidParameter: a motor that cannot be realized so.
+    ``dampers``: the lines of motors are to be dampers of joints where they can, as actuators need it. Raises
+    InvalidParameter: a motor that cannot be realized so.
     """
     motors = station_motors(robot, servo)
     efforts = np.array(
@@ -117,11 +114,7 @@ def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False)
 
 
 def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
-    """Check that the motors of a robot can be realized as its servos and the solver are.
-
-    Raises:
-        InvalidParameter: names the key, and what would be right.
-    """
+    """Check that servos and solver can realize a robot's motors; raises InvalidParameter: the key, what is right."""
     gains, servo, solver = robot.gains, config.servo_of(robot.name), config.solver
     in_actuators = servo.realization == "implicit" or (config.mode == "dynamic" and solver.scheme == "cenic")
     if gains.line is None or config.mode == "kinematic" or not in_actuators:

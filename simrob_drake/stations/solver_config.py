@@ -1,15 +1,12 @@
 """How a station's time advances, what happens where things touch, and what bounds its verdict has."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from simrob_drake.sections import Boolean, NotNegative, Number, Positive, Strict
 
-TIGHTER = 10.0
-"""How much tighter `simrob run --converge` reruns."""
+TIGHTER = 10.0  # how much tighter `simrob run --converge` reruns
 
 ContinuousScheme = Literal[
     "cenic",
@@ -109,7 +106,7 @@ class Friction(Strict):
     """Coefficient while they slide; not above the static one."""
 
     @model_validator(mode="after")
-    def _dynamic_is_less(self) -> Friction:
+    def _dynamic_is_less(self) -> "Friction":
         if self.dynamic > self.static:
             raise ValueError(f"dynamic friction ({self.dynamic:g}) is not more than static friction ({self.static:g})")
         return self

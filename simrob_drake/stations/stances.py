@@ -1,7 +1,5 @@
 """Postures in which a robot with a free base may stand on its legs, found by geometry and statics."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -22,21 +20,13 @@ _ROUND = 0.3  # a foot whose middle is so near to its joint, by its size, is a w
 
 @dataclass(frozen=True)
 class Leg:
-    """A chain of axes from the root to a foot.
+    """A chain of axes from the root to a foot."""
 
-    Attributes:
-        axes: their numbers, from the root outward.
-        links: that they move, in this order; the first is the hip.
-        foot: the link at its end.
-        point: with which it stands, in the foot [m].
-        normal: of its sole, outward, in the foot; None for a tip or a ball.
-    """
-
-    axes: list[int]
-    links: list[RigidBody]
-    foot: RigidBody
-    point: Vector
-    normal: Vector | None
+    axes: list[int]  # their numbers, from the root outward
+    links: list[RigidBody]  # that they move, in this order; the first is the hip
+    foot: RigidBody  # the link at its end
+    point: Vector  # with which it stands, in the foot [m]
+    normal: Vector | None  # of its sole, outward, in the foot; None for a tip or a ball
 
 
 def put_upright(clearance: Clearance, robot: StationRobot, posture: Vector, height: float = 0.0) -> None:
@@ -104,14 +94,9 @@ def _foot(clearance: Clearance, robot: StationRobot, body: RigidBody, axis: int)
 def _sole(points: Vector, near: float, turns: Vector, down: Vector) -> tuple[Vector, Vector] | None:
     """Return the middle and the normal of the flat side on which a body can stand, in its frame; None without.
 
-    That is a large one, which no point is nearer to the joint of than a knee is, and the last axis, as that of a
-    wheel, is not normal to it. Of several it is a large one that looks down where all axes are zero.
-
-    Args:
-        points: of its outline, shape (k, 3) [m].
-        near: how far from the joint a knee is [m].
-        turns: the direction of the last axis, zero if that slides.
-        down: the direction that is down where all axes are zero.
+    That is a large one, which no point of its outline (k, 3) is nearer to the joint of than a knee is, ``near`` [m],
+    and the last axis, whose direction ``turns`` is zero if it slides, is not normal to it, as a wheel's is. Of several
+    it is a large one that looks ``down`` where all axes are zero.
     """
     from scipy.spatial import ConvexHull, QhullError
 
@@ -149,19 +134,12 @@ _SHIFTS = 3  # how often the feet are put under the centre of mass
 
 @dataclass(frozen=True)
 class Stance:
-    """A robot as it may stand.
+    """A robot as it may stand."""
 
-    Attributes:
-        posture: of its axes, shape (n,) [rad or m].
-        height: of its root over the floor [m].
-        standing: what it stands on, and what that takes.
-        how: in words.
-    """
-
-    posture: Vector
-    height: float
-    standing: Standing
-    how: str
+    posture: Vector  # of its axes, shape (n,) [rad or m]
+    height: float  # of its root over the floor [m]
+    standing: Standing  # what it stands on, and what that takes
+    how: str  # in words
 
 
 class Stances:
@@ -171,7 +149,6 @@ class Stances:
     """
 
     def __init__(self, clearance: Clearance, robot: StationRobot) -> None:
-        """Look at a station's robot."""
         self._clearance, self._robot, self._plant = clearance, robot, clearance.plant
         self._home = robot.model.home
         self._random = np.random.default_rng(0)

@@ -30,12 +30,7 @@ StationLike: TypeAlias = "str | Path | StationConfig | Station"
 
 
 def config_of(station: StationLike) -> StationConfig:
-    """Return the configuration that a user means by a station.
-
-    Raises:
-        SimrobError: as :func:`load_station`.
-        InvalidParameter: something that is no station.
-    """
+    """Return what a user means by a station; raises SimrobError: see :func:`load_station`, InvalidParameter."""
     if isinstance(station, Station):
         return station.config
     if isinstance(station, StationConfig):
@@ -152,7 +147,6 @@ class Station(Diagram):
     """
 
     def __init__(self, config: StationConfig | str | Path) -> None:
-        """Build the box."""
         super().__init__()
         self.config = config_of(config)
         builder = DiagramBuilder()

@@ -1,7 +1,5 @@
 """Give a simulator the solver of a station, and say before a run what it cannot take: steps, servos, stops."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -26,10 +24,8 @@ _STIFF_STOPS = 2e10
 """An implicit scheme gets through stops up to this stiffness by a joint's inertia [1/s²]: tried on 100 robots."""
 _STIFF_SERVO = 1e12
 """And through servos up to this [1/s²]: beyond, the inertia is lost in the rounding of the mass matrix."""
-_NEAR = np.deg2rad(1.0), 1e-3
-"""How near to a stop a joint may come that leans on it, and one that slides [rad, m]."""
-DISCRETE = "take solver.kind discrete and servo.realization implicit"
-"""What helps where a continuous scheme creeps."""
+_NEAR = np.deg2rad(1.0), 1e-3  # how near to a stop a joint may come that leans on it, and one that slides [rad, m]
+DISCRETE = "take solver.kind discrete and servo.realization implicit"  # what helps where a continuous scheme creeps
 
 Level = Literal["ok", "warning", "note"]
 

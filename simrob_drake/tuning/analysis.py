@@ -70,16 +70,7 @@ def add_trials(found: Any, study: Study, records: Sequence[Record]) -> None:
 
 
 def sweep_in_optuna(name: str, vary: Mapping[str, Distribution], rows: Sequence[Row]) -> Any:
-    """Return the runs of a sweep that went to their ends as a study of Optuna, whose values are all measures.
-
-    Args:
-        name: what it is called.
-        vary: its keys and their distributions.
-        rows: the runs.
-
-    Raises:
-        SimrobError: the extra ``tune`` is missing.
-    """
+    """Return a sweep's runs that ended as a study of Optuna of all measures; raises SimrobError: no extra ``tune``."""
     ended = [row for row in rows if row["ended"] == COMPLETED]
     names = [name for name, values in measured(ended).items() if len(values) == len(ended)]
     found = _empty(name, names or ["nothing"], None)
@@ -93,11 +84,7 @@ def sweep_in_optuna(name: str, vary: Mapping[str, Distribution], rows: Sequence[
 
 
 def save_sensitivity(file: Path, found: Any) -> None:
-    """Write by how much each key decides each value, as PED-ANOVA has it; nothing where too little varies.
-
-    Raises:
-        OutputError: the disk does not take it.
-    """
+    """Write how much keys decide values, by PED-ANOVA, if they vary enough; raises OutputError: it is not written."""
     from optuna.visualization.matplotlib import plot_param_importances
 
     if _tells(found):
@@ -105,19 +92,10 @@ def save_sensitivity(file: Path, found: Any) -> None:
 
 
 def save_plots(found: Any, folder: Path) -> list[Path]:
-    """Write Optuna's plots of a search: ``importance``, ``slices``, ``parallel`` and ``trades`` of keys.
+    """Write Optuna's plots of a search, ``importance``, ``slices``, ``parallel``, ``trades``; return the files.
 
-    With several costs there are those of each, and the ``front``. Nothing is written where too little varies.
-
-    Args:
-        found: a study of Optuna.
-        folder: where to; it is made where it does not exist.
-
-    Returns:
-        the files.
-
-    Raises:
-        OutputError: the disk does not take them.
+    With several costs there are those of each, and the ``front``. Nothing is written where too little varies. Raises
+    OutputError: the disk does not take them.
     """
     from optuna.importance import get_param_importances
     from optuna.visualization import matplotlib as optuna_plots
@@ -143,11 +121,7 @@ def save_plots(found: Any, folder: Path) -> list[Path]:
 
 
 def save_convergence(file: Path, searches: Sequence[Any]) -> None:
-    """Write what the best so far costs over the trials of searches for the same thing; of several costs, their sum.
-
-    Raises:
-        OutputError: the disk does not take it.
-    """
+    """Write the best so far over trials, of several costs their sum; raises OutputError: the disk does not take it."""
     from optuna.visualization.matplotlib import plot_optimization_history
 
     several = len(searches[0].directions) > 1

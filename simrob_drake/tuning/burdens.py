@@ -36,19 +36,12 @@ class _Way:
 
 @dataclass(frozen=True)
 class _Burden:
-    """What makes a walk harder.
+    """What makes a walk harder."""
 
-    Attributes:
-        unit: of its figure.
-        changes: of the station, for a figure.
-        first: the figure that is tried first.
-        last: the hardest that there is; figures fall from first to last where that is less.
-    """
-
-    unit: str
-    changes: Callable[[_Way, float], Change]
-    first: float
-    last: float
+    unit: str  # of its figure
+    changes: Callable[[_Way, float], Change]  # of the station, for a figure
+    first: float  # the figure that is tried first
+    last: float  # the hardest that there is; figures fall from first to last where that is less
 
     def figure(self, hard: float) -> float:
         """Return the figure that is so many times as hard as the first."""
@@ -143,17 +136,11 @@ class Burdens(Walking):
 
 @dataclass(frozen=True)
 class BurdenTrial(WalkTrial):
-    """The search for the largest burden of a kind.
+    """The search for the largest burden of a kind."""
 
-    Attributes:
-        spec: all that it belongs to.
-        kind: of the burden.
-        what: which of that kind.
-    """
-
-    spec: Burdens
-    kind: Kind
-    what: str
+    spec: Burdens  # all that it belongs to
+    kind: Kind  # of the burden
+    what: str  # which of that kind
 
     @property
     def own_columns(self) -> list[Row]:

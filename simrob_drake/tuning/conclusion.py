@@ -9,8 +9,7 @@ from scipy.stats import binomtest, quantile_test
 
 from simrob_drake.tuning.trial import COMPLETED, Row
 
-START, WON = "start", "winner"
-"""What is compared: where a search began, and what it found."""
+START, WON = "start", "winner"  # what is compared: where a search began, and what it found
 THOUGHT, NUMERICAL = "as thought", ("solver", "engine")
 """The runs without a doubt, and the doubts that change nothing but who integrates."""
 _SURE = 0.95
@@ -22,12 +21,9 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
 
     It is if no doubt ends more of its runs than of the start's, or any at all where there is no start, and if in nine
     of ten pairs of runs that both went to their ends it costs less: by more than other solvers and engines find
-    otherwise, and surely so in the median. A winner over a start must have been tried under other moves, too.
-
-    Args:
-        rows: of the runs, each with ``of``, ``doubt``, ``draw``, ``ended``, and the costs if there is a start.
-        undoubted: what was not doubted.
-        moved: whether there were other moves than the search's, or could be none.
+    otherwise, and surely so in the median. A winner over a start must have been tried under other moves, too. The rows
+    have ``of``, ``doubt``, ``draw``, ``ended``, and the costs if there is a start; ``moved``: there were other moves
+    than the search's, or could be none.
     """
     own = [row for row in rows if row["of"] == WON]
     start = [row for row in rows if row["of"] == START]
@@ -40,7 +36,8 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
         lost = len(ours) - _held(ours)
         if lost:
             others = f" (start {len(theirs) - _held(theirs)})" if start else ""
-            ends = ", ".join(dict.fromkeys(_why(row) for row in ours if not _holds(row)))
+            fallen = [row for row in ours if not _holds(row)]
+            ends = ", ".join(dict.fromkeys("beyond a limit" if _ended(row) else str(row["ended"]) for row in fallen))
             words.append(f"{doubt}: {lost} of {len(ours)} do not{others}: {ends}.")
         if _held(ours) < (_held(theirs) if start else len(ours)):
             worse.append(doubt)
@@ -124,7 +121,3 @@ def _holds(row: Row) -> bool:
 
 def _held(rows: Sequence[Row]) -> int:
     return sum(map(_holds, rows))
-
-
-def _why(row: Row) -> str:
-    return "beyond a limit" if _ended(row) else str(row["ended"])

@@ -18,16 +18,7 @@ class Dashboard:
     """A server of Optuna's dashboard; what it shows, and what is changed there, lives in memory alone."""
 
     def __init__(self, places: Mapping[str, StudyFolder], port: int | None = None) -> None:
-        """Bind to a port of this computer.
-
-        Args:
-            places: searches by their names.
-            port: which; 8080, or any that is free, unless given.
-
-        Raises:
-            SimrobError: the extra ``tune`` is missing.
-            OutputError: the port is taken.
-        """
+        """Take a port, 8080 or a free one, for searches by name; raises SimrobError: no tune; OutputError: taken."""
         with needed("the dashboard", "tune"):
             from optuna.storages import InMemoryStorage
             from optuna_dashboard import wsgi

@@ -85,12 +85,7 @@ class _Thought:
 
 
 def doubts(scene: Scene, seeds: int) -> dict[str, list[Change]]:
-    """Return by their kinds the changes under which a scene is to be run again; the first kind has none.
-
-    Args:
-        scene: as it was thought.
-        seeds: how many draws of each kind.
-    """
+    """Return changes, ``seeds`` of each kind, by kind, under which a scene is to be run again; the first has none."""
     found: dict[str, list[Change]] = {THOUGHT: [{}]}
     if scene.config.mode == "kinematic":
         return found
@@ -290,14 +285,11 @@ _KINDS: dict[str, Callable[[_Thought], _Space]] = {
     "torque": _sagging,
     "latency": _late,
 }
-_ROBOTS = 5
-"""The place of the stream of whole robots, from when there were so many kinds."""
+_ROBOTS = 5  # the place of the stream of whole robots, from when there were so many kinds
 SOLVER, SECOND_ENGINE = NUMERICAL
 MOVES = "moves"
-KINDS = (*_KINDS, SOLVER, SECOND_ENGINE)
-"""All that can be doubted."""
-UNKNOWN = ("backlash",)
-"""What no doubt changes, as too little is known of it; conditions may."""
+KINDS = (*_KINDS, SOLVER, SECOND_ENGINE)  # all that can be doubted
+UNKNOWN = ("backlash",)  # what no doubt changes, as too little is known of it; conditions may
 
 
 def moves(scene: Scene) -> bool:

@@ -48,11 +48,7 @@ class _Outcome(Strict):
 
 
 def read_spec(folder: Path, file: str, model: type[Model]) -> Model:
-    """Return what a folder was asked for.
-
-    Raises:
-        InvalidConfig: there is none, or it is damaged.
-    """
+    """Return what a folder was asked for; raises InvalidConfig: there is none, or it is damaged."""
     return validated(model, validated(_Kept, read_yaml(folder / file), folder / file).asked, folder / file)
 
 
@@ -75,20 +71,11 @@ class Journal:
         force: bool = False,
         other: Collection[str] = (),
     ) -> None:
-        """Begin in a new folder, or go on in one that was asked for the same.
+        """Begin in a new folder, or go on in one whose ``file`` asks for the same, ``other`` keys apart.
 
-        Args:
-            folder: which.
-            file: where in it stands what is asked for.
-            spec: that.
-            digest: of the station.
-            columns: gives what identifies each row of a record; none if no trial has its number.
-            force: replace what is there.
-            other: keys that may have changed since.
-
-        Raises:
-            OutputError: the folder holds something else, or cannot be written.
-            InvalidConfig: the station has changed since, or a line of what is kept is damaged.
+        ``columns`` gives what identifies each row of a record; none if no trial has its number. ``force`` replaces what
+        is there. Raises OutputError: the folder holds something else, or cannot be written; InvalidConfig: the station
+        has another digest by now, or a line of what is kept is damaged.
         """
         self.folder, self._columns = folder, columns
         content, what = spec.model_dump(mode="json"), Path(file).stem
@@ -112,9 +99,8 @@ class Journal:
     def adding(self) -> Iterator[Callable[[Record], None]]:
         """Give what adds a record, and let no other process do so; the half of a line that one left is cut off.
 
-        Raises:
-            OutputError: another process is at work on them, or the disk does not take them.
-            InvalidConfig: a line is damaged.
+        Raises OutputError: another process is at work on them, or the disk does not take them; InvalidConfig: a line is
+        damaged.
         """
         with alone_in(self.folder):
             self.records, end = self._read()
@@ -131,11 +117,7 @@ class Journal:
                 self.records.sort(key=lambda record: record.number)
 
     def read(self) -> list[Record]:
-        """Return the records that stand in it now, whoever makes them.
-
-        Raises:
-            InvalidConfig: a line is damaged.
-        """
+        """Return the records that stand in it now, whoever makes them; raises InvalidConfig: a line is damaged."""
         return self._read()[0]
 
     def _read(self) -> tuple[list[Record], int]:
@@ -199,18 +181,10 @@ def run(
     scheduler: str | None = None,
     progress: bool = True,
 ) -> list[Record]:
-    """Make the trials that are not made yet, and return the records of all.
+    """Make the trials that are not made yet, and return the records of all; for the arguments see :func:`engine`.
 
-    Args:
-        journal: where they are kept.
-        trials: all of them.
-        workers: how many processes of this machine; as many as it has processors unless given.
-        scheduler: the address of a Dask scheduler whose workers do it instead.
-        progress: show a bar.
-
-    Raises:
-        OutputError: another process is at work on them, or the disk does not take them.
-        SimrobError: no such scheduler, or one that goes away.
+    Raises OutputError: another process is at work on them, or the disk does not take them; SimrobError: no such
+    scheduler, or one that goes away.
     """
     with journal.adding() as add, engine(workers=workers, scheduler=scheduler) as engine_:
         done = {record.number for record in journal.records}

@@ -28,14 +28,10 @@ class Cluster:
     """The workers of a Dask cluster; to be used in a ``with``."""
 
     def __init__(self, scheduler: str) -> None:
-        """Look for a cluster, and at the versions of its scheduler and its workers.
+        """Look for a cluster by its address, such as ``tcp://10.0.0.1:8786``, and at the versions of all there.
 
-        Args:
-            scheduler: the address of Dask's scheduler, such as ``tcp://10.0.0.1:8786``.
-
-        Raises:
-            SimrobError: the extra ``tune`` is missing, or versions differ from those here.
-            InvalidParameter: no scheduler there, or one without workers.
+        Raises SimrobError: the extra ``tune`` is missing, or versions differ from those here; InvalidParameter: no
+        scheduler there, or one without workers.
         """
         self._scheduler = scheduler
         with needed("a cluster", "tune"):
@@ -54,7 +50,6 @@ class Cluster:
             raise
 
     def __enter__(self) -> Self:
-        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -67,10 +62,7 @@ class Cluster:
         """Yield what becomes of each task, as it comes; as :meth:`Processes.outcomes` does.
 
         Dask gives the tasks of a worker that is gone to others; one that several were working on when they died counts
-        as what killed them.
-
-        Raises:
-            SimrobError: the scheduler went away.
+        as what killed them. Raises SimrobError: the scheduler went away.
         """
         from distributed import KilledWorker, as_completed
         from distributed.client import ClosedClientError
@@ -100,16 +92,7 @@ class Cluster:
 
 
 def _check(scheduler: str, found: Any) -> None:
-    """Check that a cluster has workers, and that they and its scheduler have the versions of this computer.
-
-    Args:
-        scheduler: its address.
-        found: what Dask tells of the versions of all.
-
-    Raises:
-        InvalidParameter: it has no workers.
-        SimrobError: another version.
-    """
+    """Check a cluster's workers and all versions there; raises InvalidParameter: no workers; SimrobError: a version."""
     if not found["workers"]:
         raise InvalidParameter("--scheduler", f"{scheduler}, without workers", "a scheduler that has some")
     here = {name: version for name, version in found["client"]["packages"].items() if name in _PACKAGES and version}
@@ -140,7 +123,6 @@ class Processes:
         self._pool = self._fresh(self._workers)
 
     def __enter__(self) -> Self:
-        """Return itself."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -218,13 +200,5 @@ Engine = Processes | Cluster
 
 
 def engine(*, workers: int | None = None, scheduler: str | None = None) -> Engine:
-    """Return the workers of a Dask scheduler, or so many processes of this machine.
-
-    Args:
-        workers: how many processes; as many as there are processors unless given.
-        scheduler: the address of a Dask scheduler to use instead.
-
-    Raises:
-        SimrobError: no such scheduler, or one that cannot be used.
-    """
+    """Return a Dask scheduler's workers, else ``workers`` processes, one a processor; raises SimrobError: none."""
     return Cluster(scheduler) if scheduler else Processes(workers)

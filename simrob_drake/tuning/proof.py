@@ -15,6 +15,7 @@ from pydantic import Field
 
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidConfig
+from simrob_drake.files import text_of
 from simrob_drake.folders import written_at_once
 from simrob_drake.results.colours import BAD, COLOURS, GOOD
 from simrob_drake.results.plots.grid import style
@@ -30,8 +31,7 @@ from simrob_drake.tuning.study_folder import STUDY, winner_of
 from simrob_drake.tuning.trial import COMPLETED, Row, table, write_rows
 
 PROVE, TABLE, PAGE = "prove.yaml", "prove.csv", "prove.html"
-_ASKED = re.compile(r"(^|\.)(reference|gait|program|commands)(\.|$)")
-"""Keys that say what is asked."""
+_ASKED = re.compile(r"(^|\.)(reference|gait|program|commands)(\.|$)")  # keys that say what is asked
 
 
 class Proof(Strict):
@@ -50,11 +50,7 @@ class Proof(Strict):
 
     @classmethod
     def of(cls, place: str, seeds: int) -> "Proof":
-        """Return what is to be proven of the folder of a study that has ended, or of a station.
-
-        Raises:
-            InvalidConfig: a folder without a winner.
-        """
+        """Return what is to be proven of a finished study's folder, or a station; raises InvalidConfig: no winner."""
         folder = Path(place)
         if not (folder / STUDY).is_file():
             return cls(station=place, parameters={WON: {}}, conditions=[{}], seeds=seeds)
@@ -99,10 +95,7 @@ class Proof(Strict):
         return [kind for kind in (*KINDS, *UNKNOWN) if kind not in doubted and kind not in own]
 
     def moved(self, doubted: Collection[str]) -> bool:
-        """Tell whether there are other moves than the search's, among its doubts or in its own conditions.
-
-        A station that is asked for none has none.
-        """
+        """Tell whether doubts or own conditions have other moves than the search's; a station without any has none."""
         own = self.study.proof.keys if self.study and self.study.proof else ()
         if MOVES in doubted or any(_ASKED.search(key) for key in own):
             return True
@@ -120,11 +113,7 @@ class ProofFolder:
     """
 
     def __init__(self, folder: Path | str, proof: Proof, *, force: bool = False) -> None:
-        """Begin a proof in a new folder, or go on with the same one.
-
-        Raises:
-            SimrobError: a station that cannot be, or has changed since; a folder that holds something else.
-        """
+        """Begin a proof in a new folder, or go on; raises SimrobError: no station, a changed one, other content."""
         self.folder, self.proof, self.cases = as_path(folder, "folder"), proof, proof.cases()
         digest = self.cases[0].scene().digest
         self.journal = Journal(self.folder, PROVE, proof, digest, columns=columns_of(self.cases), force=force)
@@ -132,10 +121,7 @@ class ProofFolder:
     def run(
         self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True
     ) -> tuple[bool, list[str]]:
-        """Make the runs that are not made yet; write table and page; return whether it is proven, and why in words.
-
-        Args and errors are those of :func:`simrob_drake.tuning.journal.run`.
-        """
+        """Make runs as :func:`simrob_drake.tuning.journal.run`, write table and page; return proven or not, and why."""
         rows = table(run(self.journal, self.cases, workers=workers, scheduler=scheduler, progress=progress))
         judged = [{**row, **self._judged(row)} for row in rows]
         write_rows(self.folder / TABLE, judged)
@@ -153,38 +139,14 @@ class ProofFolder:
         return {**named(costs), "over_limits": over}
 
 
-_PAGE = Template("""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>$title</title><style>
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color: #222 }
-table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }
-td, th { padding: .2rem .8rem; border-bottom: 1px solid #ddd; text-align: right }
-td:first-child, th:first-child { text-align: left }
-.conclusion { border-left: .4rem solid $colour; padding: .2rem 1rem; background: #f6f6f6 }
-img { max-width: 100% }
-</style></head><body>
-<h1>$title</h1>
-<div class="conclusion">$conclusion</div>
-<h2>Under which doubt</h2>$doubts
-<h2>What was measured</h2>$measures<img alt="what was measured, by doubt" src="data:image/png;base64,$plot">
-<h2>What is compared</h2>$compared
-</body></html>
-""")
 _WIDTH, _HEIGHT, _COLUMNS, _DPI = 4.6, 2.8, 3, 100  # inches of a frame, and frames in a row
 _ASIDE = 0.15  # of the two that are compared, so that their dots stand side by side
 
 
 def page(title: str, proven: bool, words: Sequence[str], rows: Sequence[Row], of: Mapping[str, Parameters]) -> str:
-    """Return the page.
-
-    Args:
-        title: what is proven.
-        proven: the conclusion.
-        words: the conclusion in sentences, the shortest first.
-        rows: the runs, each with ``of`` and ``doubt``.
-        of: the parameters of what is compared.
-    """
+    """Return the page: the conclusion, its sentences, the shortest first, the runs, and what is compared."""
     first, *others = (escape(words[0]), *(f"<p>{escape(sentence)}</p>" for sentence in words[1:]))
-    return _PAGE.substitute(
+    return Template(text_of(Path(__file__).with_suffix(".html"))).substitute(
         title=escape(title),
         colour=GOOD if proven else BAD,
         conclusion=f"<p><strong>{first}</strong></p>{''.join(others)}",

@@ -86,7 +86,8 @@ class PushMap(Walking):
             own = [row for row in rows if row["settings"] == name]
             for turn in (*self.turns, None):
                 some = [row for row in own if turn in (None, row["direction_deg"])]
-                weakest = _share(some) if self.force else _weakest(some)
+                held = sum(row["ended"] == COMPLETED for row in some) / len(some)
+                weakest = {"pushes": len(some), "withstood": held} if self.force else _weakest(some)
                 found.append({"settings": name, "direction_deg": turn, **weakest})
         return found
 
@@ -94,10 +95,6 @@ class PushMap(Walking):
 def push_of(row: Row, key: str) -> float:
     """Return a figure of a push that is withstood, as a row has it; 0 of a trial that never came to its end."""
     return float(row.get(key) or 0.0)
-
-
-def _share(rows: Sequence[Row]) -> Row:
-    return {"pushes": len(rows), "withstood": sum(row["ended"] == COMPLETED for row in rows) / len(rows)}
 
 
 def _weakest(rows: Sequence[Row]) -> Row:
@@ -122,15 +119,10 @@ def _period(scene: Scene) -> float:
 
 @dataclass(frozen=True)
 class PushTrial(WalkTrial):
-    """Pushes in all directions at one moment [s].
+    """Pushes in all directions at one moment [s]."""
 
-    Attributes:
-        spec: the map that they belong to.
-        moment: when they begin.
-    """
-
-    spec: PushMap
-    moment: float
+    spec: PushMap  # the map that they belong to
+    moment: float  # when they begin
 
     @property
     def own_columns(self) -> list[Row]:
@@ -195,10 +187,7 @@ def save_push_picture(spec: PushMap, rows: Sequence[Row], file: Path) -> None:
 
     A bar in each direction is the weakest of all moments and draws, a stroke over it their median; nothing stands
     between directions, where nothing was tried. Maps tell the weakest of all draws. Of pushes of one force all tell
-    which part of them is withstood.
-
-    Raises:
-        OutputError: the disk does not take it.
+    which part of them is withstood. Raises OutputError: the disk does not take it.
     """
     names = list(spec.settings)
     values = {name: _values(spec, [row for row in rows if row["settings"] == name]) for name in names}

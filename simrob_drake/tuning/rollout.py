@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -13,29 +14,15 @@ from simrob_drake.sections import Positive, Strict
 from simrob_drake.tuning.doubts import drawn
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.trial import COMPLETED, Row, Trial
+from simrob_drake.yaml_files import read_yaml
 
-UNITS = {
-    "tracking_error": "rad",
-    "final_error": "rad",
-    "overshoot": "of the move",
-    "peak_torque": "of the limit",
-    "work": "J",
-    "distance": "m",
-    "ahead": "m",
-    "speed": "m/s",
-    "tilt": "rad",
-    "smallest_height": "m",
-    "cost_of_transport": "–",
-    "fall": "of the runs",
-    "margin": "× the push",
-}
+UNITS: dict[str, str] = read_yaml(Path(__file__).with_name("measures.yaml"))
 """The measures of :func:`measures` and their units.
 
 With several robots each has its own, ``<robot>.<measure>``. Errors are of all axes of a robot, in radians, and metres
 for axes that slide.
 """
-SIGNED = ("ahead", "speed", "smallest_height")
-"""Those that may be negative."""
+SIGNED = ("ahead", "speed", "smallest_height")  # those that may be negative
 _WALKS = ("distance", "ahead", "speed", "tilt", "smallest_height", "cost_of_transport")
 _STILL = 1e-3  # a reference that moves less has nothing to overshoot [rad or m]
 
@@ -105,33 +92,19 @@ class Margin(Strict):
 
 @dataclass(frozen=True)
 class Case(Trial):
-    """A run to be made.
+    """A run to be made."""
 
-    Attributes:
-        station: a name or a file.
-        overrides: what is changed in it, in its robot's gait or in the program; see
-            :mod:`simrob_drake.tuning.scene`.
-        shown: what the table tells of the case, by column.
-        seed: the seed of its noise.
-        drawn: whether it is of that seed's robot and floor, too: of its posture, masses and friction.
-        allow_code: whether the station may name Python code.
-        margin: what is asked beside the run, if anything; the run itself is then without that push.
-    """
-
-    station: str
+    station: str  # a name or a file
+    # what is changed in it, in its robot's gait or in the program; see :mod:`simrob_drake.tuning.scene`
     overrides: Mapping[str, Any]
-    shown: Mapping[str, Any] = field(default_factory=dict)
-    seed: int = 0
-    drawn: bool = False
-    allow_code: bool = False
-    margin: Margin | None = None
+    shown: Mapping[str, Any] = field(default_factory=dict)  # what the table tells of the case, by column
+    seed: int = 0  # the seed of its noise
+    drawn: bool = False  # whether it is of that seed's robot and floor, too: of its posture, masses and friction
+    allow_code: bool = False  # whether the station may name Python code
+    margin: Margin | None = None  # what is asked beside the run, if anything; the run itself is then without that push
 
     def scene(self) -> Scene:
-        """Return what is run.
-
-        Raises:
-            SimrobError: what cannot be.
-        """
+        """Return what is run; raises SimrobError: what cannot be."""
         scene = Scene.of(self.station, self.overrides, allow_code=self.allow_code)
         if not self.drawn:
             return scene

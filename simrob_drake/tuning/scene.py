@@ -45,21 +45,15 @@ _KEPT: deque[Runner] = deque(maxlen=4)  # some megabytes each
 
 
 def run(config: StationConfig, reference: ReferenceLike | None = None) -> SimulationResult:
-    """Run a station as :func:`~simrob_drake.simulation.simulate` does, to the last bit.
-
-    Raises:
-        SimrobError: input that cannot be run at all.
-    """
+    """Run a station as :func:`~simrob_drake.simulation.simulate`, to the last bit; raises SimrobError: wrong input."""
     return runner_of(config).run(reference=reference)
 
 
 def runner_of(config: StationConfig) -> Runner:
     """Return the runner of a station.
 
-    What was built for a run of the same station with other references, pushes, length or start is used again.
-
-    Raises:
-        SimrobError: a station that cannot be run at all.
+    What was built for a run of the same station with other references, pushes, length or start is used again. Raises
+    SimrobError: a station that cannot be run at all.
     """
     runner = next((found for kept in _KEPT if (found := kept.like(config)) is not None), None)
     if runner is None:
@@ -75,21 +69,13 @@ _STEPS = 12  # of a gait, unless told
 
 @dataclass(frozen=True)
 class Scene:
-    """A station, and what is done in it.
+    """A station, and what is done in it."""
 
-    Attributes:
-        config: the station.
-        motion: the gait that its robot goes, if any.
-        program: what is done, if any.
-        gait_keys: what was asked of the gait, by its keys.
-        engine: in which it is run.
-    """
-
-    config: StationConfig
-    motion: JointMotion | None = None
-    program: Program | None = None
-    gait_keys: Mapping[str, Any] = field(default_factory=dict)
-    engine: str = DRAKE
+    config: StationConfig  # the station
+    motion: JointMotion | None = None  # the gait that its robot goes, if any
+    program: Program | None = None  # what is done, if any
+    gait_keys: Mapping[str, Any] = field(default_factory=dict)  # what was asked of the gait, by its keys
+    engine: str = DRAKE  # in which it is run
 
     @classmethod
     def of(
@@ -100,16 +86,9 @@ class Scene:
         called: Mapping[str, str] | None = None,
         allow_code: bool = False,
     ) -> "Scene":
-        """Return a station with changes, and with the gait or the program that they name.
+        """Return a station, by name or file, with overrides of it, its robot's gait or its program, if any.
 
-        Args:
-            station: a name or a file.
-            overrides: what is changed in the station, in its robot's gait or in the program.
-            called: what errors call an override by its key.
-            allow_code: whether the station may name Python code.
-
-        Raises:
-            SimrobError: a station, a gait or a program that cannot be.
+        Errors call an override by ``called``. Raises SimrobError: a station, a gait or a program that cannot be.
         """
         own = of_station(overrides)
         names = {key: name for key, name in (called or {}).items() if key in own}
@@ -147,20 +126,12 @@ class Scene:
         return None if self.motion is None else self.motion.trajectory()
 
     def check(self) -> None:
-        """Check, without a run, that robots can follow what they are asked; what a program asks is known as it runs.
-
-        Raises:
-            SimrobError: they cannot.
-        """
+        """Check, unrun, that robots can follow what they are asked, programs apart; raises SimrobError: they cannot."""
         if self.program is None:
             Runner(self.config).check(self.reference)
 
     def run(self) -> SimulationResult:
-        """Run it; what is built already is used where that can be.
-
-        Raises:
-            SimrobError: what cannot be run.
-        """
+        """Run it; what is built already is used where that can be; raises SimrobError: what cannot be run."""
         decides = self.program is not None or bool(self.config.controllers)
         config = in_mujoco(self.config) if self.engine == MUJOCO and decides else self.config
         if self.program is not None:
@@ -172,22 +143,14 @@ class Scene:
         return MujocoRunner(self.config).run(reference=self.reference)
 
     def pushed(self, name: str, size: float) -> "Scene":
-        """Return it with a push of the station so many times as hard; 0 leaves it out.
-
-        Raises:
-            UnknownName: no such push.
-        """
+        """Return it with a push so many times as hard, 0 for none; raises UnknownName: no such push."""
         pushes = {name: force for name, force in self.config.forces.items() if isinstance(force, Push)}
         push = pushes[one_of("push", name, pushes)]
         harder = push.model_copy(update={"force": tuple(size * part for part in push.force)})
         return replace(self, config=self.config.model_copy(update={"forces": {**self.config.forces, name: harder}}))
 
     def write(self, folder: Path) -> None:
-        """Write ``station.yaml``, the files that it names, and ``gait.yaml`` or ``program.yaml`` where there is one.
-
-        Raises:
-            OutputError: the folder does not take them.
-        """
+        """Write ``station.yaml`` and its files, a gait's or a program's YAML; raises OutputError: not written."""
         with writing(folder):
             config = carried(self.config, folder)
         written_at_once(folder / "station.yaml", station_yaml(config))

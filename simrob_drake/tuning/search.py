@@ -28,18 +28,11 @@ class Enough(Exception):
 
 
 def search(method: Method, start: Vector, costs: Costs, *, together: int, seed: int, aims: int = 1) -> None:
-    """Ask for costs until that raises :class:`Enough`, or nothing better is near.
+    """Ask for costs from a start (n,) on until that raises :class:`Enough`, or nothing better is near.
 
-    Args:
-        method: how; ``nelder_mead`` and ``powell`` are local, the others global.
-        start: where, shape (n,).
-        costs: what points cost.
-        together: how many points are asked for at a time, where the method lets them be chosen together.
-        seed: of all that it draws.
-        aims: how many costs there are; more than one for those of Optuna only.
-
-    Raises:
-        SimrobError: the extra ``tune`` is missing.
+    ``nelder_mead`` and ``powell`` are local, the others global; ``together`` points are asked for at a time, where the
+    method lets them be chosen so; more than one of ``aims`` is for methods of Optuna only. Raises SimrobError: the
+    extra ``tune`` is missing.
     """
     ways = {"cma": _cma, "differential_evolution": _evolve, "nelder_mead": _local, "powell": _local}
     with suppress(Enough):

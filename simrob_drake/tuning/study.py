@@ -49,11 +49,7 @@ class Conditions(Draws):
         return distinct([*(key for case in self.cases for key in case), *self.vary])
 
     def located(self, folder: Path, border: Border) -> Self:
-        """Return them with absolute paths.
-
-        Raises:
-            InvalidConfig: one that may not be read.
-        """
+        """Return them with absolute paths; raises InvalidConfig: one that may not be read."""
         cases = [located_changes(case, folder, border) for case in self.cases]
         return self.model_copy(update={"cases": cases, "vary": located_space(self.vary, folder, border)})
 
@@ -69,11 +65,9 @@ def located_space(space: Mapping[str, AnyDistribution], folder: Path, border: Bo
 
 
 Method = Literal["cma", "tpe", "gp", "genetic", "random", "nelder_mead", "powell", "differential_evolution"]
-SEVERAL_AIMS = ("genetic", "tpe", "gp", "random")
-"""Methods that look for the best trades between several costs."""
+SEVERAL_AIMS = ("genetic", "tpe", "gp", "random")  # methods that look for the best trades between several costs
 Weights = Annotated[dict[str, Number], Field(min_length=1)]
-Parameters = Values
-"""Values of what varies, by key."""
+Parameters = Values  # values of what varies, by key
 
 
 class Study(Strict):
@@ -110,12 +104,7 @@ class Study(Strict):
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
-        """Return the study that a file holds.
-
-        Raises:
-            InvalidConfig: it is none.
-            SimrobError: a station, a key or a measure that there is not.
-        """
+        """Return a file's study; raises InvalidConfig: it is none; SimrobError: no such station, key or measure."""
         file = as_path(file, "file")
         study = validated(cls, read_yaml(file), file)
         study = study.located(file).model_copy(update={"station": located_station(study.station, file)})
@@ -123,22 +112,14 @@ class Study(Strict):
         return study
 
     def located(self, file: Path) -> Self:
-        """Return the study with absolute paths in all that it changes.
-
-        Raises:
-            InvalidConfig: one that may not be read for the file that the study stands in.
-        """
+        """Return the study with absolute paths in all that it changes; raises InvalidConfig: one is out of bounds."""
         folder, border = file.absolute().parent, Border(file)
         changed: dict[str, Any] = {kind: one.located(folder, border) for kind, one in self._conditions}
         changed["overrides"] = located_changes(self.overrides, folder, border)
         return self.model_copy(update={"vary": located_space(self.vary, folder, border), **changed})
 
     def check(self, where: Path | str = "study") -> None:
-        """Check all that can be known before the search.
-
-        Raises:
-            SimrobError: a station, a key or a measure that there is not.
-        """
+        """Check what can be known before the search; raises SimrobError: no such station, key or measure."""
         for name in self.measures:
             one_of("measure", name.rpartition(".")[2], UNITS)
         if len(self.aims) > 1 and self.method not in SEVERAL_AIMS:
@@ -254,11 +235,7 @@ class Study(Strict):
         return np.mean(costs, axis=0), float(np.mean(over))
 
     def check_measures(self, rows: Sequence[Row]) -> None:
-        """Check that where the search begins each measure means something in some run.
-
-        Raises:
-            InvalidConfig: one that is missing in all that went to their ends; there would be nothing to compare.
-        """
+        """Check measures where the search begins; raises InvalidConfig: one that no run to its end has."""
         ended = [row for row in rows if row["ended"] == COMPLETED]
         for name in self.measures:
             if ended and all(row.get(name) is None for row in ended):

@@ -29,11 +29,7 @@ PLOTS = "plots"
 
 
 def winner_of(folder: Path, study: Study) -> Parameters:
-    """Return the figures that a study has found.
-
-    Raises:
-        InvalidConfig: it has not ended yet, or the file is damaged.
-    """
+    """Return the figures that a study has found; raises InvalidConfig: it has not ended yet, or the file is damaged."""
     file = folder / WINNER
     if not file.is_file():
         raise InvalidConfig(folder, "", f"has no {WINNER} yet: let simrob tune go on with it first")
@@ -59,10 +55,8 @@ class StudyFolder:
     def __init__(self, folder: Path | str, study: Study, *, force: bool = False) -> None:
         """Begin a study in a new folder, or go on with the same one.
 
-        Raises:
-            SimrobError: a study that cannot be.
-            OutputError: the folder holds something else, or cannot be written.
-            InvalidConfig: its station has changed since it began, or a line of its journal is damaged.
+        Raises SimrobError: a study that cannot be; OutputError: the folder holds something else, or cannot be written;
+        InvalidConfig: its station has changed since it began, or a line of its journal is damaged.
         """
         folder = as_path(folder, "folder")
         self.folder, self.study = folder, study
@@ -74,11 +68,7 @@ class StudyFolder:
 
     @classmethod
     def there(cls, folder: Path | str) -> "StudyFolder":
-        """Return the study that stands in a folder.
-
-        Raises:
-            InvalidConfig: there is none, it is damaged, names files that may not be read, or its station has changed.
-        """
+        """Return a folder's study; raises InvalidConfig: none, damaged, a changed station, or files out of bounds."""
         place = as_path(folder, "folder")
         return cls(place, read_spec(place, STUDY, Study).located(place / STUDY))
 
@@ -111,19 +101,11 @@ class StudyFolder:
         return [int(place) for place in within[np.logical_not(beaten)]]
 
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
-        """Make the trials that are not made yet, and prove the best.
+        """Make the trials that are not made yet, see :func:`engine`, prove the best, and return the proof's runs.
 
-        Args:
-            workers: how many processes of this machine; as many as it has processors unless given.
-            scheduler: the address of a Dask scheduler whose workers do it instead.
-            progress: show a bar.
-
-        Returns:
-            the runs of the proof, those of where the search began and then those of the best, with a column ``of``.
-
-        Raises:
-            SimrobError: the trials that are kept are not those of this search; no such scheduler; the extra ``tune`` is
-                missing, and the method needs it.
+        Those of where the search began come first, then those of the best, with a column ``of``. Raises SimrobError:
+        the trials that are kept are not those of this search; no such scheduler; the extra ``tune`` is missing, and
+        needed.
         """
         study = self.study
         start = np.array([one.part(one.first) for one in study.vary.values()])
@@ -236,17 +218,11 @@ def _in_order(workers: Engine, groups: Sequence[Sequence[Trial]]) -> Iterator[li
 
 @dataclass(frozen=True)
 class Race(Trial):
-    """All runs of one set of figures.
+    """All runs of one set of figures."""
 
-    Attributes:
-        study: what tells what they cost.
-        cases: the runs, in order.
-        least: what the best of the trials before its batch costs; so a search that goes on is the same again.
-    """
-
-    study: Study
-    cases: tuple[Case, ...]
-    least: float = inf
+    study: Study  # what tells what they cost
+    cases: tuple[Case, ...]  # the runs, in order
+    least: float = inf  # what the best of the trials before its batch costs; so a search that goes on is the same again
 
     @property
     def columns(self) -> list[Row]:

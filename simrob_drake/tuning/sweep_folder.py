@@ -88,21 +88,10 @@ _BLUE, _ORANGE, *_ = COLOURS
 
 
 def save_sweep_plots(sweep: Sweep, rows: Sequence[Row], folder: Path) -> list[Path]:
-    """Write ``over_<key>.png`` for each key of several values, ``map.png`` for two of them, and ``spread.png``.
+    """Write ``over_<key>.png`` for each key of several values, ``map.png`` for two, ``spread.png``; return them.
 
     Curves are medians over all runs with one value, in a band from the least to the largest; maps are medians. The
-    measures that no run has are left out.
-
-    Args:
-        sweep: what was run.
-        rows: its runs.
-        folder: where to; it is made where it does not exist.
-
-    Returns:
-        the files.
-
-    Raises:
-        OutputError: the disk does not take them.
+    measures that no run has are left out. Raises OutputError: the disk does not take them.
     """
     listed = {key: one for key, one in sweep.vary.items() if isinstance(one, Choice) and len(one.values) > 1}
     figures = {f"over_{key}": _figure(rows, f"over {key}", partial(_curve, key, one)) for key, one in listed.items()}

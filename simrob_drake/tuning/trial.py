@@ -16,8 +16,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.folders import replaced_at_once
 from simrob_drake.sections import Strict
 
-Row = dict[str, Any]
-"""Of a table, by column."""
+Row = dict[str, Any]  # of a table, by column
 COMPLETED, REFUSED, KILLED = "completed", "refused", "killed"
 """How trials end: at their end; or never begun, their station cannot be; or with their process."""
 _LARGEST = 2**63
@@ -36,13 +35,9 @@ class Record(Strict):
 
 @dataclass(frozen=True)
 class Trial(ABC):
-    """One of many trials.
+    """One of many trials."""
 
-    Attributes:
-        number: from 1.
-    """
-
-    number: int
+    number: int  # from 1
 
     @property
     @abstractmethod
@@ -51,11 +46,7 @@ class Trial(ABC):
 
     @abstractmethod
     def measured(self) -> list[Row]:
-        """Run it and return the other columns of its rows: ``ended`` and ``message``, and what was measured.
-
-        Raises:
-            SimrobError: what cannot be run.
-        """
+        """Run it, return its rows' other columns: ``ended``, ``message``, what was measured; raises SimrobError."""
 
     def record(self, measured: Sequence[Row]) -> Record:
         """Return its record, of plain values, as JSON keeps them; one that was left early has the first rows alone."""
@@ -103,15 +94,7 @@ def plain(value: Any) -> Any:
 
 
 def write_rows(file: Path, rows: list[Row]) -> None:
-    """Write rows as a table with a column for whatever one of them has; what a run has not stays empty.
-
-    Args:
-        file: whose name ends in ``.csv``; beside it comes one that ends in ``.parquet``, where pyarrow is there.
-        rows: of the table.
-
-    Raises:
-        OutputError: the disk does not take it.
-    """
+    """Write rows as ``.csv`` and, with pyarrow, ``.parquet``, a column for all that one has; raises OutputError."""
     columns = list(dict.fromkeys(name for row in rows for name in row if name != "message"))
     columns += ["message"] if any("message" in row for row in rows) else []
     with replaced_at_once(file) as work, work.open("w", newline="", encoding="utf-8") as lines:

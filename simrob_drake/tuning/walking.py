@@ -31,8 +31,7 @@ from simrob_drake.tuning.doubts import Change, drawn
 from simrob_drake.tuning.scene import DRAKE, ENGINE, GAIT, PROGRAM, Scene
 from simrob_drake.tuning.trial import COMPLETED, Row, Trial
 
-UNCHANGED = "as given"
-"""What the settings are called that nothing beside changes."""
+UNCHANGED = "as given"  # what the settings are called that nothing beside changes
 _REST = 2.0  # before a gait ends its robot slows down and stands: trials end before that [s]
 _FEW = 12  # steps
 
@@ -40,8 +39,7 @@ _FEW = 12  # steps
 class Walking(Strict, ABC):
     """What trials of a robot that walks have in common."""
 
-    name: ClassVar[str]
-    """What their files are called."""
+    name: ClassVar[str]  # what their files are called
     station: str
     """A name, or a file."""
     overrides: dict[str, Any] = Field(default_factory=dict)
@@ -73,18 +71,10 @@ class Walking(Strict, ABC):
 
     @abstractmethod
     def trials(self, *, allow_code: bool = False) -> "Sequence[WalkTrial]":
-        """Return all trials; ``allow_code`` tells whether the station may name Python code.
-
-        Raises:
-            SimrobError: a station or a gait that cannot be.
-        """
+        """Return all trials; ``allow_code`` lets the station name Python code; raises SimrobError: none such."""
 
     def check(self, *, allow_code: bool = False) -> str:
-        """Check, before any trial, all that can be known by then; return a digest of the station.
-
-        Raises:
-            SimrobError: a station that cannot be, no robot on feet of its own, or one that falls by itself.
-        """
+        """Check what is known before trials; return a digest; raises SimrobError: no station or feet, or a fall."""
         if "duration" in self.overrides | self.variant:
             raise InvalidParameter("--set duration", "given", "left out: how long a run is, its trial tells")
         walks = [self.scene(changes, self.longest, allow_code=allow_code) for changes in self.settings.values()]
@@ -101,14 +91,7 @@ class Walking(Strict, ABC):
     def scene(self, changes: Change, seconds: float, *, seed: int | None = None, allow_code: bool = False) -> Scene:
         """Return a walk of some time [s]; a gait goes as many steps as it takes, unless it is told how many.
 
-        Args:
-            changes: of a set of trials, and of one of them.
-            seconds: how long it is.
-            seed: of its draw, if any.
-            allow_code: whether the station may name Python code.
-
-        Raises:
-            SimrobError: a station or a gait that cannot be.
+        The changes are of a set of trials, and of one of them. Raises SimrobError: a station or a gait that cannot be.
         """
         called = {key: f"--set {key}" for key in self.overrides} | {key: f"--variant {key}" for key in self.variant}
 
@@ -139,19 +122,12 @@ def gait_of(scene: Scene) -> Any:
 
 @dataclass(frozen=True)
 class WalkTrial(Trial):
-    """A trial of a robot that walks.
+    """A trial of a robot that walks."""
 
-    Attributes:
-        settings: the name of those it is made with.
-        changes: what these are.
-        seed: of its draw, if any.
-        allow_code: whether the station may name Python code.
-    """
-
-    settings: str
-    changes: Change
-    seed: int | None
-    allow_code: bool
+    settings: str  # the name of those it is made with
+    changes: Change  # what these are
+    seed: int | None  # of its draw, if any
+    allow_code: bool  # whether the station may name Python code
 
     @property
     def columns(self) -> list[Row]:
@@ -166,23 +142,14 @@ class WalkTrial(Trial):
 
 @dataclass(frozen=True)
 class Subject:
-    """A robot on its feet.
+    """A robot on its feet."""
 
-    Attributes:
-        name: in the station.
-        root: the link that it is held by in other stations.
-        mass: with what it carries [kg].
-        heading: where it looks at the start, counterclockwise from the world's x [rad].
-        ahead: its forward direction, level, along the axes of what is pushed, shape (3,).
-        left: likewise to its left.
-    """
-
-    name: str
-    root: str
-    mass: float
-    heading: float
-    ahead: Vector
-    left: Vector
+    name: str  # in the station
+    root: str  # the link that it is held by in other stations
+    mass: float  # with what it carries [kg]
+    heading: float  # where it looks at the start, counterclockwise from the world's x [rad]
+    ahead: Vector  # its forward direction, level, along the axes of what is pushed, shape (3,)
+    left: Vector  # likewise to its left
 
     def along(self, turn: float) -> Vector:
         """Return the way at an angle from ahead to the left [rad], along the axes of what is pushed, shape (3,)."""
@@ -190,15 +157,9 @@ class Subject:
 
 
 def subject_of(config: StationConfig, at: str | None = None) -> Subject:
-    """Return the robot that is pushed.
+    """Return the robot that is pushed ``at`` a place as ``forces`` name them; the root of the only robot unless given.
 
-    Args:
-        config: the station.
-        at: where: a robot, or a frame of one as ``forces`` name them; the root of the only robot unless given.
-
-    Raises:
-        UnknownName: there is no such place.
-        InvalidParameter: no robot that stands on feet of its own, or none whose fall a monitor ends.
+    Raises UnknownName: there is no such place; InvalidParameter: no robot on feet of its own whose fall a monitor ends.
     """
     resolved = resolve(config)
     frames = [frame for frame in frame_names(resolved) if config.only_robot or frame.partition(".")[0] in config.robots]
@@ -232,18 +193,11 @@ _LEAST = 1e-3  # of the first number: what is smaller is nothing
 
 
 def bracket(holds: Callable[[float], bool], first: float, *, close: float, most: float = inf) -> tuple[float, float]:
-    """Return the largest number that holds, and one not much larger that does not.
+    """Return the largest number that holds, and one not much larger that does not, ``close`` to it as its part.
 
-    That nothing holds again beyond what does not is taken for granted.
-
-    Args:
-        holds: tells whether a positive number holds.
-        first: what is tried first; it grows by twos until one does not hold.
-        close: the two lie at most this part of the larger one apart.
-        most: what is tried at most.
-
-    Returns:
-        0 and the smallest that was tried, where none holds; ``most`` and infinity where all do.
+    That nothing holds again beyond what does not is taken for granted. From the first number on it grows by twos until
+    one does not hold, up to ``most``. Returns 0 and the smallest that was tried, where none holds; ``most`` and
+    infinity where all do.
     """
     low, high, tried = 0.0, inf, min(first, most)
     while True:

@@ -18,18 +18,10 @@ class WalkingFolder:
     """Trials of a robot that walks, in a folder."""
 
     def __init__(self, folder: Path | str, walking: Walking, *, force: bool = False, allow_code: bool = False) -> None:
-        """Begin trials in a new folder, or go on with the same ones.
+        """Begin trials in a new folder, or go on with the same ones; ``force`` replaces what is there.
 
-        Args:
-            folder: where to.
-            walking: which.
-            force: replace others that are there, or the same ones.
-            allow_code: whether the station may name Python code.
-
-        Raises:
-            SimrobError: trials that cannot be.
-            OutputError: the folder holds something else, or cannot be written.
-            InvalidConfig: the station has changed since they began.
+        Raises SimrobError: trials that cannot be; OutputError: the folder holds something else, or cannot be written;
+        InvalidConfig: the station has changed since they began.
         """
         self.folder, self._walking = as_path(folder, "folder"), walking
         digest = walking.check(allow_code=allow_code)
@@ -38,10 +30,7 @@ class WalkingFolder:
         self._journal = Journal(self.folder, f"{walking.name}.yaml", walking, digest, columns=columns, force=force)
 
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
-        """Make the trials that are not made yet, write table, summary and picture, and return the rows of the table.
-
-        Args and errors are those of :func:`simrob_drake.tuning.journal.run`.
-        """
+        """Make trials as :func:`simrob_drake.tuning.journal.run`, write table, summary, picture; return the rows."""
         rows = table(run(self._journal, self._trials, workers=workers, scheduler=scheduler, progress=progress))
         walking, place = self._walking, self.folder / self._walking.name
         write_rows(place.with_suffix(".csv"), rows)

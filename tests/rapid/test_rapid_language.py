@@ -2,7 +2,7 @@
 
 import pytest
 
-from simrob_drake.rapid.interpreter import Interpreter
+from simrob_drake.rapid.importing import Interpreter
 from simrob_drake.rapid.syntax import RapidError, modules_of, predefined
 
 
@@ -142,7 +142,7 @@ def test_inputs_that_no_data_hides_are_read_by_name():
     ],
 )
 def test_what_cannot_be_is_refused_with_its_line(main, more, message, monkeypatch):
-    monkeypatch.setattr("simrob_drake.rapid.interpreter._MOST_STATEMENTS", 1000)
+    monkeypatch.setattr("simrob_drake.rapid.importing._MOST_STATEMENTS", 1000)
     with pytest.raises(RapidError) as refused:
         told(main, more)
     assert message in str(refused.value)

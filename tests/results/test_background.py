@@ -5,14 +5,13 @@ import sys
 
 import pytest
 
-from simrob_drake.results import background
-from simrob_drake.results.background import in_background
+from simrob_drake.results import files
 
 _SETUP = """
 import os, sys, time
 from pathlib import Path
-from simrob_drake.results import background
-background._can_copy = lambda: True
+from simrob_drake.results import files
+files._can_copy = lambda: True
 here = os.getpid()
 """
 
@@ -32,7 +31,7 @@ def work():
     while not Path("begun").exists():  # for ever, if the body came after
         time.sleep(0.01)
     Path("done").write_text(str(os.getpid()))
-with background.in_background(work):
+with files.in_background(work):
     Path("begun").touch()
 print(int(Path("done").read_text()) != here)
 """,
@@ -41,14 +40,14 @@ print(int(Path("done").read_text()) != here)
         assert told == "True"
 
     def test_work_that_fails_is_done_again_here_where_its_error_is_told(self, tmp_path):
-        told = script("with background.in_background(lambda: 1 / 0): pass", tmp_path)
+        told = script("with files.in_background(lambda: 1 / 0): pass", tmp_path)
         assert told == "ZeroDivisionError: division by zero"
 
     def test_a_body_that_fails_breaks_the_work_off(self, tmp_path):
         told = script(
             """
 try:
-    with background.in_background(lambda: time.sleep(30)):
+    with files.in_background(lambda: time.sleep(30)):
         raise KeyError
 except KeyError:
     try:
@@ -62,8 +61,8 @@ except KeyError:
 
 
 def test_work_is_done_after_the_body_where_no_copy_can_be_made(monkeypatch):
-    monkeypatch.setattr(background, "_can_copy", lambda: False)
+    monkeypatch.setattr(files, "_can_copy", lambda: False)
     order = []
-    with in_background(lambda: order.append("work")):
+    with files.in_background(lambda: order.append("work")):
         order.append("body")
     assert order == ["body", "work"]

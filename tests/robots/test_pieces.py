@@ -16,7 +16,6 @@ from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.pieces import (
     PieceModel,
     described_piece,
-    load_piece,
     piece_file,
     piece_names,
     piece_robot,
@@ -24,6 +23,7 @@ from simrob_drake.robots.pieces import (
     with_changes,
 )
 from simrob_drake.sections import validated
+from tests.robots.known_pieces import load_piece
 
 POSE = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 

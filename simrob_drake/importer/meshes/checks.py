@@ -26,11 +26,7 @@ _LARGEST_HEADER = 20_000_000  # bytes of JSON
 
 
 def references(path: Path) -> list[str]:
-    """Return the names of the files that a mesh file, or a material library, asks for, as they are written.
-
-    Raises:
-        OSError: the file cannot be read.
-    """
+    """Return the names, as written, of the files that a mesh or material library asks for; raises OSError: not read."""
     scan = _SCANS.get(path.suffix.lower())
     if scan is None:
         return []
@@ -85,11 +81,7 @@ class UnreadableMesh(Exception):
 
 
 def checked(data: bytes, kind: str) -> tuple[bytes, list[str]]:
-    """Return the bytes that a mesh library may read, and what was mended in them, in words.
-
-    Raises:
-        UnreadableMesh: the file is cut off, empty, or asks for far more than it holds.
-    """
+    """Return the bytes for a mesh library, and what was mended; raises UnreadableMesh: cut off, empty, too large."""
     if not data.strip(b"\0 \t\r\n"):
         raise UnreadableMesh("is empty")
     check: Callable[[bytes], tuple[bytes, list[str]]] | None = _CHECKS.get(kind)

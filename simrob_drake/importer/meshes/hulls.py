@@ -1,7 +1,5 @@
 """Shapes to collide with: the convex hull of a mesh, or the tightest box around it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -37,10 +35,8 @@ class Hull:
 def hull_of(points: Vector) -> Hull:
     """Return the convex hull of points (n, 3), with as many corners as it needs but no more than `MOST_CORNERS`.
 
-    The corners are points of the mesh, so the hull is never larger; its bounding box is the mesh's.
-
-    Raises:
-        UnreadableMesh: the points are too close together.
+    The corners are points of the mesh, so the hull is never larger; its bounding box is the mesh's. Raises
+    UnreadableMesh: the points are too close together.
     """
     solid, thickness = _thick(points)
     corners = solid[_convex(solid).vertices]
@@ -98,7 +94,7 @@ def _thick(points: Vector) -> tuple[Vector, float]:
 
 
 @heard_afterwards()
-def _convex(points: Vector) -> ConvexHull:
+def _convex(points: Vector) -> "ConvexHull":
     from scipy.spatial import ConvexHull, QhullError  # slow to load, and only imports of meshes need it
 
     try:
@@ -110,11 +106,8 @@ def _convex(points: Vector) -> ConvexHull:
 def _fewest(corners: Vector) -> tuple[list[int], float]:
     """Choose corners, the farthest out first, until the hull of the chosen ones is close or they are many.
 
-    How far out is measured in the directions of the body's own axes, along each as a part of its length there: a
-    needle stays as round as a ball.
-
-    Returns:
-        the indices of the chosen ones in order, and how far the others stick out at most [m].
+    How far out is measured in the directions of the body's own axes, along each as a part of its length there: a needle
+    stays as round as a ball. Returns their indices in order, and how far others stick out at most [m].
     """
     centred = corners - corners.mean(axis=0)
     along = centred @ np.linalg.eigh(np.cov(centred.T))[1]

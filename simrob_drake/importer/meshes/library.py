@@ -1,7 +1,5 @@
 """The meshes of one robot: found, read, scaled and mended, each file once; and written as OBJ, each content once."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from dataclasses import dataclass, field, replace
@@ -45,7 +43,7 @@ class Mesh:
     changes: list[str]  # what was mended, in words
     remarks: list[str]  # what is worth knowing, in words
 
-    def remembered(self) -> Mesh:
+    def remembered(self) -> "Mesh":
         """Return what is worth keeping when the mesh is written: not its content, and its remarks are told."""
         return replace(self, parts=[], original=None if self.original is None else b"", remarks=[])
 
@@ -59,12 +57,7 @@ class MeshLibrary:
     _failures: dict[Path, str] = field(default_factory=dict, init=False)
 
     def path_of(self, uri: str) -> Path:
-        """Return the file of a mesh.
-
-        Raises:
-            UnreadableMesh: it is nowhere, or can't be read.
-            OutsideBorder: it may not be read.
-        """
+        """Return the file of a mesh; raises UnreadableMesh: nowhere, or can't be read; OutsideBorder: it may not."""
         try:
             path = self.places.find(uri).path
         except MeshMissing as problem:
@@ -74,12 +67,7 @@ class MeshLibrary:
         return path
 
     def load(self, uri: str, scale: Scale) -> Mesh:
-        """Return a mesh.
-
-        Raises:
-            UnreadableMesh: it is nowhere, can't be read, or is empty.
-            OutsideBorder: it, or a file that it names, may not be read.
-        """
+        """Return a mesh; raises UnreadableMesh: none, unreadable, empty; OutsideBorder: its files may not be read."""
         path = self.path_of(uri)
         if (path, scale) not in self._meshes:
             while len(self._meshes) >= _KEPT:
@@ -122,11 +110,8 @@ def drake_mesh(file: Path) -> Path:
     """Return an OBJ file with the triangles of a mesh file, faces outwards; colours and textures are left out.
 
     It lies in the cache, in a folder whose name follows from the file's content. Other files that the mesh names, as
-    the buffers of a glTF, are read from its own folder only.
-
-    Raises:
-        InvalidModel: the file is missing, too large, of another format, garbage, or holds no triangles.
-        OutputError: the cache cannot be written.
+    the buffers of a glTF, are read from its own folder only. Raises InvalidModel: the file is missing, too large, of
+    another format, garbage, or holds no triangles; OutputError: the cache cannot be written.
     """
     kind = file.suffix.lower()
     if kind not in MESH_FORMATS:

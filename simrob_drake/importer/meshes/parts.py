@@ -1,7 +1,5 @@
 """A mesh as plain numbers, one part for every colour or texture; mended, and made smaller where it is huge."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 from collections.abc import Iterable, Sequence
@@ -26,7 +24,7 @@ Faces = NDArray[np.int64]
 Rgba = tuple[float, float, float, float]
 
 
-def usable(image: Any) -> Image | None:
+def usable(image: Any) -> "Image | None":
     """Return an image, as opened by Pillow, if it can be shown, at most 1024 pixels wide and high; else None."""
     from PIL import Image as Pillow
 
@@ -40,14 +38,14 @@ def usable(image: Any) -> Image | None:
     return Pillow.frombytes(decoded.mode, decoded.size, decoded.tobytes())  # without the source's notes and profiles
 
 
-def mean_colour(image: Image) -> tuple[float, float, float, float]:
+def mean_colour(image: "Image") -> tuple[float, float, float, float]:
     """Return the mean colour of an image, opaque."""
     mean = np.asarray(image.convert("RGB"), dtype=float).reshape(-1, 3).mean(axis=0) / 255
     red, green, blue = mean.round(4).tolist()
     return red, green, blue, 1.0
 
 
-def as_png(image: Image) -> bytes:
+def as_png(image: "Image") -> bytes:
     """Return an image as the bytes of a PNG file."""
     buffer = io.BytesIO()
     image.save(buffer, format="PNG", optimize=False)
@@ -64,14 +62,14 @@ class MeshPart:
     uv: Vector | None = None
     """(m, 3, 2), the place of each corner in the image, the origin at its lower left; None without image."""
     rgba: Rgba | None = None  # the file's own colour; None where it gives none
-    image: Image | None = None  # the texture; None without
+    image: "Image | None" = None  # the texture; None without
 
-    def only(self, kept: NDArray[np.bool_] | Faces) -> MeshPart:
+    def only(self, kept: NDArray[np.bool_] | Faces) -> "MeshPart":
         """Return the part with some of its faces."""
         normals = None if self.normals is None else self.normals[kept]
         return replace(self, faces=self.faces[kept], normals=normals, uv=None if self.uv is None else self.uv[kept])
 
-    def moved(self, matrix: Vector) -> MeshPart:
+    def moved(self, matrix: Vector) -> "MeshPart":
         """Return the part after a transform (4, 4): turned, scaled and moved; a mirrored one keeps its outside."""
         if np.array_equal(matrix, np.eye(4)):
             return self
@@ -150,10 +148,7 @@ _SMOOTH = np.deg2rad(35.0)  # faces that meet at less are one curved surface and
 
 
 def mend(part: MeshPart) -> MeshPart:
-    """Return a part with finite, distinct and used vertices, and faces that have an area.
-
-    Vertices at the same place become one; normals and texture belong to the corners of the faces and stay.
-    """
+    """Return a part with finite, distinct, used vertices and faces with an area; corners keep normals and texture."""
     near = np.all(abs(part.vertices) < _FARTHEST, axis=1)
     kept = part if near.all() else part.only(near[part.faces].all(axis=1))
     if not len(kept.faces):

@@ -51,13 +51,10 @@ class MeshPlaces:
     def find(self, uri: str) -> Place:
         """Return the file of a mesh.
 
-        Names begin with ``package://``, ``model://``, ``file://`` or nothing, and may hold backslashes, %20 and
-        letters in the wrong case. A path that is not there as a whole is tried by its end: authors leave their own
-        folders in, and rename packages.
-
-        Raises:
-            MeshMissing: it is nowhere.
-            OutsideBorder: it lies outside of the folders that may be read.
+        Names begin with ``package://``, ``model://``, ``file://`` or nothing, and may hold backslashes, %20 and letters
+        in the wrong case. A path that is not there as a whole is tried by its end: authors leave their own folders in,
+        and rename packages. Raises MeshMissing: it is nowhere; OutsideBorder: it lies outside of the folders that may
+        be read.
         """
         if uri not in self._found:
             parsed = _named(uri)
@@ -71,9 +68,7 @@ class MeshPlaces:
     def needed_by(self, path: Path) -> tuple[dict[str, Path], list[str]]:
         """Return the files that a mesh asks for, such as textures, by its names for them, and the missing names.
 
-        Raises:
-            OutsideBorder: one lies outside of the folders that may be read.
-            OSError: the mesh cannot be read.
+        Raises OutsideBorder: one lies outside of the folders that may be read; OSError: the mesh cannot be read.
         """
         found: dict[str, Path] = {}
         missing: list[str] = []

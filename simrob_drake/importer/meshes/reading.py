@@ -39,10 +39,8 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
     """Read a mesh file that may be read, with the ``others`` that it may ask for, by the names that it uses for them.
 
     COLLADA's unit is applied; its up axis is not, as in ROS, where a URDF's origins are written for that. glTF has Y
-    upwards by definition and is turned, as Drake turns it.
-
-    Raises:
-        UnreadableMesh: it is too large, garbage, or holds no triangles; the text says what.
+    upwards by definition and is turned, as Drake turns it. Raises UnreadableMesh: it is too large, garbage, or holds no
+    triangles; the text says what.
     """
     kind = path.suffix.lower()
     if kind not in MESH_FORMATS:
@@ -65,11 +63,7 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
 
 
 def mesh_content(path: Path) -> bytes:
-    """Return the bytes of a mesh, or of a file that it is made of.
-
-    Raises:
-        UnreadableMesh: it is too large, or cannot be read.
-    """
+    """Return the bytes of a mesh, or of a file of it; raises UnreadableMesh: it is too large, or cannot be read."""
     try:
         return content_of(path, LARGEST_FILE)
     except NotRead as problem:

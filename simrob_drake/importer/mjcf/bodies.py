@@ -46,10 +46,7 @@ def robot_from_model(model: Any, name: str, chosen: str, report: ImportReport) -
     """Return the ``robot`` element of a compiled model.
 
     ``model`` has its figures as arrays, under MuJoCo's names; ``chosen`` is the body that is the robot, or empty.
-
-    Raises:
-        InvalidModel: there are several robots, and none is chosen.
-        UnknownName: the chosen one is none of them.
+    Raises InvalidModel: there are several robots, and none is chosen; UnknownName: the chosen one is none of them.
     """
     tops = _tops(model, chosen, report)
     writer = _Writer(model, name, report)

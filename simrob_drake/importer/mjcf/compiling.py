@@ -41,10 +41,7 @@ def compiled(job: dict[str, Any]) -> dict[str, Any]:
 
     ``meshes`` of the job are the names of mesh files by those of meshes. Among the figures ``mesh_file``,
     ``mesh_refpos`` and ``mesh_refquat`` are as they were written, and ``mesh_missing`` names the meshes that a mass
-    should come from but that cannot be had.
-
-    Raises:
-        ValueError: MuJoCo refuses it.
+    should come from but that cannot be had. Raises ValueError: MuJoCo refuses it.
     """
     spec = mujoco.MjSpec.from_string(job["xml"])
     weighed, missing = _weighed(spec), []

@@ -56,10 +56,8 @@ _FLUID = ("density", "viscosity", "wind")
 def read_mjcf(root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
     """Return the ``robot`` element that a ``mujoco`` element stands for, as MuJoCo understands it.
 
-    The element of the file, whose path is absolute, is changed.
-
-    Raises:
-        InvalidModel: MuJoCo is not installed or refuses it, or it holds no robot.
+    The element of the file, whose path is absolute, is changed. Raises InvalidModel: MuJoCo is not installed or refuses
+    it, or it holds no robot.
     """
     if find_spec("mujoco") is None:
         raise report.refusal("", lacking("is an MJCF file, which", "mujoco"))
@@ -94,11 +92,7 @@ class _Source:
     report: ImportReport
 
     def put_in_includes(self, element: ET.Element) -> None:
-        """Put the content of files in the place of the ``include`` elements that name them.
-
-        Raises:
-            InvalidModel: a file is not there, may not be read, or they are too many.
-        """
+        """Put files in the place of ``include`` elements; raises InvalidModel: none there, not to be read, too many."""
         for _ in range(_MOST_FILES + 1):
             found = next(
                 ((owner, child) for owner in element.iter() for child in owner if child.tag == "include"), None

@@ -38,10 +38,8 @@ def in_child(
 ) -> dict[str, Any]:
     """Let a module serve a job in a process of its own, and return the result.
 
-    ``answer`` gives what it asks for; it may take so many seconds.
-
-    Raises:
-        ChildFailed: it does not end in time, dies, or says what is wrong with the job.
+    ``answer`` gives what it asks for; it may take so many seconds. Raises ChildFailed: it does not end in time, dies,
+    or says what is wrong with the job.
     """
     environment = {name: os.environ[name] for name in _ENVIRONMENT if name in os.environ} | _SETTINGS
     environment["PYTHONPATH"] = os.pathsep.join(folder for folder in sys.path if folder)
@@ -136,11 +134,7 @@ _CALLS = {  # by machine: its number for the kernel, and the numbers of
 
 
 def confine(seconds: int) -> list[str]:
-    """Confine this process: from now on it computes with what is loaded, and reads and writes what is open.
-
-    Returns:
-        what the system does not have, or refused; empty where all of it holds.
-    """
+    """Confine this process to compute with what is loaded, and read and write what is open; return what was refused."""
     limits = ((resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_CPU, seconds), (resource.RLIMIT_FSIZE, _COMPLAINTS))
     for kind, limit in (*limits, (resource.RLIMIT_CORE, 0)):
         with suppress(ValueError, OSError):  # not every system has each of them

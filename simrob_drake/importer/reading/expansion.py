@@ -69,11 +69,7 @@ class _Expansion:
         _Loader.add_constructor("tag:yaml.org,2002:timestamp", lambda _, node: str(node.value))
 
     def run(self, job: dict[str, Any]) -> dict[str, Any]:
-        """Return the ``urdf`` that the ``file`` of a job stands for with its ``arguments``, and the ``messages``.
-
-        Raises:
-            Exception: whatever xacro, or an expression, raises.
-        """
+        """Return a job's ``urdf``, of its ``file`` and ``arguments``, and ``messages``; raises whatever xacro does."""
         xacro.root_dir = "/"
         try:
             document = xacro.process_file(job["file"], mappings=job["arguments"])

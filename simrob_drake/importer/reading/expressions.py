@@ -62,10 +62,8 @@ class Function:
 def evaluate(text: str, names: Mapping[str, Any]) -> Any:
     """Return the value of an expression, in which ``names`` stand for values and for each :class:`Function`.
 
-    Raises:
-        SyntaxError: it is none.
-        NotAllowed: it holds something that xacro files may not do, or its value is too large.
-        Exception: what Python raises for such values, such as ZeroDivisionError.
+    Raises SyntaxError: it is none; NotAllowed: it holds something that xacro files may not do, or its value is too
+    large; Exception: what Python raises for such values, such as ZeroDivisionError.
     """
     if len(text) > _LONGEST:
         raise NotAllowed(f"an expression of more than {_LONGEST} letters is not allowed")
@@ -73,11 +71,7 @@ def evaluate(text: str, names: Mapping[str, Any]) -> Any:
 
 
 def bounded(value: Any) -> Any:
-    """Return a value that is plain and not too large.
-
-    Raises:
-        NotAllowed: it is not.
-    """
+    """Return a value that is plain and not too large; raises NotAllowed: it is not."""
     size_of(value)
     return value
 
@@ -85,8 +79,7 @@ def bounded(value: Any) -> Any:
 def size_of(value: Any, size: int = 0) -> int:
     """Return ``size`` and what a value adds to it: its letters, and ten for each number and each entry.
 
-    Raises:
-        NotAllowed: that is too much, or there is something in it that no expression may hold.
+    Raises NotAllowed: that is too much, or there is something in it that no expression may hold.
     """
     if isinstance(_plain(value), int) and value.bit_length() > _BITS:
         raise NotAllowed(f"a number of more than {_BITS} bits is not allowed")

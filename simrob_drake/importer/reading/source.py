@@ -11,27 +11,16 @@ from simrob_drake.importer.reading.xacro import XACRO, expanded
 from simrob_drake.importer.reading.xml_file import parse_tree, xml_text
 from simrob_drake.importer.sdf.reading import read_sdf
 from simrob_drake.robots.urdf import DRAKE
+from simrob_drake.yaml_files import read_yaml
 
-_OTHER_FORMATS = {
-    "gazebo": "an SDF file of an old kind",
-    "world": "an SDF world",
-    "model": "an SDF model",
-    "mujocoinclude": "a part of an MJCF file, of MuJoCo, that others include",
-    "COLLADA": "a COLLADA mesh",
-    "launch": "a ROS launch file",
-    "package": "a ROS package manifest",
-    "html": "a web page; was the raw file meant?",
-}
 _HIDDEN = re.compile(r"<(link|joint|visual|collision|inertial|transmission|geometry|mesh|origin|limit|mimic)\b[^<]*>")
 
 
 def read_source(path: Path, report: ImportReport, options: ImportOptions | None = None) -> ET.Element:
     """Return the ``robot`` element of a URDF or xacro file, with every change noted in the report.
 
-    Elements and attributes of foreign namespaces, which no simulation uses, are left out; those of Drake stay.
-
-    Raises:
-        InvalidModel: it cannot be read, is too large, is no XML, declares entities, or holds no robot.
+    Elements and attributes of foreign namespaces, which no simulation uses, are left out; those of Drake stay. Raises
+    InvalidModel: it cannot be read, is too large, is no XML, declares entities, or holds no robot.
     """
     text = xml_text(path, report)
     robot, comments = parse_tree(text, report)
@@ -46,7 +35,7 @@ def read_source(path: Path, report: ImportReport, options: ImportOptions | None 
     if robot.tag == "sdf":
         return read_sdf(robot, path.absolute(), options or ImportOptions(), report)
     if robot.tag != "robot":
-        kind = _OTHER_FORMATS.get(robot.tag)
+        kind = read_yaml(Path(__file__).with_name("other_formats.yaml")).get(robot.tag)
         message = f"this is {kind}; a URDF is needed" if kind else "the outermost element of a URDF is <robot>"
         raise report.refusal(f"<{robot.tag}>", message)
     hiding = [tags for comment in comments if (tags := _HIDDEN.findall(comment))]

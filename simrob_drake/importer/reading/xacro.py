@@ -5,8 +5,6 @@ an argument with, and the names of files and folders that stand where a path hol
 ``$(find arms)/config/$(arg type)/limits.yaml``.
 """
 
-from __future__ import annotations
-
 import ast
 import fnmatch
 import html
@@ -41,11 +39,7 @@ _MOST_LISTED = 200  # that a pattern may name
 
 
 def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport) -> str:
-    """Return the text of a xacro file's expansion, which runs in a process of its own.
-
-    Raises:
-        InvalidModel: xacro is not installed, complains, or does not end.
-    """
+    """Return a xacro file's expansion, made in a process of its own; raises InvalidModel: no xacro, or it fails."""
     package = importlib.util.find_spec("xacro")
     if package is None or package.origin is None:  # a robot's folder of that name has no origin
         raise report.refusal("", lacking("is a xacro file, which", "xacro"))
@@ -77,7 +71,7 @@ def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport
     return str(end["urdf"])
 
 
-def _missing(problem: str, offers: Outline) -> str | None:
+def _missing(problem: str, offers: "Outline") -> str | None:
     """Return the argument that was asked for before its declaration, if that gives a plain value."""
     found = _UNDEFINED.match(problem)
     default = offers.arguments.get(found[1]) if found else None
@@ -110,11 +104,7 @@ class _Files:
             return {"refused": f"{about}: {problem}"}
 
     def package(self, name: str) -> Path:
-        """Return the folder of a package.
-
-        Raises:
-            LookupError: there is none that may be read.
-        """
+        """Return the folder of a package; raises LookupError: there is none that may be read."""
         folder = self.border.package(name)
         if folder is None:
             raise LookupError(unknown_package(name))
@@ -187,12 +177,7 @@ class Outline:
 
 
 def outline(texts: Iterable[str], find: Callable[[str], Path]) -> Outline:
-    """Return what a xacro file offers.
-
-    Args:
-        texts: its own, and those of the files that it includes.
-        find: returns the folder of a package, or raises LookupError.
-    """
+    """Return what a xacro file offers, of its own text and those it includes; ``find`` gives a package's folder."""
     own, *others = map(_without_comments, texts)
     every = "".join((own, *others))
     tags = list(_tags(every))

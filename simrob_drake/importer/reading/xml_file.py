@@ -39,20 +39,12 @@ _Content = TypeVar("_Content")
 
 
 def xml_element(path: Path, report: ImportReport) -> ET.Element:
-    """Return the outermost element of a file.
-
-    Raises:
-        InvalidModel: it cannot be read, is too large, is no XML, or declares entities.
-    """
+    """Return a file's outermost element; raises InvalidModel: unreadable, too large, no XML, or declares entities."""
     return parse_tree(xml_text(path, report), report)[0]
 
 
 def xml_text(path: Path, report: ImportReport) -> str:
-    """Return the text of a file, in which the report tells what was mended.
-
-    Raises:
-        InvalidModel: it cannot be read, is too large, or is no text.
-    """
+    """Return a file's text; the report tells what was mended; raises InvalidModel: unreadable, too large, no text."""
     content = _content(path, report)
     for mark, encoding in _MARKS:
         if content.startswith(mark):
@@ -119,11 +111,7 @@ def _content(path: Path, report: ImportReport) -> bytes:
 
 
 def parse_tree(text: str, report: ImportReport) -> tuple[ET.Element, list[str]]:
-    """Return the outermost element of a text, and its comments.
-
-    Raises:
-        InvalidModel: it is no XML, declares a document type or entities, or is nested too deeply.
-    """
+    """Return a text's outermost element and comments; raises InvalidModel: no XML, a doctype, or nested too deep."""
     return _Reader(report).read(text)
 
 

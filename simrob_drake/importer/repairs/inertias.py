@@ -65,10 +65,7 @@ class _Inertial:
 
 
 def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport) -> None:
-    """Leave only inertias that a body can have, in place, and estimate the others where that was chosen.
-
-    The robot's shapes are repaired; their meshes lie in the folder.
-    """
+    """Leave only inertias that a body can have, in place, others estimated by the repaired shapes where so chosen."""
     taken_out = {name_of(link): inertia for link in robot.iterfind("link") if (inertia := _repair(link, report))}
     taken_out |= _take_out_points_on_axes(robot)
     carrier = carriers(robot)
@@ -193,10 +190,7 @@ def _write(link: ET.Element, inertia: SpatialInertia) -> str:
 
 
 def _take_out_points_on_axes(robot: ET.Element) -> dict[str, _Inertial]:
-    """Take the inertias out, in place, that leave the mass matrix singular, and return what they said, by link.
-
-    Only the last body of a chain is looked at: what is further in may be moved by what is further out.
-    """
+    """Take inertias out that leave the mass matrix singular, and return them by link: of the last bodies of chains."""
     carrier, links = carriers(robot), bodies(robot)
     inner = {carrier[link_of(joint, "parent")] for joint in robot.iterfind("joint") if joint.get("type") != "fixed"}
     fixed = {link_of(j, "child"): j for j in robot.iterfind("joint") if j.get("type") == "fixed"}
@@ -216,10 +210,7 @@ def _take_out_points_on_axes(robot: ET.Element) -> dict[str, _Inertial]:
 
 
 def _is_on_axis(inertia: _Inertial, link: str, fixed: dict[str, ET.Element], axis: Vector) -> bool:
-    """Whether a link's mass is a point on an axis through the origin of its body.
-
-    ``fixed`` are the fixed joints by the link that they hold.
-    """
+    """Whether a link's mass is a point on an axis through its body's origin; ``fixed`` are joints by what they hold."""
     if inertia.moments is None or inertia.moments.any():
         return False
     place = inertia.place.translation()

@@ -41,11 +41,7 @@ _ACCELERATION = f"{DRAKE}acceleration"
 
 
 def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
-    """Repair the types, axes, limits and dynamics of a robot's joints, in place.
-
-    Raises:
-        InvalidModel: a joint is of a kind that no station can drive, or its axis is zero.
-    """
+    """Repair a robot's joints in place: types, axes, limits, dynamics; raises InvalidModel: what none can drive."""
     for joint in robot.iterfind("joint"):
         _repair_type(joint, report)
     _free_root(robot, report)
@@ -87,11 +83,10 @@ def _free_root(robot: ET.Element, report: ImportReport) -> None:
     robot.remove(joints[0])
     robot.remove(roots[0])
     robot.set(FLOATING_MARK, "floating")
-    report.add(
-        "repaired",
-        f"joint '{name_of(joints[0])}'",
-        f"floats below '{name_of(roots[0])}', which is left out; '{link_of(joints[0], 'child')}' is a root that floats",
+    why = (
+        f"floats below '{name_of(roots[0])}', which is left out; '{link_of(joints[0], 'child')}' is a root that floats"
     )
+    report.add("repaired", f"joint '{name_of(joints[0])}'", why)
 
 
 def _drop_mimic(joint: ET.Element, where: str, report: ImportReport) -> None:

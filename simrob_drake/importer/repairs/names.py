@@ -12,11 +12,7 @@ _NAMES_A_LINK = ("parent", "child", "frame", f"{DRAKE}member")
 
 
 def repair_names(robot: ET.Element, report: ImportReport) -> None:
-    """Give the robot, its links and its joints names that are there and that differ, in place.
-
-    Raises:
-        InvalidModel: two different links have one name, so that nobody knows which one a joint means.
-    """
+    """Give robot, links and joints names of their own, in place; raises InvalidModel: two different links share one."""
     _strip(robot, report)
     if not name_of(robot):
         robot.set("name", report.source.stem or "robot")

@@ -55,11 +55,9 @@ _ANYWHERE = {key: _Rule(counts) for key, counts in NUMBER_COUNTS.items()}
 def mend_numbers(robot: ET.Element, report: ImportReport) -> None:
     """Mend every number of a robot that is malformed, in place.
 
-    Decimal commas, commas between numbers, brackets and units of the SI are understood. What is not becomes the
-    default of its attribute where there is one, and is removed otherwise, so that it counts as missing.
-
-    Raises:
-        InvalidModel: an expression of xacro was not expanded, or a joint's axis is not readable.
+    Decimal commas, commas between numbers, brackets and units of the SI are understood. What is not becomes the default
+    of its attribute where there is one, and is removed otherwise, so that it counts as missing. Raises InvalidModel: an
+    expression of xacro was not expanded, or a joint's axis is not readable.
     """
     for where, element in _placed(robot):
         _refuse_leftovers(where, element, report)

@@ -36,15 +36,9 @@ def import_shapes(
 ) -> None:
     """Rewrite every ``<visual>`` and ``<collision>`` of a robot, in place, and write its meshes.
 
-    Args:
-        robot: the ``robot`` element with unique names and origins that are numbers.
-        source: the URDF, an absolute path; relative mesh names start at its folder.
-        folder: where ``meshes/`` is written; None writes nothing.
-        options: where meshes may lie, and what collisions become.
-        report: takes a note of everything that is done.
-
-    Raises:
-        InvalidModel: a mesh, or a file that it names, lies outside of the folders that may be read.
+    The robot has unique names, and origins that are numbers; relative names of meshes start at the folder of
+    ``source``; ``folder`` takes ``meshes/``, None nothing. Raises InvalidModel: a mesh lies outside of what may be
+    read.
     """
     shapes = _Shapes(robot, MeshLibrary(MeshPlaces(source, options.mesh_path)), MeshWriter(folder), options, report)
     for link in robot.iterfind("link"):
@@ -174,11 +168,7 @@ class _Shapes:
         return made
 
     def _rewrite_collision(self, link: ET.Element, element: ET.Element, where: str, report: ImportReport) -> None:
-        """Rewrite a collision shape if it is a mesh.
-
-        Raises:
-            UnreadableMesh: it can't be had.
-        """
+        """Rewrite a collision shape if it is a mesh; raises UnreadableMesh: it can't be had."""
         mesh = element.find("geometry/mesh")
         if mesh is None:
             return

@@ -33,11 +33,7 @@ _CLOSING = ("loop_joint", f"{DRAKE}joint", f"{DRAKE}ball_constraint", f"{DRAKE}t
 
 
 def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
-    """Repair a robot's elements, numbers, names and tree, in place.
-
-    Raises:
-        InvalidModel: a defect of which no repair is sure.
-    """
+    """Repair a robot's elements, numbers, names and tree in place; raises InvalidModel: a defect without a repair."""
     check_size(robot, report.refusal)
     _keep_known_elements(robot, options, report)
     repair_names(robot, report)
@@ -48,8 +44,7 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
 def _keep_known_elements(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Leave out, in place, what no simulation here uses, told once a tag; move misplaced links and joints up.
 
-    Raises:
-        InvalidModel: the robot closes a loop, or moves in a way that no station can drive.
+    Raises InvalidModel: the robot closes a loop, or moves in a way that no station can drive.
     """
     for element in [element for element in robot if element.tag in _CLOSING]:
         where = f"<{element.tag.removeprefix(DRAKE)}> '{name_of(element)}'"
@@ -106,11 +101,7 @@ def _drop_second_ones(robot: ET.Element, report: ImportReport) -> None:
 
 
 def repair_tree(robot: ET.Element, report: ImportReport) -> None:
-    """Make one tree of a robot's links and joints, in place.
-
-    Raises:
-        InvalidModel: it has no link, a loop, a link with two parents, or several trees of which none is the robot.
-    """
+    """Make one tree of links and joints, in place; raises InvalidModel: no link, a loop, two parents, several trees."""
     if not names(robot, "link"):
         raise report.refusal("", "has no link")
     dangling = _drop_dangling(robot, report)

@@ -28,11 +28,7 @@ def version_of(root: ET.Element) -> tuple[int, ...]:
 
 
 def own_pose(element: ET.Element | None, report: ImportReport, where: str) -> RigidTransform:
-    """Return the pose that an element's ``<pose>`` gives, wherever that is measured from.
-
-    Raises:
-        InvalidModel: it is none.
-    """
+    """Return the pose that an element's ``<pose>`` gives, wherever it is measured from; raises InvalidModel: none."""
     pose = None if element is None else element.find("pose")
     if pose is None or not (pose.text or "").strip():
         return RigidTransform()
@@ -61,8 +57,7 @@ class Frames:
     """All frames of one model and of the models within it, by their full names."""
 
     report: ImportReport
-    place: RigidTransform
-    """Of the model in the world."""
+    place: RigidTransform  # of the model in the world
     links: dict[str, ET.Element] = field(default_factory=dict, init=False)
     joints: dict[str, tuple[str, ET.Element]] = field(default_factory=dict, init=False)
     """By the full name of its frame: what stands before the names of the model that the joint is in, and the joint."""
@@ -113,11 +108,7 @@ class Frames:
         return named(prefix, relative_to) if relative_to else default
 
     def pose(self, name: str, depth: int = 0) -> RigidTransform:
-        """Return the pose of a frame in the model; ``depth`` is how many are given in it already.
-
-        Raises:
-            InvalidModel: no such frame, or frames that are given in each other.
-        """
+        """Return a frame's pose in the model, ``depth`` frames deep; raises InvalidModel: no frame, or a circle."""
         if name not in self._poses:
             frame = self._known(name)
             if depth > _DEEPEST:
@@ -128,11 +119,7 @@ class Frames:
         return self._poses[name]
 
     def link_of(self, name: str) -> str:
-        """Return the link that a frame moves with; ``world`` for the world.
-
-        Raises:
-            InvalidModel: no such frame, or frames that are attached to each other.
-        """
+        """Return the link that a frame moves with, or ``world``; raises InvalidModel: no such frame, or a circle."""
         for _ in range(_DEEPEST):
             name = self._full(name)
             if name == WORLD or name in self.links:

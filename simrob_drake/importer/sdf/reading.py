@@ -32,10 +32,8 @@ _LOST = {
 def read_sdf(root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
     """Return the ``robot`` element of a model in an ``sdf`` element.
 
-    Parameters are as of :func:`~simrob_drake.importer.mjcf.reading.read_mjcf`.
-
-    Raises:
-        InvalidModel: a defect that no reading is sure of, or it holds no robot.
+    Parameters are as of :func:`~simrob_drake.importer.mjcf.reading.read_mjcf`. Raises InvalidModel: a defect that no
+    reading is sure of, or it holds no robot.
     """
     includes = _Includes(MeshPlaces(path, options.mesh_path), report)
     for owner in [element for element in root.iter() if element.tag in ("world", "model", "sdf")]:
@@ -82,11 +80,7 @@ class _Includes:
     budget: int = MOST_TAGS
 
     def put_in(self, owner: ET.Element, depth: int = 0) -> None:
-        """Put models in the place of the ``include`` elements of a world or a model.
-
-        Raises:
-            InvalidModel: they may not be read, or never end.
-        """
+        """Put models in the place of ``include`` elements; raises InvalidModel: they may not be read, or never end."""
         for include in owner.findall("include"):
             place = list(owner).index(include)
             owner.remove(include)

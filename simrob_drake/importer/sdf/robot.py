@@ -6,6 +6,7 @@ joint that leads to it, so the shapes of each link move along.
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -20,29 +21,12 @@ from simrob_drake.importer.sdf.frames import MODEL, SCOPE, WORLD, Frames, named,
 from simrob_drake.importer.trees import ROOT, add_between
 from simrob_drake.robots.urdf import DRAKE, MOMENTS, add_colour, add_frame, add_joint, add_motor, name_of, place, text
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in
+from simrob_drake.yaml_files import read_yaml
 
 _MOVING = ("revolute", "continuous", "prismatic", "ball", "universal", "revolute2", "screw")
 _AXES = {"universal": ("axis", "axis2"), "revolute2": ("axis", "axis2"), "ball": ("x", "y", "z")}
 _IN_MODEL_FRAME = (1, 4)  # the last version in which axes were in the model's frame
 _DEFAULT_INERTIA = {"ixx": "1", "iyy": "1", "izz": "1"}
-_COLOURS = {
-    "grey": "0.7 0.7 0.7 1",
-    "darkgrey": "0.175 0.175 0.175 1",
-    "white": "1 1 1 1",
-    "black": "0.05 0.05 0.05 1",
-    "flatblack": "0.1 0.1 0.1 1",
-    "red": "1 0 0 1",
-    "green": "0 1 0 1",
-    "blue": "0 0 1 1",
-    "yellow": "1 1 0 1",
-    "orange": "1 0.5088 0.0468 1",
-    "purple": "1 0 1 1",
-    "turquoise": "0 1 1 1",
-    "gold": "0.8 0.65 0.12 1",
-    "indigo": "0.33 0 0.5 1",
-    "wood": "0.6 0.42 0.22 1",
-}
-"""Of the materials that Gazebo brings along, ``Gazebo/Grey`` and so on."""
 
 
 def moves(model: ET.Element) -> bool:
@@ -81,11 +65,7 @@ class RobotWriter:
         self._origins: dict[str, RigidTransform] = {}  # of the links of the URDF in the model
 
     def written(self) -> ET.Element:
-        """Return the ``robot`` element.
-
-        Raises:
-            InvalidModel: frames that name none, or a joint that is none.
-        """
+        """Return the ``robot`` element; raises InvalidModel: frames that name none, or a joint that is none."""
         static = text_at(self.model, "static") in ("1", "true")
         held = static or any(WORLD in (edge.parent, edge.child) for edge in self._edges)
         if held:
@@ -319,7 +299,8 @@ def _add_colour(visual: ET.Element, geometry: ET.Element, shape: ET.Element) -> 
         return
     diffuse = numbers_in(material.findtext("diffuse") or material.findtext("ambient") or "") or []
     script = (material.findtext("script/name") or "").rpartition("/")[2].lower()
-    named = _COLOURS.get(script) if len(diffuse) < len("rgb") else None
+    of_gazebo = read_yaml(Path(__file__).with_name("colours.yaml")) if len(diffuse) < len("rgb") else {}
+    named = of_gazebo.get(script)
     rgba = [float(word) for word in named.split()] if named else [*diffuse, 1.0][:4] if diffuse else DEFAULT_RGBA
     if geometry.tag == "mesh":
         if not (named or diffuse):

@@ -12,8 +12,6 @@ at its threshold b and as far as it can at :math:`e_1`; so a trunk or an arm tha
     \Delta q_i = a_i \,\mathrm{sign}(e)\, \mathrm{clip}\Bigl(\frac{|e| - b}{e_1 - b}, 0, 1\Bigr) .
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,8 +32,7 @@ from simrob_drake.sections import NotNegative, Number, Positive, Strict
 
 _TOUCHES = 0.003
 """How high above the lowest foot another still touches the floor, since servos and contacts give way [m]."""
-_REACHED = 0.7
-"""Part of a step after which the foot is as far as it goes, and only comes down."""
+_REACHED = 0.7  # part of a step after which the foot is as far as it goes, and only comes down
 
 
 class CaptureStep(Strict):
@@ -96,12 +93,9 @@ class StepChooser:
         self._steps, self._period = steps, period
 
     def next(self, state: Vector, moved: Vector, balanced: Balanced) -> tuple[Vector, Vector]:
-        """Return what follows of a step's state and of how far axes are moved.
+        """Return what follows of a step's state and of how far axes are moved, (n,) [rad].
 
-        Args:
-            state: which step it is (from 1, 0 for none), its time (1 once the foot is down) and its part, shape (3,).
-            moved: shape (n,) [rad].
-            balanced: how the robot stands.
+        The state (3,) is which step it is (from 1, 0 for none), its time (1 once the foot is down) and its part.
         """
         which, time, part = int(state[0]), float(state[1]), float(state[2])
         if not which:
@@ -140,7 +134,7 @@ class Strategy(Strict):
     """The least time back [s]."""
 
     @model_validator(mode="after")
-    def _grows(self) -> Strategy:
+    def _grows(self) -> "Strategy":
         if self.full <= self.beyond:
             raise ValueError(f"full, {self.full:g} m, must be beyond the {self.beyond:g} m that are let be")
         if not any(self.moves_deg.values()):
@@ -162,7 +156,7 @@ class Balance(LoopSection):
     """Those that it may take, by name: the first that is called for, and then the strategies rest."""
 
     @model_validator(mode="after")
-    def _acts(self) -> Balance:
+    def _acts(self) -> "Balance":
         if not self.strategies and not self.steps:
             raise ValueError("balance needs strategies or steps: nothing would move")
         return self
@@ -175,11 +169,7 @@ class Balance(LoopSection):
         return [robot.axes[index] for index in dict.fromkeys(found)]
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot stands on feet.
-
-        Raises:
-            SimrobError: it does not, or what every loop checks.
-        """
+        """Check that the robot stands on feet; raises SimrobError: it does not, or what every loop checks."""
         super().check(key, station)
         robot = self.on_feet(key, station)
         assert robot.feet is not None  # on_feet() has asked
@@ -264,33 +254,18 @@ class StandingBalance(SampledBlock):
         size: int,
         gyroscope: bool = False,
     ) -> None:
-        """Make the block.
+        """Make the block for a robot of ``size`` axes: how it stands, its answers, added up, and the steps it may take.
 
-        Args:
-            period: between samples [s].
-            support: tells how the robot stands.
-            answers: what moves then, added up.
-            steps: that it may take, one of them.
-            size: number of axes.
-            gyroscope: the angular velocity is given in the axes of the root link.
+        A ``gyroscope`` gives the angular velocity in the axes of the root link.
         """
         self.units = {"offset": "rad", "com": "m", "capture_point": "m"}
         self.components = dict.fromkeys(("com", "capture_point"), ("ahead", "left"))
         self._support, self._answers, self._gyroscope = support, answers, gyroscope
         self._stepper = StepChooser(steps, period)
-        super().__init__(
-            period=period,
-            reads={"position": size, "velocity": size, "orientation": 4, "angular_velocity": 3},
-            memory={
-                "offset": np.zeros(size),
-                "com": np.zeros(2),
-                "capture_point": np.zeros(2),
-                "parts": np.zeros(len(answers)),
-                "step": np.zeros(3),
-                "stepped": np.zeros(size),
-            },
-            gives=("offset", "com", "capture_point"),
-        )
+        reads = {"position": size, "velocity": size, "orientation": 4, "angular_velocity": 3}
+        outputs = {"offset": np.zeros(size), "com": np.zeros(2), "capture_point": np.zeros(2)}
+        memory = {**outputs, "parts": np.zeros(len(answers)), "step": np.zeros(3), "stepped": np.zeros(size)}
+        super().__init__(period=period, reads=reads, memory=memory, gives=tuple(outputs))
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return how far the axes are to be moved now."""

@@ -23,8 +23,7 @@ from simrob_drake.sections import NotNegative, Positive, Triple
 _DAMPED = 1e-6 * np.eye(6)
 """The damping of the least squares, squared: near a singularity joints move less, elsewhere it does not show."""
 
-_NEAR = 0.2
-"""How near the force must be to what is asked for, as a part of that, for the integral to act."""
+_NEAR = 0.2  # how near the force must be to what is asked for, as a part of that, for the integral to act
 
 
 def _unit(direction: Triple) -> Triple:
@@ -94,14 +93,9 @@ class PressingTool(SampledBlock):
     """
 
     def __init__(self, section: ForceControl, plant: MultibodyPlant, axes: AxisMap, tool: Frame, sensor: Frame) -> None:
-        """Make the block.
+        """Make the block of a section, for axes of a finalized plant, which need not be part of the diagram.
 
-        Args:
-            section: its parameters.
-            plant: finalized; it need not be part of the diagram. What is no axis stands there as at the start.
-            axes: of the robot, among the plant's.
-            tool: that is moved.
-            sensor: the frame in whose axes force and direction are given.
+        What is no axis stands there as at the start. Force and direction are given in the axes of the frame ``sensor``.
         """
         size, one = len(axes.signs), np.zeros(1)
         self.units = {"offset": "rad", "pressing": "N", "path": "m"}
@@ -264,18 +258,11 @@ class GuardedMotors(SampledBlock):
         units: Sequence[str],
         held_by: tuple[MultibodyPlant, AxisMap, Vector] | None = None,
     ) -> None:
-        """Make the block.
+        """Make the block of a section, for axes by name, of a limit L and a nominal torque each, (n,) [N·m].
 
-        Args:
-            section: its parameters.
-            limit: L of each axis, shape (n,) [N·m]; infinite for none.
-            nominal: torque that each may give forever, likewise.
-            stiffness: kp of the servos, shape (n,) [N·m/rad].
-            fastest: how fast each axis comes back, shape (n,) [rad/s].
-            names: of the axes, for the reason of an end.
-            units: of their torques, likewise.
-            held_by: a finalized plant, the axes in it and how far each sags [rad/(N·m)], shape (n,): then an axis is
-                held by a reference that is above it by what it will sag under its weight.
+        ``stiffness`` is kp of the servos (n,) [N·m/rad], ``fastest`` how fast each axis comes back (n,) [rad/s]. With
+        ``held_by``, a finalized plant, the axes in it and how far each sags [rad/(N·m)], shape (n,), an axis is held by
+        a reference that is above it by what it will sag under its weight.
         """
         size, period = len(limit), 1 / section.rate
         zero, one = np.zeros(size), np.zeros(1)

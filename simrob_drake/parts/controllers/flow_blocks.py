@@ -1,7 +1,5 @@
 """Blocks of a signal flow that remember nothing: what all blocks share, and each with its equation."""
 
-from __future__ import annotations
-
 import math
 import operator
 from bisect import bisect_right
@@ -72,8 +70,7 @@ class FlowBlock(Strict):
     are equations of numbers and of symbolic expressions alike.
     """
 
-    takes: ClassVar[tuple[int, int]] = (1, 1)
-    """How few and how many inputs there may be."""
+    takes: ClassVar[tuple[int, int]] = (1, 1)  # how few and how many inputs there may be
 
     kind: str
     of: Sum | tuple[Sum, ...] = ()
@@ -87,7 +84,7 @@ class FlowBlock(Strict):
         return self.of if isinstance(self.of, tuple) else (self.of,)
 
     @property
-    def law(self) -> FlowBlock:
+    def law(self) -> "FlowBlock":
         """The block that computes it: itself, or one that is the same."""
         return self
 
@@ -102,11 +99,7 @@ class FlowBlock(Strict):
         return ()
 
     def check(self, key: str) -> None:
-        """Check how many inputs it has.
-
-        Raises:
-            InvalidParameter: too few or too many.
-        """
+        """Check how many inputs it has; raises InvalidParameter: too few or too many."""
         fewest, most = self.takes
         if not fewest <= len(self.inputs) <= most:
             expected = f"{fewest} inputs" if fewest == most else f"{fewest} inputs or more"
@@ -145,7 +138,7 @@ class Bounded(FlowBlock):
     """The largest value; none unless given."""
 
     @model_validator(mode="after")
-    def _ordered(self) -> Bounded:
+    def _ordered(self) -> "Bounded":
         if self.lower is not None and self.upper is not None and self.lower > self.upper:
             raise ValueError(f"lower ({self.lower:g}) is above upper ({self.upper:g})")
         return self
@@ -222,7 +215,7 @@ class Lookup(FlowBlock):
     """Keep the last value beyond the points."""
 
     @model_validator(mode="after")
-    def _rising(self) -> Lookup:
+    def _rising(self) -> "Lookup":
         if len(self.values) != len(self.points) or any(np.diff(self.points) <= 0):
             raise ValueError("points must rise, and values be as many")
         return self

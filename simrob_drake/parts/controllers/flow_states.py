@@ -1,7 +1,5 @@
 """Blocks of a signal flow that remember: integrators, linear systems, delays, the PID controller."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Sequence
 from functools import cached_property
@@ -65,7 +63,7 @@ class StateSpace(FlowBlock):
     """State at the start; 0 unless given."""
 
     @model_validator(mode="after")
-    def _fits(self) -> StateSpace:
+    def _fits(self) -> "StateSpace":
         states, inputs, outputs = len(self.A), len(self.inputs), len(self.C)
         shapes = {"A": (states, states), "B": (states, inputs), "C": (outputs, states), "D": (outputs, inputs)}
         for name, (rows, columns) in shapes.items():
@@ -110,7 +108,7 @@ class TransferFunction(FlowBlock):
     """Coefficients, of the highest power first."""
 
     @model_validator(mode="after")
-    def _proper(self) -> TransferFunction:
+    def _proper(self) -> "TransferFunction":
         if not self.denominator[0]:
             raise ValueError("denominator begins with 0: its first coefficient is that of the highest power")
         if len(np.trim_zeros(self.numerator, "f")) > len(self.denominator):
@@ -256,11 +254,7 @@ class Pid(Bounded):
     """Gain by which the integral is led back from beyond the bounds [1/s]."""
 
     def check(self, key: str) -> None:
-        """Check its inputs, and that its derivative has a filter.
-
-        Raises:
-            InvalidParameter: two inputs, or a derivative that no computer can take.
-        """
+        """Check its inputs and its derivative's filter; raises InvalidParameter: two inputs, or without a filter."""
         if len(self.inputs) == 2:
             raise InvalidParameter(
                 f"{key}.of", "2 inputs", "1, or 3: of the proportional, integral and derivative part"

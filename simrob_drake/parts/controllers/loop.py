@@ -34,8 +34,7 @@ class Wired:
     components: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
-ASKED = "asked"
-"""What an input is called that is the reference as it is below a loop."""
+ASKED = "asked"  # what an input is called that is the reference as it is below a loop
 
 Weight = Annotated[Number, Field(gt=0, le=1)]
 
@@ -49,12 +48,10 @@ class LoopSection(Strict):
     ``asked`` (n) is the reference as it is below the loop [rad or m].
     """
 
-    needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()
-    """Inputs of robots that it drives beside the reference."""
+    needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()  # inputs of robots that it drives beside the reference
     stages: ClassVar[tuple[str, ...]] = ()
     """What it does at each sample, one after the other, as the block picture shows it."""
-    uppermost: ClassVar[bool] = False
-    """Whether it lies above all others, whatever their priorities."""
+    uppermost: ClassVar[bool] = False  # whether it lies above all others, whatever their priorities
 
     kind: str
     robot: str | None = None
@@ -80,11 +77,7 @@ class LoopSection(Strict):
         return self.uppermost, self.priority or 0
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check what is known before anything is built.
-
-        Raises:
-            SimrobError: no such robot or axis, or a station that no loop can drive.
-        """
+        """Check what is known before building; raises SimrobError: no such robot or axis, or nothing to drive."""
         robot = station.robot(self.robot, key)
         if station.mode != "dynamic":
             raise InvalidParameter(key, "in a kinematic station", "in a dynamic one: there is nothing to be measured")
@@ -94,11 +87,7 @@ class LoopSection(Strict):
         self.axes(robot)
 
     def on_feet(self, key: str, station: Surroundings) -> ResolvedRobot:
-        """Return whom it drives.
-
-        Raises:
-            SimrobError: no such robot, or one that does not stand on feet of its own.
-        """
+        """Return whom it drives; raises SimrobError: no such robot, or one that does not stand on feet of its own."""
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
             raise InvalidParameter(key, f"{self.kind} of {robot.name}", "of a robot that stands on feet of its own")
@@ -133,11 +122,7 @@ class LoopSection(Strict):
         )
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
-        """Return the output that an input of the loop reads.
-
-        Raises:
-            UnknownName: nothing of that name is measured while stepping.
-        """
+        """Return the output that an input of the loop reads; raises UnknownName: nothing of that name is measured."""
         source = self.reads.get(name, "")
         direct = name if name.startswith(robot.prefix) else f"{robot.prefix}{name}"
         if not source and direct in site.of_state:
@@ -149,11 +134,7 @@ class LoopSection(Strict):
 
 
 def check_force_is_read(section: LoopSection, key: str) -> None:
-    """Check that a loop on a force says which sensor tells it.
-
-    Raises:
-        InvalidParameter: it does not.
-    """
+    """Check that a loop on a force says which sensor tells it; raises InvalidParameter: it does not."""
     if "force" not in section.reads:
         raise InvalidParameter(f"{key}.reads", section.reads, "with a force sensor: reads: {force: <sensor>}")
 
@@ -209,11 +190,7 @@ def of_state(builder: DiagramBuilder, site: Site, output: str) -> OutputPort:
 
 
 def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None:
-    """Check loops one by one, and that those which drive one axis say how they mix.
-
-    Raises:
-        InvalidParameter: two loops on one axis, of the same priority and not both with a weight.
-    """
+    """Check loops, and how those of one axis mix; raises InvalidParameter: of one priority, not all with a weight."""
     for name, loop in loops.items():
         loop.check(f"controllers.{name}", station)
     for (one, first), (other, second) in combinations(loops.items(), 2):
@@ -228,16 +205,11 @@ def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None
             raise InvalidParameter(f"controllers.{other}", conflict, expected)
 
 
-_FAR = 1e3
-"""Where an axis without limits is taken to end [rad or m]."""
+_FAR = 1e3  # where an axis without limits is taken to end [rad or m]
 
 
 def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSection]) -> None:
-    """Add the loops of a station and let them drive its robots.
-
-    Raises:
-        SimrobError: an input that reads nothing, or a section that does not fit its robot.
-    """
+    """Add a station's loops and let them drive its robots; raises SimrobError: an input or a section does not fit."""
     wired = {}
     for name, section in loops.items():
         robot = site.robot(section.robot)

@@ -4,8 +4,6 @@ The thesis's automatic control with an objective (p. 102 to 107): no joint angle
 An axis of weight :math:`w_i` moves by :math:`\Delta q_i = w_i u`, with the u of a :class:`PiLaw`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -41,24 +39,15 @@ class PiLaw:
     .. math:: u = \mathrm{clip}\bigl(k_p e + x\bigr), \qquad \dot x = k_i e,
 
     where x stands still while u is at its limit, or at its fastest, and e would drive it on.
-
-    Attributes:
-        period: between samples [s].
-        targets: values of the quantity, one after the other.
-        hold: how long each is asked for, from when its ramp ends [s].
-        speed: of what is asked for, on its way there [1/s].
-        gains: kp [rad per unit] and ki [rad/s per unit].
-        limit: how far it moves [rad].
-        fastest: how fast [rad/s].
     """
 
-    period: float
-    targets: Sequence[float]
-    hold: float = math.inf
-    speed: float = math.inf
-    gains: tuple[float, float]
-    limit: float
-    fastest: float
+    period: float  # between samples [s]
+    targets: Sequence[float]  # values of the quantity, one after the other
+    hold: float = math.inf  # how long each is asked for, from when its ramp ends [s]
+    speed: float = math.inf  # of what is asked for, on its way there [1/s]
+    gains: tuple[float, float]  # kp [rad per unit] and ki [rad/s per unit]
+    limit: float  # how far it moves [rad]
+    fastest: float  # how fast [rad/s]
 
     def next(self, measured: Any, memory: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
         """Return the memory after a sample, by names, and the target: of numbers or of expressions alike."""
@@ -135,7 +124,7 @@ class Objective(LoopSection):
     """How long they take [s]."""
 
     @model_validator(mode="after")
-    def _can_act(self) -> Objective:
+    def _can_act(self) -> "Objective":
         if self.target == []:
             raise ValueError("target is an empty list: nothing is asked for")
         if not any(self.weights.values()):
@@ -254,15 +243,10 @@ class WeightedObjective(SampledBlock):
         duration: float = 1.0,
         unit: str = "1",
     ) -> None:
-        """Make the block.
+        """Make the block of a law of how far an axis of weight 1 moves, and the weights of all axes (n,).
 
-        Args:
-            law: of how far an axis of weight 1 moves.
-            weights: of the axes, shape (n,).
-            posture: to be taken then, shape (n,) [rad]; None for none.
-            near: how near the quantity must be to its target, and for how long [s].
-            duration: of the way to the posture [s].
-            unit: of the quantity.
+        The posture (n,) [rad] is taken once the quantity was so ``near`` its target for so long [s], on a way of a
+        duration [s].
         """
         self.units = {"offset": "rad", "target": "rad", "error": unit}
         self._law, self._weights = law, weights

@@ -1,7 +1,5 @@
 """A user's own block in a station, wired by the names of its ports, and what outputs of controllers become."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import re
@@ -80,11 +78,7 @@ class OwnController(Strict):
     """What its constructor takes."""
 
     def block(self, key: str) -> LeafSystem:
-        """Import the class and make the block.
-
-        Raises:
-            InvalidParameter: it cannot be imported or made, or is no LeafSystem.
-        """
+        """Import the class and make the block; raises InvalidParameter: it cannot be, or is no LeafSystem."""
         place, _, name = self.class_.partition(":")
         try:
             made: Any = _module(place)
@@ -103,11 +97,8 @@ class OwnController(Strict):
         return block
 
     @classmethod
-    def of(cls, block: LeafSystem) -> OwnController:
-        """Return the section that stands for a block that was given in Python.
-
-        What its constructor takes is known if the block has a mapping ``parameters``.
-        """
+    def of(cls, block: LeafSystem) -> "OwnController":
+        """Return the section of a block given in Python, with its ``parameters`` if it has this mapping."""
         kind, parameters = type(block), getattr(block, "parameters", {})
         return cls.model_validate(
             {
@@ -125,11 +116,7 @@ def own_blocks(controllers: Mapping[str, Any]) -> Mapping[str, LeafSystem]:
 
 
 def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dict[str, LeafSystem]:
-    """Return blocks by name: their own, else that of their class in small letters.
-
-    Raises:
-        InvalidParameter: something that is no LeafSystem, two of one name, or a name that is not plain.
-    """
+    """Return blocks by name, their own or their class's; raises InvalidParameter: no LeafSystem, or a taken name."""
     if isinstance(blocks, Mapping):
         pairs = list(blocks.items())
     elif isinstance(blocks, Sequence) and not isinstance(blocks, str):
@@ -153,11 +140,7 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
 
 
 def driven_inputs(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
-    """Return the names of the blocks' outputs, each with the block that has it.
-
-    Raises:
-        InvalidParameter: two blocks with an output of the same name that could drive an input of the station.
-    """
+    """Return outputs' names with the block that has each; raises InvalidParameter: two that could drive one input."""
     drivers: dict[str, str] = {}
     for name, block in blocks.items():
         for port in _outputs(block):
@@ -187,11 +170,7 @@ def with_driven(inputs: Sequence[str], blocks: Mapping[str, LeafSystem]) -> tupl
 
 
 def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, LeafSystem]) -> None:
-    """Add blocks, and declare their outputs as signals but for those that drive inputs of the station.
-
-    Raises:
-        SimrobError: two blocks that drive one input.
-    """
+    """Add blocks, their outputs signals but where they drive the station; raises SimrobError: two drive one input."""
     driven_inputs(blocks)
     site.blocks.update(blocks)
     for name, block in blocks.items():
@@ -205,11 +184,7 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
 
 
 def wire_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, LeafSystem]) -> None:
-    """Wire blocks that were added by the names of their ports, above all loops.
-
-    Raises:
-        SimrobError: a port that fits nothing.
-    """
+    """Wire added blocks by the names of their ports, above all loops; raises SimrobError: a port that fits nothing."""
     for name, block in blocks.items():
         for port in _outputs(block):
             if port.get_name() in site.inputs:
@@ -253,10 +228,7 @@ def _name_of(block: Any) -> str:
 
 
 def class_from(text: str, folder: Path) -> str:
-    """Return ``module:Class`` or ``file.py:Class`` as a station's file in ``folder`` means it.
-
-    Files start there, and a module that lies there comes before one of Python's search path.
-    """
+    """Return a station's ``module:Class`` or ``file.py:Class``, found in ``folder`` before Python's search path."""
     place, colon, name = text.partition(":")
     file = folder / (place if place.endswith(".py") else f"{place}.py")
     return f"{file}{colon}{name}" if place.endswith(".py") or isfile(file) else text

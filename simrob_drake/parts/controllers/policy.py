@@ -6,8 +6,6 @@ within ±1, moves the axes from their reference,
 .. math:: a_k = \mathrm{clip}(\pi(o_k), -1, 1), \qquad \Delta q_i = s_i \, a_{k,i} .
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -28,8 +26,7 @@ from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.robots.axis_map import PositiveAxisValues
 from simrob_drake.sections import Frequency, Number, Positive
 
-_LARGEST = 10_000_000
-"""Of a file [bytes]: a policy of a million weights has less than half of it."""
+_LARGEST = 10_000_000  # of a file [bytes]: a policy of a million weights has less than half of it
 _FLOATS = {"tensor(float)": np.float32, "tensor(double)": np.float64}
 
 
@@ -117,7 +114,7 @@ class Policy(LoopSection):
     """Figures that say what is wanted, such as a place."""
 
     @model_validator(mode="after")
-    def _observes_goal_and_clock(self) -> Policy:
+    def _observes_goal_and_clock(self) -> "Policy":
         for name in ("clock", "goal"):
             if bool(getattr(self, name)) != (name in self.observes):
                 raise ValueError(f"{name} goes with '{name}' among what it observes")
@@ -137,7 +134,7 @@ class Policy(LoopSection):
         moves = dict(self.moves_deg) if isinstance(self.moves_deg, dict) else self.moves_deg
         return robot.model.user_units * robot.model.axis_vector(moves, "moves_deg")
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> LearntPolicy:
+    def block(self, key: str, robot: StationRobot, site: Site) -> "LearntPolicy":
         """Return the loop."""
         for output in self._outputs:
             if output not in site.outputs:
@@ -184,14 +181,10 @@ class LearntPolicy(SampledBlock):
         home: Vector,
         upright: RotationMatrix | None = None,
     ) -> None:
-        """Make the block of a section.
+        """Make the block of a section; an action of 1 moves each axis by its ``reach``, shape (n,) [rad].
 
-        Args:
-            section: its parameters.
-            sizes: of other outputs of the station that it observes, by name.
-            reach: how far an action of 1 moves each axis, shape (n,) [rad].
-            home: positions are seen from here, shape (n,) [rad].
-            upright: the attitude is seen from here.
+        Positions are seen from ``home`` (n,) [rad], the attitude from ``upright``; ``sizes`` are of other outputs, by
+        name.
         """
         self.units = {"offset": "rad"}
         self.law: Callable[[Vector], Vector] | None = None
@@ -225,11 +218,7 @@ class LearntPolicy(SampledBlock):
             context.SetDiscreteState(self._reported[name], values)
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return how far the axes are to be moved now.
-
-        Raises:
-            BlockFails: the law gives no action.
-        """
+        """Return how far the axes are to be moved now; raises BlockFails: the law gives no action."""
         action = memory["action"] if self.law is None else self._action(self.law, self._observation(memory, read))
         action = np.clip(action, -1.0, 1.0)
         return {"offset": self._matrix @ action, "action": action, "count": memory["count"] + 1}

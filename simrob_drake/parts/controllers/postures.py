@@ -1,7 +1,5 @@
 """Loops that take postures: cell by cell as the robot has reached the last, or a protective one once it falls."""
 
-from __future__ import annotations
-
 import math
 import operator
 import weakref
@@ -22,8 +20,7 @@ from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import NotNegative, Number, Positive, Strict
 
-REACHED = "reached"
-"""What the block remembers last: when each cell was reached [s], -1 until then."""
+REACHED = "reached"  # what the block remembers last: when each cell was reached [s], -1 until then
 
 
 class Cell(Strict):
@@ -112,35 +109,20 @@ class CellSequence(SampledBlock):
     def __init__(
         self, section: Sequencer, targets: Sequence[Vector], tolerance: Vector, speed: Vector, names: Sequence[str]
     ) -> None:
-        """Make the block.
+        """Make the block of a section, for axes by name; targets of each cell (n,) [rad] are nan where one stays.
 
-        Args:
-            section: its parameters.
-            targets: of each cell, shape (n,) [rad]; nan where an axis stays.
-            tolerance: how near each axis must come to its target, shape (n,) [rad].
-            speed: below which all axes must be, shape (n,) [rad/s].
-            names: of the axes, for the reason of an end.
+        Each axis must come as near as ``tolerance`` (n,) [rad], below ``speed`` (n,) [rad/s].
         """
         size = len(tolerance)
         self.units = {"target": "rad"}
         self._targets, self._durations = targets, [cell.duration for cell in section.cells]
         self._tolerance, self._speed, self._section, self._names = tolerance, speed, section, names
         self._timeout = np.inf if section.timeout is None else section.timeout
-        super().__init__(
-            period=1 / section.rate,
-            reads={"position": size, "velocity": size, "reference": size},
-            memory={
-                "target": np.zeros(size),
-                "active": np.zeros(1),
-                "cell": np.zeros(1),
-                "done": np.zeros(1),
-                "elapsed": np.zeros(1),
-                "origin": np.zeros(size),
-                "clock": np.zeros(1),  # since the first sample [s]
-                REACHED: np.full(len(targets), -1.0),  # by that clock; results look for it at the end
-            },
-            gives=("target", "active", "cell", "done"),
-        )
+        reads, one = {"position": size, "velocity": size, "reference": size}, np.zeros(1)
+        outputs = {"target": np.zeros(size), "active": one, "cell": one, "done": one}
+        memory = {**outputs, "elapsed": one, "origin": np.zeros(size), "clock": one}  # since the first sample [s]
+        memory[REACHED] = np.full(len(targets), -1.0)  # by that clock; results look for it at the end
+        super().__init__(period=1 / section.rate, reads=reads, memory=memory, gives=tuple(outputs))
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next point of the ramp, or the beginning of the next cell."""
@@ -184,11 +166,7 @@ class CapturePoint:
     """
 
     def __init__(self, plant: MultibodyPlant, robot: StationRobot, key: str) -> None:
-        """Take a robot of a finalized plant, which need not be part of a diagram.
-
-        Raises:
-            InvalidParameter: a robot without feet; names the ``key`` that asks for it.
-        """
+        """Take a robot of a finalized plant, in a diagram or not; raises InvalidParameter, with ``key``: no feet."""
         if robot.feet is None:
             raise InvalidParameter(key, f"asked of {robot.model.name}", "left out: it has no feet")
         self._plant, self._robot = weakref.proxy(plant), [robot.instance]
@@ -240,7 +218,7 @@ class FallGuard(LoopSection):
     """How long all must be well again before it lets go [s]; never unless given."""
 
     @model_validator(mode="after")
-    def _some_bound(self) -> FallGuard:
+    def _some_bound(self) -> "FallGuard":
         if self.height is None and self.tilt_deg is None and self.capture_point is None:
             raise ValueError("a fall guard needs a threshold: height, tilt_deg or capture_point")
         return self
@@ -292,15 +270,10 @@ class ProtectivePosture(SampledBlock):
         ground: Ground | None = None,
         must_step: tuple[int, Callable[[Vector], bool]] | None = None,
     ) -> None:
-        """Make the block.
+        """Make the block of a section: where all axes go, shape (n,) [rad].
 
-        Args:
-            section: its parameters.
-            posture: where all axes go, shape (n,) [rad].
-            up: what of the base points up while it stands upright, shape (3,).
-            toward: where to the base must lean, in its axes, shape (3,); anywhere unless given.
-            ground: beneath it; the plane z = 0 unless given.
-            must_step: size of the state, and what tells by it that standing will not do; None for nothing.
+        ``up`` (3,) of the base points up while it stands; it must lean ``toward`` (3,), anywhere unless given, over the
+        ground, z = 0 unless given. ``must_step``: size of a state, and what tells by it that standing will not do.
         """
         self.units = {"target": "rad"}
         self._posture, self._duration, self._up = posture, section.duration, up.tolist()

@@ -138,11 +138,7 @@ class SignalFlow(Strict):
         return {**{name: block for name, block in self.blocks.items() if not isinstance(block, Input)}, **ends}
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check what is known before anything is built.
-
-        Raises:
-            SimrobError: no such robot, axis, frame or block, or a station without torques.
-        """
+        """Check what is known before building; raises SimrobError: no such robot, axis, frame, block, or no torques."""
         if station.mode != "dynamic":
             raise InvalidParameter(key, "in a kinematic station", "in a dynamic one: its output is a torque")
         if self.torque or self.robot is not None:
@@ -159,11 +155,7 @@ class SignalFlow(Strict):
             one_of(f"block for {key}.signals", name, self.blocks)
 
     def add(self, builder: DiagramBuilder, site: Site, name: str, *, monitors: bool) -> OutputPort | None:
-        """Add its blocks, and return the torques of its robot's axes, size n [N·m or N]; None where it has none.
-
-        Raises:
-            SimrobError: a signal that is not there, or an algebraic loop.
-        """
+        """Add its blocks, return its robot's torques (n) [N·m or N], or None; raises SimrobError: no signal, a loop."""
         robot = site.robot(self.robot) if self.torque or self.robot is not None else None
         axes = robot.axes if robot is not None and self.torque else []
         torque = {_TORQUE: Sums(kind="sum", of=tuple(self.torque.get(axis, {}) for axis in axes))} if axes else {}
@@ -193,11 +185,7 @@ class SignalFlow(Strict):
 
 
 def add_flows(builder: DiagramBuilder, site: Site, flows: Mapping[str, SignalFlow], *, monitors: bool = True) -> None:
-    """Add the signal flows of a station, and let them drive its robots.
-
-    Raises:
-        SimrobError: a signal that is not there, or an algebraic loop.
-    """
+    """Add a station's signal flows, which drive its robots; raises SimrobError: no such signal, an algebraic loop."""
     torques: dict[str, list[OutputPort]] = {}
     for name, flow in flows.items():
         torque = flow.add(builder, site, name, monitors=monitors)
@@ -280,11 +268,7 @@ class _Net:
 
 
 def flow_over_time(blocks: Mapping[str, Any], sums: Sequence[Sum], times: Vector) -> Vector:
-    """Return sums of blocks that depend on time alone at times (t,) that rise from 0, shape (n, t).
-
-    Raises:
-        InvalidParameter: an algebraic loop, or something that is measured.
-    """
+    """Return sums of blocks of time alone at rising times (t,), shape (n, t); raises InvalidParameter: other blocks."""
     made = {name: _BLOCK.validate_python(block) for name, block in blocks.items() if block["kind"] != "input"}
     opened = Sums(kind="sum", of=({},))
     whole = {**dict.fromkeys(blocks, opened), **made, _TORQUE: Sums(kind="sum", of=tuple(sums))}

@@ -17,10 +17,8 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 
-_COUNTS = 0.003
-"""By how much a point of the feet is higher than the lowest when it counts e times less [m]."""
-_LOWEST = 0.01
-"""The least height of the centre of mass that is reckoned with [m]: a robot that lies has fallen."""
+_COUNTS = 0.003  # by how much a point of the feet is higher than the lowest when it counts e times less [m]
+_LOWEST = 0.01  # the least height of the centre of mass that is reckoned with [m]: a robot that lies has fallen
 
 Direction = Literal["sagittal", "lateral", "forward", "backward", "left", "right"]
 _SENSES: dict[Direction, tuple[float, float, float]] = {
@@ -36,19 +34,12 @@ _SENSES: dict[Direction, tuple[float, float, float]] = {
 
 @dataclass(frozen=True)
 class Balanced:
-    """How far a robot is from standing as at the start: ahead and to the left.
+    """How far a robot is from standing as at the start: ahead and to the left."""
 
-    Attributes:
-        com: its centre of mass, from where its feet had it at the start, shape (2,) [m].
-        speed: of that over the floor, shape (2,) [m/s].
-        omega: how fast it would tip, sqrt(g/h) with the height h of the centre of mass [1/s].
-        lifted: how high each foot is above the lowest, shape (feet,) [m].
-    """
-
-    com: Vector
-    speed: Vector
-    omega: float
-    lifted: Vector
+    com: Vector  # its centre of mass, from where its feet had it at the start, shape (2,) [m]
+    speed: Vector  # of that over the floor, shape (2,) [m/s]
+    omega: float  # how fast it would tip, sqrt(g/h) with the height h of the centre of mass [1/s]
+    lifted: Vector  # how high each foot is above the lowest, shape (feet,) [m]
 
     def error(self, measures: Direction, lead: float | None = None) -> float:
         """Return how far it errs in a direction, the velocity counting for ``lead`` seconds, 1/ω unless given [m]."""
@@ -90,13 +81,9 @@ class Support:
         self._unders = [pose.inverse() @ under for pose in poses]
 
     def balanced(self, position: Vector, velocity: Vector, turned: RotationMatrix, spin: Vector) -> Balanced:
-        """Return how the robot stands.
+        """Return how the robot stands, of its axes (n,) [rad or m] and their velocities, and of its root link.
 
-        Args:
-            position: of the axes, shape (n,) [rad or m].
-            velocity: likewise [rad/s or m/s].
-            turned: orientation of its root link in the world.
-            spin: angular velocity of that, in the world's axes, shape (3,) [rad/s].
+        That is ``turned`` in the world, with an angular velocity ``spin`` (3,) [rad/s] in the world's axes.
         """
         self._put(position, velocity, turned, spin)
         plant, scratch, feet = self._plant, self._scratch, []
@@ -145,19 +132,12 @@ def rotation_of(quaternion: Vector) -> RotationMatrix:
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """Revolute joints in a row, from the root outward.
+    """Revolute joints in a row, from the root outward."""
 
-    Attributes:
-        axes: their places among the robot's axes, shape (k,).
-        turns: their directions at zero in the root's frame, shape (k, 3).
-        points: points on them at zero [m], shape (k, 3).
-        end: the point at its end at zero, shape (3,) [m].
-    """
-
-    axes: list[int]
-    turns: Vector
-    points: Vector
-    end: Vector
+    axes: list[int]  # their places among the robot's axes, shape (k,)
+    turns: Vector  # their directions at zero in the root's frame, shape (k, 3)
+    points: Vector  # points on them at zero [m], shape (k, 3)
+    end: Vector  # the point at its end at zero, shape (3,) [m]
 
     @cached_property
     def _crossing(self) -> list[tuple[int, Vector, Vector, Vector]]:
@@ -203,11 +183,7 @@ class Limb:
 
 
 def limb_to(robot: StationRobot, end: Frame) -> Limb:
-    """Return the limb of a robot between its root and a frame.
-
-    Raises:
-        InvalidParameter: a frame that no joint of the robot moves, or a limb with a joint that slides.
-    """
+    """Return the limb from a robot's root to a frame; raises InvalidParameter: no joint moves it, or one slides."""
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant, context, np.zeros(len(robot.axes)))
     axes, turns, points = axes_to(robot, end), list[Vector](), list[Vector]()
@@ -222,11 +198,7 @@ def limb_to(robot: StationRobot, end: Frame) -> Limb:
 
 
 def axes_to(robot: StationRobot, end: Frame) -> list[int]:
-    """Return the places of the axes between the root of a robot and a frame, from the root outward.
-
-    Raises:
-        InvalidParameter: a frame that no joint of the robot moves, or a limb with a joint that slides.
-    """
+    """Return the axes' places from a robot's root outward to a frame; raises InvalidParameter: as :func:`limb_to`."""
     plant, body, axes = robot.plant, end.body(), list[int]()
     inward = {plant.get_joint(index).child_body().index(): plant.get_joint(index) for index in plant.GetJointIndices()}
     places = {joint.index(): number for number, joint in enumerate(robot.joints)}

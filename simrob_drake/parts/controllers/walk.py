@@ -1,7 +1,5 @@
 """A loop that walks: from commands, and what the robot does, to the reference of its legs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from types import MappingProxyType
@@ -54,7 +52,7 @@ class Walk(LoopSection):
     """Refuse commands that the legs cannot follow, as `max_speed` of the gait says; they are clipped otherwise."""
 
     @model_validator(mode="after")
-    def _in_order(self) -> Walk:
+    def _in_order(self) -> "Walk":
         times = [command.time for command in self.commands]
         if times != sorted(times):
             raise ValueError(f"the times of commands must rise, and are {times}")
@@ -65,11 +63,7 @@ class Walk(LoopSection):
         return load_walking(robot.model, self.gait)
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot stands on its own feet and has parameters to walk by.
-
-        Raises:
-            SimrobError: it does not, or what every loop checks.
-        """
+        """Check that the robot stands on feet of its own and can walk; raises SimrobError: not so, see any loop."""
         super().check(key, station)
         robot = self.on_feet(key, station)
         parameters = self.walking(robot)
@@ -91,11 +85,7 @@ class Walk(LoopSection):
                 raise InvalidParameter(f"{key}.path.points", f"a path that starts {where}", f"one that starts {near}")
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
-        """Return what of the commands that are known before is clipped, in words.
-
-        Raises:
-            InvalidParameter: there is some, and the section is strict.
-        """
+        """Return, in words, which known commands are clipped; raises InvalidParameter: one, in a strict section."""
         max_speed, commands = (
             self.walking(robot).max_speed,
             {f"commands[{n}]": row.command for n, row in enumerate(self.commands)},
@@ -112,7 +102,7 @@ class Walk(LoopSection):
                 found.append(f"{name}, {value:g} {unit}, is clipped to {limit:g} {unit}")
         return found
 
-    def commanded(self, rows: Sequence[Commanded]) -> Walk:
+    def commanded(self, rows: Sequence[Commanded]) -> "Walk":
         """Return it with commands in place of those from the first of their times on."""
         before = [row for row in self.commands if rows and row.time < rows[0].time]
         return self.model_copy(update={"commands": (*before, *rows)}) if rows else self
@@ -174,14 +164,10 @@ class WalkingLoop(SampledBlock):
     def __init__(
         self, section: Walk, engine: Engine, feet: Sequence[str], posture: Vector, commander: Commander
     ) -> None:
-        """Make the block.
+        """Make the block of a section, around the engine of a walk and what says what is asked for.
 
-        Args:
-            section: its parameters.
-            engine: that makes the walk.
-            feet: names in the engine's order; the forces on all of them are read, or on none.
-            posture: of the axes in no leg, and near which the legs are found, shape (n,) [rad].
-            commander: says what is asked for.
+        ``feet`` are named in the engine's order; the forces on all of them are read, or on none. The posture (n,) [rad]
+        is that of axes in no leg, and near which the legs are found.
         """
         self.engine, self.start, self._commander, self._strict = engine, posture, commander, section.strict
         self._feet = [foot for foot in feet if foot in section.reads]
@@ -189,34 +175,15 @@ class WalkingLoop(SampledBlock):
         self._last = b"", Stride()  # of the last sample, and its numbers: it need not be made of them again
         zero = np.zeros(len(posture))
         reads = {"position": len(posture), "velocity": len(posture), "base_pose": 7, "base_velocity": 6}
-        super().__init__(
-            period=1 / section.rate,
-            reads={**reads, **({"command": 3} if self._takes_command else {}), **dict.fromkeys(self._feet, 3)},
-            memory={
-                "target": zero,
-                "active": 0.0,
-                "offset_velocity": zero,
-                "capture": np.zeros(2),
-                "foot": 1.0,
-                "command": np.zeros(3),
-                "clipped": 0.0,
-                "blind": 0.0,
-                "stride": np.zeros(NUMBERS),
-                "posture": zero,
-                "begun": zero,
-                "ready": 0.0,
-                **Commander.MEMORY,
-            },
-            gives=("target", "active", "offset_velocity", "capture", "foot", "command", "clipped", "blind"),
-        )
+        reads |= {**({"command": 3} if self._takes_command else {}), **dict.fromkeys(self._feet, 3)}
+        outputs: dict[str, Vector | float] = {"target": zero, "active": 0.0, "offset_velocity": zero}
+        outputs |= {"capture": np.zeros(2), "foot": 1.0, "command": np.zeros(3), "clipped": 0.0, "blind": 0.0}
+        memory = {**outputs, "stride": np.zeros(NUMBERS), "posture": zero, "begun": zero, "ready": 0.0}
+        memory |= Commander.MEMORY
+        super().__init__(period=1 / section.rate, reads=reads, memory=memory, gives=tuple(outputs))
 
     def command_by_hand(self, context: Context, command: Command) -> None:
-        """Ask for something from the next sample on, before all else and to the end of the run.
-
-        Args:
-            context: of the block; it changes.
-            command: what is asked for.
-        """
+        """Ask for something from the next sample on, before all else and to the end of the run; the context changes."""
         self.remember(context, {"hand": np.array([1.0, command.speed.real, command.speed.imag, command.turn])})
 
     def sample(self, memory: Named, read: Named) -> Changes:
@@ -299,11 +266,7 @@ class WalkingLoop(SampledBlock):
         time = _READY * math.sqrt(np.abs(end - begun).max() / (math.pi / 4))
         ready = min(memory["ready"][0] + self.period / max(time, self.period), 1.0)
         target = begun + eased(ready) * (end - begun)
-        return {
-            "target": target,
-            "offset_velocity": (target - memory["target"]) / self.period,
-            "ready": ready,
-        }
+        return {"target": target, "offset_velocity": (target - memory["target"]) / self.period, "ready": ready}
 
 
 _READ = ("position", "velocity", "base_pose", "base_velocity")

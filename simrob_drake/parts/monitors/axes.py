@@ -39,8 +39,7 @@ class JointLimit(MonitorSection):
         return worst(of_axes(robot, "position"), overshoots, why)
 
 
-_AT_LIMIT = 1e-6
-"""Part of a torque limit that may be missing where a servo counts as saturated."""
+_AT_LIMIT = 1e-6  # part of a torque limit that may be missing where a servo counts as saturated
 
 
 class TorqueLimit(MonitorSection):

@@ -32,11 +32,7 @@ class MonitorSection(Strict, ABC):
 
     @abstractmethod
     def condition(self, name: str, station: Surroundings) -> Condition:
-        """Return what ends a run, as functions of the station's outputs, by the section's own name.
-
-        Raises:
-            SimrobError: what is wrong with the section.
-        """
+        """Return what ends a run: functions of outputs, by the section's name; raises SimrobError: a wrong section."""
 
     def check(self, name: str, station: Surroundings) -> None:
         """Check that the robot exists."""
@@ -88,10 +84,8 @@ class PoseMonitorSection(MonitorSection):
         """Return who is watched, the output that is its pose with its size, and where it is at the start.
 
         That is a free piece, the only one of a station without robots unless named, or the ``port`` of the robot:
-        ``base_pose``, ``tcp_pose`` or ``tcp_pose.<tool>``.
-
-        Raises:
-            SimrobError: no such free piece, no such robot, or a robot without such a tool.
+        ``base_pose``, ``tcp_pose`` or ``tcp_pose.<tool>``. Raises SimrobError: no such free piece, no such robot, or a
+        robot without such a tool.
         """
         size, free = len(XYZ_QUATERNION_NAMES), station.free_pieces
         if self.piece is not None:
@@ -116,12 +110,7 @@ class SensorMonitorSection(MonitorSection):
     """The sensor, by its name; the only one of its kind unless given."""
 
     def watched_sensor(self, name: str, station: Surroundings, kind: str) -> str:
-        """Return the name of the sensor of a kind that the monitor watches.
-
-        Raises:
-            UnknownName: no such sensor of the right kind.
-            InvalidParameter: several, and the monitor names none.
-        """
+        """Return the watched sensor's name; raises UnknownName: none; InvalidParameter: several, none named."""
         known = [sensor for sensor, section in station.sensors.items() if section.kind == kind]
         if self.sensor is not None:
             return one_of(f"{kind} sensor for monitors.{name}.sensor", self.sensor, known)

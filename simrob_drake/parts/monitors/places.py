@@ -1,7 +1,5 @@
 """What bodies may come to that ends a run: touching, being pressed, falling, leaving a box."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Literal
@@ -64,11 +62,7 @@ def quasi_static_limits() -> dict[str, float]:
 
 
 def force_limit(limit: float | str) -> float:
-    """Return a limit [N]: a number as it is, a body region's from the table.
-
-    Raises:
-        UnknownName: no such region.
-    """
+    """Return a limit [N]: a number as it is, a body region's from the table; raises UnknownName: no such region."""
     regions = quasi_static_limits()
     return regions[one_of("body region", limit, regions)] if isinstance(limit, str) else limit
 
@@ -83,7 +77,7 @@ class Fall(PoseMonitorSection):
     """Angle from how it stood at the start beyond which it has fallen."""
 
     @model_validator(mode="after")
-    def _some_bound(self) -> Fall:
+    def _some_bound(self) -> "Fall":
         if self.height is None and self.tilt_deg is None:
             raise ValueError("a fall needs a bound: height or tilt_deg")
         return self
@@ -135,7 +129,7 @@ class Workspace(PoseMonitorSection):
     """The robot's tool that is watched; its `tcp` unless given."""
 
     @model_validator(mode="after")
-    def _not_empty(self) -> Workspace:
+    def _not_empty(self) -> "Workspace":
         if any(low >= high for low, high in zip(self.lower, self.upper, strict=True)):
             raise ValueError(f"lower must be below upper, {list(self.upper)}")
         return self

@@ -89,23 +89,17 @@ class Image:
 
 @dataclass(frozen=True)
 class Lens:
-    """How a camera sees.
+    """How a camera sees."""
 
-    Attributes:
-        width, height: of its images [pixels].
-        opening: of the height [rad].
-        near, far: between which it tells depth [m].
-        noise: standard deviation of the depth of something 1 m away [m].
-        seed: of that.
-    """
-
+    # of its images [pixels]
     width: int
     height: int
-    opening: float
+    opening: float  # of the height [rad]
+    # between which it tells depth [m]
     near: float
     far: float
-    noise: float = 0.0
-    seed: int = 0
+    noise: float = 0.0  # standard deviation of the depth of something 1 m away [m]
+    seed: int = 0  # of that
 
     @property
     def focal(self) -> float:

@@ -208,11 +208,8 @@ class RelativeMotion(Block):
     ) -> None:
         """Make the block for a finalized plant, which need not be part of the diagram.
 
-        Args:
-            plant: that the frames are of.
-            ends: the base and the frame, each with the pose in it of what is meant.
-            axes: in which position and velocities are told.
-            turning: whether the velocity is that which those axes see.
+        ``ends`` are base and frame, each with the pose in it of what is meant; ``axes`` those in which position and
+        velocities are told; ``turning``: the velocity is that which those axes see.
         """
         super().__init__()
         self._plant = weakref.proxy(plant)

@@ -80,10 +80,7 @@ class JointEncoders(SampledBlock):
     """
 
     def __init__(self, section: Encoders, units: Vector, resolution: Vector) -> None:
-        """Make the block of a section, for n axes whose users' units are so large in SI, shape (n,).
-
-        ``resolution`` (n,) is in these units.
-        """
+        """Make a section's block, for n axes of users' units (n,) in SI, and ``resolution`` (n,) in those."""
         size, period = len(units), 1 / section.rate
         memory = {"position": np.zeros(size), "velocity": np.zeros(size), "count": np.zeros(1)}
         super().__init__(

@@ -42,12 +42,9 @@ from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundi
 from simrob_drake.sections import Boolean, Positive
 from simrob_drake.signals import Panel, Signal
 
-_COUNTS = 0.003
-"""By how much a point of the feet is higher than the lowest when it counts e times less [m]."""
-_BIAS = 1.0
-"""Time constant of the bias of the accelerometer [s]."""
-_LEVELS = 1.0
-"""Time constant of the height over level ground [s]."""
+_COUNTS = 0.003  # by how much a point of the feet is higher than the lowest when it counts e times less [m]
+_BIAS = 1.0  # time constant of the bias of the accelerometer [s]
+_LEVELS = 1.0  # time constant of the height over level ground [s]
 _READS = {"position": "encoders", "orientation": "imu", "angular_velocity": "imu", "specific_force": "imu"}
 _PARTS = {
     "base_pose": (XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, "position [m]"),
@@ -83,11 +80,7 @@ class LegOdometry(SampledSensor):
         return {kind: names[0] for kind, names in of_kind.items() if len(names) == 1} | self.reads
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot stands on feet, and that the sensors are its own and sample as often.
-
-        Raises:
-            SimrobError: what does not fit.
-        """
+        """Check that the robot has feet, and its sensors sample as often; raises SimrobError: what does not fit."""
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
             raise InvalidParameter(key, f"of {robot.model.name}", "of a robot that stands on feet of its own")
@@ -156,7 +149,6 @@ class Soles:
     """
 
     def __init__(self, robot: StationRobot) -> None:
-        """Prepare a robot on feet."""
         assert robot.feet is not None  # the section has checked
         plant, self._axes, self.size = robot.plant, robot.axis_map, len(robot.axes)
         self.gravity = plant.gravity_field().gravity_vector()
@@ -171,11 +163,9 @@ class Soles:
         self.arms = np.column_stack([arms, np.ones(len(arms))])
 
     def poses(self, position: Vector, turned: Vector) -> Vector:
-        """Return the pose of the foot of each point, seen from the root link, in the world's axes, shape (k, 3, 4).
+        """Return the pose of each point's foot, from the root link, in the world's axes, shape (k, 3, 4).
 
-        Args:
-            position: of the axes, shape (n,) [rad or m]; finite.
-            turned: rotation of the root link, shape (3, 3).
+        The axes' position (n,) [rad or m] is finite, ``turned`` the rotation of the root link, shape (3, 3).
         """
         plant, scratch = self._plant, self.scratch
         self._positions[self._axes.position_places] = self._axes.signs * position
@@ -201,14 +191,10 @@ class BaseEstimator(SampledBlock):
     def __init__(
         self, section: LegOdometry, soles: Soles, *, start: Vector, force: float | None = None, level: bool = False
     ) -> None:
-        """Make the block of a section.
+        """Make the block of a section, for the points that touch the ground, from a pose (7,) on.
 
-        Args:
-            section: its parameters.
-            soles: the points that touch the ground.
-            start: pose at the start, shape (7,).
-            force: from which a foot counts in full [N]; None where no forces are read.
-            level: whether the ground is the plane z = 0.
+        A foot counts in full from ``force`` [N] on, None where no forces are read; ``level``: the ground is the plane z
+        = 0.
         """
         period = 1 / section.rate
         feet = {} if force is None else dict.fromkeys(soles.feet, 3)

@@ -26,11 +26,7 @@ class Sensor(Strict, ABC):
 
     @abstractmethod
     def check(self, key: str, station: Surroundings) -> None:
-        """Check the section before anything is built.
-
-        Raises:
-            SimrobError: what is wrong with it.
-        """
+        """Check the section before anything is built; raises SimrobError: what is wrong with it."""
 
     @abstractmethod
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
@@ -159,13 +155,7 @@ def _after_the_run(
 def replayed(
     recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]
 ) -> tuple[float, dict[str, Vector]]:
-    """Let a sampled block go through a run that is over, as it would have while stepping.
-
-    The block is part of no diagram.
-
-    Returns:
-        the time between samples [s], and each output at each sample, shape (k, size).
-    """
+    """Let a sampled block go through a past run; return its period [s], and its outputs at each sample, (k, size)."""
     period = block.GetUniquePeriodicDiscreteUpdateAttribute().period_sec()
     ticks = period * np.arange(int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1)
     ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}

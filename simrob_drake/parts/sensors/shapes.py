@@ -1,7 +1,5 @@
 """What collision shapes feel: how near another thing is, and the force with which it presses."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from typing import Literal
 
@@ -19,14 +17,7 @@ from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.parts.sensors.sensor import (
-    ShapeSensor,
-    axis_names,
-    check_contact,
-    normal,
-    sampled,
-    sensor_label,
-)
+from simrob_drake.parts.sensors.sensor import ShapeSensor, axis_names, check_contact, normal, sampled, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, check_frame, frame_of, shapes_of
 from simrob_drake.sections import Integer, NotNegative
@@ -94,7 +85,7 @@ class Force(ShapeSensor):
         return any(errors)
 
     @model_validator(mode="after")
-    def _samples_to_err(self) -> Force:
+    def _samples_to_err(self) -> "Force":
         if self._errs and self.rate is None:
             raise ValueError("a force sensor with noise, a resolution or a delay samples: it needs a rate")
         return self

@@ -14,8 +14,7 @@ from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 from simrob_drake.sections import Number, Positive
 
-SIDES = ("right_foot", "left_foot")
-"""Who steps first, and who next."""
+SIDES = ("right_foot", "left_foot")  # who steps first, and who next
 
 
 class BipedWalk(EvenSteps, SolvedGait):

@@ -61,11 +61,7 @@ def upright(gravity: Vector) -> Vector:
 
 
 def facing_rotation(facing_deg: float) -> Vector:
-    """Return the rotation of a root that looks along the world's x, shape (3, 3).
-
-    Args:
-        facing_deg: where the robot looks if its root is not turned, counterclockwise from x [deg].
-    """
+    """Return the rotation (3, 3) of a root that looks along x, if unturned it looks so far from there [deg]."""
     return np.asarray(rotations_about(UP, np.array([-np.deg2rad(facing_deg)]))[0])
 
 
@@ -118,15 +114,10 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
 
 
 def rolled(rotation: Vector, standing: npt.NDArray[np.bool_], radius: float) -> Vector:
-    """Return how far the middle of a ball has rolled since it landed.
+    """Return how far the middle of a ball of a radius r [m] has rolled since it landed: ahead, left (m, 2) [m].
 
-    Args:
-        rotation: of the ball at m times, shape (m, 3, 3).
-        standing: when it stands, shape (m,) of truth values.
-        radius: r [m].
-
-    Returns:
-        ahead and to the left, shape (m, 2) [m]; in the air it goes back to zero, where the next landing is planned.
+    Its rotations are (m, 3, 3), ``standing`` (m,) tells when it stands; in the air it goes back to zero, where the next
+    landing is planned.
     """
     turned = rotation[1:] @ rotation[:-1].transpose(0, 2, 1)
     about = np.stack([turned[:, 2, 1] - turned[:, 1, 2], turned[:, 0, 2] - turned[:, 2, 0]], axis=1) / 2  # x, y

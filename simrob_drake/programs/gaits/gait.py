@@ -15,8 +15,7 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import Integer, NotNegative, Number, Strict, validated
 from simrob_drake.walking.parameters import REACTING, Bearing
 
-Pace = Annotated[Number, Field(gt=0, le=100)]
-"""Time of a step, or of a part of one [s]."""
+Pace = Annotated[Number, Field(gt=0, le=100)]  # time of a step, or of a part of one [s]
 
 
 class ArmBearing(Bearing):
@@ -56,17 +55,10 @@ class Gait(Strict):
 
     @classmethod
     def of(cls, walker: Walker, name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Self:
-        """Return a robot's gait of this kind, some of its parameters changed.
+        """Return a robot's gait of this kind by name, with ``changes`` of parameters, steps scaled by an amplitude.
 
-        Args:
-            walker: the robot.
-            name: of the gait.
-            changes: parameters in place of the gait's own.
-            amplitude: scales lengths and turns of its steps.
-
-        Raises:
-            UnknownName: no such gait there; tells what there is, in other sections if this one is empty.
-            InvalidConfig: a parameter that cannot be.
+        Raises UnknownName: no such gait there; tells what there is, in other sections if this one is empty;
+        InvalidConfig: a parameter that cannot be.
         """
         file = walker.gaits
         known = file.section(cls.section)
@@ -78,12 +70,7 @@ class Gait(Strict):
         return found.changed(changes, amplitude, name)
 
     def changed(self, changes: Mapping[str, Any], amplitude: float, name: str) -> Self:
-        """Return it with some parameters changed, and what an amplitude scales scaled; errors call it ``gait name``.
-
-        Raises:
-            InvalidParameter: an amplitude that is no number.
-            InvalidConfig: a parameter that cannot be.
-        """
+        """Return it with other parameters, scaled by an amplitude; raises InvalidParameter, InvalidConfig: wrong."""
         amplitude = number(amplitude, "amplitude")
         scaled = {key: amplitude * value for key in self.scaled if (value := getattr(self, key, 0.0))}
         return validated(type(self), {**self.model_dump(exclude_unset=True), **scaled, **changes}, f"gait {name}")
@@ -92,36 +79,20 @@ class Gait(Strict):
     def planned(
         cls, robot: str | RobotModel | Walker, steps: int, name: str = "", *, amplitude: float = 1.0, **changes: Any
     ) -> JointMotion:
-        """Plan a gait of this kind.
+        """Plan a gait of this kind, by its name in the robot's ``gaits.yaml``, that of the kind unless given.
 
-        Args:
-            robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
-            steps: how many full steps, or legs that swing.
-            name: of the gait in the robot's ``gaits.yaml``; that of the kind unless given.
-            amplitude: scales the steps: :attr:`scaled` parameters, or how far joints go from the first posture.
-            changes: parameters of the kind to change.
-
-        Raises:
-            OutOfReach: steps that are too long or too high for the legs.
-            InvalidParameter: a robot that cannot go so, too few steps, or an amplitude that cannot be.
-            InvalidConfig: a parameter that cannot be.
-            UnknownName: no such gait, axis or foot.
+        A robot is its name, its model, or a :class:`Walker` that tells what it carries and on what slope; ``steps`` are
+        full ones, or legs that swing; the amplitude scales the steps: :attr:`scaled` parameters, or how far joints go
+        from the first posture; ``changes`` are of parameters of the kind. Raises OutOfReach: steps that are too long or
+        too high for the legs; InvalidParameter: a robot that cannot go so, too few steps, or an amplitude that cannot
+        be; InvalidConfig: a parameter that cannot be; UnknownName: no such gait, axis or foot.
         """
         walker = Walker.of(robot)
         return cls.of(walker, name or cls.usual, changes, amplitude).plan(walker, steps, amplitude)
 
     @abstractmethod
     def plan(self, walker: Walker, steps: int, amplitude: float) -> JointMotion:
-        """Return its motion.
-
-        Args:
-            walker: the robot, what it carries, and gravity.
-            steps: how many; of no meaning for a gait without.
-            amplitude: by which :attr:`scaled` parameters are scaled already.
-
-        Raises:
-            SimrobError: the robot cannot go so; tells why.
-        """
+        """Return its motion in so many steps, :attr:`scaled` parameters scaled by now; raises SimrobError: why not."""
 
     @property
     def hangs(self) -> bool:

@@ -71,15 +71,10 @@ class Kick(SolvedGait):
     def aimed(
         self, walker: Walker, root: Vector, angles: Vector, *, ball: Vector, radius: float, toward: Vector | None
     ) -> dict[str, Any]:
-        """Return the parameters with which it hits a ball in its middle.
+        """Return the parameters with which it hits a ball of a radius [m] at a place (2,) [m] in its middle.
 
-        Args:
-            walker: the robot.
-            root: pose of its root in the world, shape (4, 4).
-            angles: of its axes, shape (n,) [rad].
-            ball: where its middle is, shape (2,) [m].
-            radius: of the ball [m].
-            toward: where it shall go, shape (2,) [m]; where the standing foot looks unless given.
+        The robot's root has a pose (4, 4) in the world, its axes angles (n,) [rad]. The ball shall go ``toward`` (2,)
+        [m], where the standing foot looks unless given.
         """
         feet = self._feet(walker)
         poses = {name: foot.poses(angles[np.newaxis], root[np.newaxis])[0] for name, foot in feet.items()}

@@ -30,22 +30,11 @@ class OutOfReach(SimrobError):
 def leg_angles(
     model: RobotModel, foot: Foot, target: Vector, root: Vector, start: Vector, times: Vector | None = None
 ) -> Vector:
-    """Return the robot's angles with those of one leg solved.
+    """Return the robot's angles (m, n) [rad] with those of one leg solved.
 
-    Args:
-        model: of the robot.
-        foot: whose leg to solve.
-        target: poses of the foot's point, turned from flat and ahead, shape (m, 4, 4).
-        root: poses of the root, shape (m, 4, 4).
-        start: angles of all axes to begin with, shape (m, n) [rad]; not changed.
-        times: of the postures (m,) [s], for messages.
-
-    Returns:
-        angles of all axes, shape (m, n) [rad].
-
-    Raises:
-        OutOfReach: names the leg, by how much it is too short, and when.
-        InvalidParameter: a leg that has neither three, four nor six joints.
+    The poses of the foot's point, turned from flat and ahead, and of the root are (m, 4, 4); ``start`` are the angles
+    of all axes to begin with (m, n) [rad]; the times (m,) [s] are for messages. Raises OutOfReach: names the leg, by
+    how much it is too short, and when; InvalidParameter: a leg that has neither three, four nor six joints.
     """
     axes = list(foot.axes)
     if len(axes) not in ROWS:

@@ -122,12 +122,7 @@ class JointMotion:
 
 
 def short_steps(solver: SolverConfig, changed: Collection[str] = ()) -> SolverConfig:
-    """Return a solver whose steps are short enough for servos to follow; another one than `cenic` as it is.
-
-    Args:
-        solver: the station's.
-        changed: dotted keys of what stays as it is.
-    """
+    """Return a solver of steps short enough for servos to follow, without ``changed`` keys; `cenic` stays as it is."""
     if not isinstance(solver, ContinuousSolver) or solver.scheme != "cenic":
         return solver
     steps: dict[str, Any] = {}

@@ -10,8 +10,7 @@ from simrob_drake.blocks.references import smooth
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
-SAMPLE = 0.01
-"""Time between the samples of a plan [s]."""
+SAMPLE = 0.01  # time between the samples of a plan [s]
 _LONGEST, _MOST_STEPS = 1000.0, 10_000  # of a plan [s], which takes 50 ms of the processor for a second of it
 
 
@@ -32,11 +31,7 @@ class Phase:
     hold: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the times.
-
-        Raises:
-            InvalidParameter: a phase without duration, or with more in it than it lasts.
-        """
+        """Check the times; raises InvalidParameter: a phase without duration, or with more in it than it lasts."""
         if not self.duration > 0:
             raise InvalidParameter("duration of a phase", self.duration, "positive [s]")
         if self.transfer > self.duration + 1e-9 or self.delay + self.rest + self.hold >= self.duration:
@@ -54,16 +49,9 @@ class GaitPlan:
 
 
 def gait_plan(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> GaitPlan:
-    """Lay phases end to end.
+    """Lay phases end to end, from where feet (3,) [m, m, rad] and zero-moment point (2,) [m] are at the start.
 
-    Args:
-        feet: where they stand at the start: ahead, left and turn, shape (3,) [m, rad].
-        zmp: where the zero-moment point is at the start, shape (2,) [m].
-        phases: one after the other.
-
-    Raises:
-        UnknownName: a phase swings a foot that is none.
-        InvalidParameter: no phase at all.
+    Raises UnknownName: a phase swings a foot that is none; InvalidParameter: no phase at all.
     """
     if not phases:
         raise InvalidParameter("phases", "empty", "at least one")
@@ -101,22 +89,14 @@ def _ratio(part: Vector, whole: float) -> Vector:
 
 
 def samples(duration: float) -> Vector:
-    """Return the times of the samples of a plan, shape (m,) [s].
-
-    Raises:
-        InvalidParameter: a plan of no time, or of more than is planned at once.
-    """
+    """Return times of a plan's samples (m,) [s]; raises InvalidParameter: no time, or more than is planned at once."""
     if not 0 < duration <= _LONGEST:
         raise InvalidParameter("gait", f"{duration:.6g} s long", f"at most {_LONGEST:g} s long; take fewer steps")
     return np.arange(round(duration / SAMPLE) + 1, dtype=float) * SAMPLE
 
 
 def check_steps(steps: int) -> None:
-    """Check that a gait goes some steps.
-
-    Raises:
-        InvalidParameter: it does not, or more than are planned at once.
-    """
+    """Check that a gait goes some steps; raises InvalidParameter: it does not, or more than are planned at once."""
     whole(steps, "steps", 1, _MOST_STEPS)
 
 

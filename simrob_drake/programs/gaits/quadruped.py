@@ -143,16 +143,7 @@ def three_legs(robot: str | RobotModel | Walker, name: str = "three_legs", **cha
 
 
 def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
-    """Return the nearest place to a point that lies inside of a triangle by a margin.
-
-    Args:
-        point: shape (2,) [m].
-        triangle: corners, shape (3, 2) [m].
-        margin: distance from every side [m].
-
-    Raises:
-        InvalidParameter: a triangle too small for the margin.
-    """
+    """Return the place nearest to a point (2,) in a triangle (3, 2) by a margin [m]; raises InvalidParameter: none."""
     corners = triangle if np.linalg.det(triangle[1:] - triangle[0]) > 0 else triangle[::-1]  # counterclockwise
     sides = np.roll(corners, -1, axis=0) - corners
     normals = np.column_stack([-sides[:, 1], sides[:, 0]]) / np.linalg.norm(sides, axis=1)[:, np.newaxis]

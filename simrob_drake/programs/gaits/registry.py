@@ -57,12 +57,7 @@ def load_gaits(robot: str | RobotModel) -> Any:
 
 
 def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
-    """Return the gaits of a robot that go some steps, or the others, by name.
-
-    Raises:
-        InvalidParameter: a robot without gaits.
-        InvalidConfig: its file has a wrong entry.
-    """
+    """Return a robot's gaits that go steps, or the others; raises InvalidParameter: none; InvalidConfig: a key."""
     gaits = load_gaits(robot)
     return {name: gait for kind in KINDS if kind.steps == steps for name, gait in getattr(gaits, kind.section).items()}
 
@@ -76,11 +71,7 @@ def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:
 
 
 def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -> str:
-    """Return the name of the first gait that is made for the feet worn, else of the first that they carry.
-
-    Raises:
-        InvalidParameter: there is none; tells which feet have one.
-    """
+    """Return the first gait for the feet worn, or for others it has; raises InvalidParameter: none; tells of feet."""
     made = {name: gait.made_for(model) for name, gait in known.items()}
     fitting = [name for name in made if made[name] == worn] or [
         name for name in made if carries(model, worn, made[name])

@@ -1,7 +1,5 @@
 """A robot as its gaits are planned for it: its skeleton, its feet, and the parameters of its gaits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,25 +18,18 @@ _SIDES = {"left": "right", "right": "left"}
 class Walker:
     """What planners know of a robot."""
 
-    skeleton: Skeleton
-    """The robot, with what it carries."""
+    skeleton: Skeleton  # the robot, with what it carries
     gaits: GaitsFile
     gravity: Vector = field(default_factory=LEVEL.copy)
     """In the frame of the ground, the robot looking along x, shape (3,) [m/s²]."""
-    differs: bool = False
-    """Whether it carries something or stands on a slope, which its gaits are not made for."""
+    differs: bool = False  # whether it carries something or stands on a slope, which its gaits are not made for
 
     @classmethod
-    def of(cls, robot: str | RobotModel | Walker) -> Walker:
-        """Return what planners know of a robot, which has a ``gaits.yaml`` beside its ``robot.yaml``.
+    def of(cls, robot: "str | RobotModel | Walker") -> "Walker":
+        """Return what planners know of a robot with a ``gaits.yaml``: of its name, its model, or what is known already.
 
-        Args:
-            robot: a robot of the package by its name, any other's model, or what is known of it already.
-
-        Raises:
-            UnknownName: no such robot.
-            InvalidParameter: a robot without gaits, or whose joints do not all turn.
-            InvalidConfig: a file with a wrong entry.
+        Raises UnknownName: no such robot; InvalidParameter: one without gaits, or with joints that do not turn;
+        InvalidConfig: a file with a wrong entry.
         """
         if isinstance(robot, Walker):
             return robot

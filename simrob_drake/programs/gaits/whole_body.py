@@ -24,8 +24,7 @@ from simrob_drake.programs.gaits.zmp import com_from_zmp, whole_body_zmp
 from simrob_drake.results.record.history import parts
 
 AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-ROUNDS = 4
-"""How often the zero-moment point is mended."""
+ROUNDS = 4  # how often the zero-moment point is mended
 _NUDGE = 1e-3  # lean whose effect is measured [rad]
 
 
@@ -49,11 +48,7 @@ class WholeBody:
         self._rolled = {foot.name: np.zeros((len(plan.times), 2)) for foot in self.feet}
 
     def solve(self, rounds: int = ROUNDS) -> tuple[JointMotion, Vector]:
-        """Return the motion, and the zero-moment point that it has if nothing slips, shape (m, 2) [m].
-
-        Raises:
-            OutOfReach: a leg cannot get where its foot shall be.
-        """
+        """Return the motion, and its zero-moment point without slip (m, 2) [m]; raises OutOfReach: a leg's foot."""
         count = len(self.plan.times)
         angles, height, factor, lean_height = self._start()
         angles = np.tile(angles, (count, 1))

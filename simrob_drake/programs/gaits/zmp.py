@@ -26,23 +26,15 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import Skeleton
 
-LEVEL = np.array([0.0, 0.0, -STANDARD_GRAVITY])
-"""Gravity over a level floor [m/s²]."""
+LEVEL = np.array([0.0, 0.0, -STANDARD_GRAVITY])  # gravity over a level floor [m/s²]
 _CHUNK = 1000  # postures at a time, so that memory stays small
 
 
 def whole_body_zmp(skeleton: Skeleton, root: Vector, angles: Vector, step: float, gravity: Vector = LEVEL) -> Vector:
-    """Return the zero-moment point of a motion.
+    """Return a motion's zero-moment point (m, 2) [m]; at its ends, taken as rest, that is below the centre of mass.
 
-    Args:
-        skeleton: of the robot.
-        root: its poses, shape (m, 4, 4).
-        angles: of all axes, shape (m, n) [rad].
-        step: between the samples [s].
-        gravity: in the frame of the poses, whose z axis is the normal of the floor, shape (3,) [m/s²].
-
-    Returns:
-        shape (m, 2) [m]; at the ends of the motion, which count as rest, it is below the centre of mass.
+    Poses of the root are (m, 4, 4), angles (m, n) [rad], ``step`` [s] apart; gravity (3,) [m/s²] is in the frame of the
+    poses, whose z axis is the normal of the floor.
     """
     result = np.empty((len(angles), 2))
     for start in range(0, len(angles), _CHUNK):
@@ -65,21 +57,10 @@ def _of_points(points: Vector, masses: Vector, step: float, gravity: Vector) -> 
 
 
 def com_from_zmp(zmp: Vector, *, step: float, height: float, gravity: float = STANDARD_GRAVITY) -> Vector:
-    """Return the bounded motion of the centre of mass under a zero-moment point.
+    """Return the bounded motion c (m, k) [m] of the centre of mass under a zero-moment point p (m, k) [m], ends at p.
 
-    The second derivative is the central difference, so the error is of the order of ``step**2``.
-
-    Args:
-        zmp: p at equal steps of time, shape (m, k) [m].
-        step: between the samples [s].
-        height: z [m].
-        gravity: g [m/s²].
-
-    Returns:
-        c, shape (m, k) [m]; at its ends it is p.
-
-    Raises:
-        InvalidParameter: fewer than three samples, or a parameter that is not positive.
+    The second derivative is the central difference, so the error is of the order of ``step**2`` [s²]; ``height`` is z
+    [m], ``gravity`` g [m/s²]. Raises InvalidParameter: fewer than three samples, or a parameter that is not positive.
     """
     for name, value in (("step", step), ("height", height), ("gravity", gravity)):
         if not (np.isfinite(value) and value > 0):

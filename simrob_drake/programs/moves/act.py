@@ -1,7 +1,5 @@
 """Postures one after the other, or a stand on three legs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A piece that is taken, or hung on something else (SimRob's PegarEn)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A walk by a command, in steps that are made while it goes and answer what disturbs it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -20,8 +18,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.walking.commands import Commanded
 
-GO_TIME = 3.0
-"""Time of a walk by commands unless another one is asked for [s]: enough to stop."""
+GO_TIME = 3.0  # time of a walk by commands unless another one is asked for [s]: enough to stop
 _BEYOND = 1.0  # floor beyond the way that a robot goes [m]
 
 
@@ -48,12 +45,8 @@ class GoMove(Move):
     """Refuse what the legs cannot follow."""
 
     @classmethod
-    def at(cls, ahead: float, sideways: float, turn: float, *, duration: float, strict: bool) -> GoMove:
-        """Return a walk at speeds [m/s] and a turn [rad/s], as a user gave them.
-
-        Raises:
-            InvalidParameter: numbers that cannot be.
-        """
+    def at(cls, ahead: float, sideways: float, turn: float, *, duration: float, strict: bool) -> "GoMove":
+        """Return a walk at speeds [m/s] and a turn [rad/s], from a user; raises InvalidParameter: no such numbers."""
         for name, value in (("ahead", ahead), ("sideways", sideways), ("turn", turn)):
             if finite(value).shape != ():
                 raise InvalidParameter(name, value, "a finite number [rad/s]" if name == "turn" else "one [m/s]")
@@ -67,18 +60,11 @@ class GoMove(Move):
         return self._gone
 
     def station(self, config: StationConfig, robot: str, *, start: float = 0.0) -> StationConfig:
-        """Return a station on which a robot goes so.
+        """Return a station on which a robot goes so, from so far from the world's origin [m].
 
         The walk is that of the station if it has one for the robot; its name stays the same from run to run, so its
-        state does, and the robot goes on in the middle of a step.
-
-        Args:
-            config: the station.
-            robot: who goes.
-            start: how far from the world's origin [m].
-
-        Raises:
-            SimrobError: a robot that does not stand on feet of its own, or has no walk; a station that is kinematic.
+        state does, and the robot goes on in the middle of a step. Raises SimrobError: a robot that does not stand on
+        feet of its own, or has no walk; a station that is kinematic.
         """
         known = {name: section for name, section in config.controllers.items() if isinstance(section, Walk)}
         own = [name for name, section in known.items() if (section.robot or config.only_robot) == robot]

@@ -1,7 +1,5 @@
 """Fingers that close on a piece, which they hold by friction alone, or open."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -43,11 +41,7 @@ class FingerMove(Move):
         return f"{self.key} of {self.robot}" if robots else self.key
 
     def plan(self, planning: Planning) -> Plan:
-        """Return the move of the fingers, planned; the other axes stay.
-
-        Raises:
-            InvalidParameter: a robot without fingers, or a width that they cannot have.
-        """
+        """Return the fingers' move, planned; other axes stay; raises InvalidParameter: no fingers, or no such width."""
         robot, row = planning.model, planning.start.copy()
         if not robot.fingers:
             raise InvalidParameter("robot", robot.name, "one with a gripper: in its robot.yaml")

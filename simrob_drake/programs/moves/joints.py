@@ -1,7 +1,5 @@
 """Axes that go to their targets at the same time (SimRob's TestMove and AddMove)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
@@ -57,27 +55,15 @@ class JointMove(Move):
 
 
 def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMove:
-    """Return a checked move of what a user gave.
-
-    Raises:
-        InvalidParameter: no axis, an angle that is no finite number, or a duration that is not positive.
-    """
+    """Return a checked move of a user's; raises InvalidParameter: no axis, no finite angle, no positive duration."""
     return checked(JointMove, target_deg=target_deg, duration=duration)
 
 
 def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, time: float = 0.0) -> dict[int, float]:
-    """Return the targets of a move on one robot: the place of each axis, and its position [rad or m].
+    """Return the targets of a move on one robot, by axis name or alias: places of axes, and their positions [rad or m].
 
-    Args:
-        model: the robot.
-        target_deg: by axis name or alias.
-        where: what messages call the move.
-        time: how long it takes, for the error [s].
-
-    Raises:
-        UnknownName: an axis that the robot does not have; proposes the nearest.
-        InvalidParameter: an axis under two names.
-        JointLimitExceeded: a target beyond an axis' limits; tells by how much.
+    Messages call the move ``where``, with its ``time`` [s]. Raises UnknownName: no such axis, proposes the nearest;
+    InvalidParameter: one under two names; JointLimitExceeded: beyond an axis' limits, tells by how much.
     """
     names, units, slides = list(model.axes), model.user_units, model.prismatic
     lower, upper = model.axis_limits

@@ -1,7 +1,5 @@
 """A kick of a ball, which flies by the contact alone."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -60,9 +58,8 @@ class KickMove(Move):
     def swing(self, robot: LeggedGeometry, station: StationConfig, aim: Mapping[str, Any]) -> JointMotion:
         """Plan the kick through the point of an aim.
 
-        Raises:
-            InvalidParameter: a speed at which a joint would turn faster than its motor does without load.
-            SimrobError: as :meth:`simrob_drake.LeggedRobot.act`.
+        Raises InvalidParameter: a speed at which a joint would turn faster than its motor does without load;
+        SimrobError: as :meth:`simrob_drake.LeggedRobot.act`.
         """
         own = {} if self.speed is None else {"speed": self.speed}
         motion = planned_gait(robot, self.gait, {**aim, **own, **(self.model_extra or {})}, station=station)

@@ -1,7 +1,5 @@
 """All kinds of moves; a new one is a file beside this and a name in the list."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -38,10 +36,8 @@ _ALL: tuple[type[Move], ...] = (
     OpenMove,
     TogetherMove,
 )
-KINDS: dict[str, type[Move]] = {kind.key: kind for kind in _ALL}
-"""By the key that tells them apart."""
-LEG_KINDS = [key for key, kind in KINDS.items() if kind.of_legs]
-"""The keys of those that robots with legs can do."""
+KINDS: dict[str, type[Move]] = {kind.key: kind for kind in _ALL}  # by the key that tells them apart
+LEG_KINDS = [key for key, kind in KINDS.items() if kind.of_legs]  # the keys of those that robots with legs can do
 
 if TYPE_CHECKING:
     AnyMove = Move
@@ -52,15 +48,10 @@ else:
 def move_from(
     content: Move | Mapping[str, Any], duration: float | None = None, *, otherwise: float = MOVE_TIME
 ) -> Move:
-    """Return a move of any kind of what a user gave: targets of axes, or what would stand in a program's file.
+    """Return a move of any kind of what a user gave: targets of axes [deg], what would stand in a file, or a move.
 
-    Args:
-        content: targets [deg] by axis, a mapping such as ``{"walk": {"steps": 4}}``, or a move.
-        duration: of a move of joints [s].
-        otherwise: its duration unless given [s].
-
-    Raises:
-        SimrobError: as :func:`move_of`; or a mapping that is wrong.
+    A move of joints takes its duration [s], ``otherwise`` unless given. Raises SimrobError: as :func:`move_of`; or a
+    mapping that is wrong.
     """
     if isinstance(content, Move):
         made = content
@@ -74,11 +65,7 @@ def move_from(
 
 
 def check_move(content: Mapping[str, Any]) -> Move:
-    """Return the move that a mapping of a program's file is.
-
-    Raises:
-        InvalidConfig: what is no move; names the key.
-    """
+    """Return the move that a mapping of a program's file is; raises InvalidConfig: what is no move; names the key."""
     kind = kind_of(content, KINDS.values())
     if kind is None:
         key = next(iter(content), "")
@@ -89,8 +76,7 @@ def check_move(content: Mapping[str, Any]) -> Move:
 def check_entry(entry: Any, where: str, kinds: Mapping[str, type[Move]] = KINDS) -> Move:
     """Return the move that an entry of a program's file is, checked by itself, so that messages can name it.
 
-    Raises:
-        InvalidConfig: no mapping, a kind that there is not, or a wrong key or value; names ``where``.
+    Raises InvalidConfig: no mapping, a kind that there is not, or a wrong key or value; names ``where``.
     """
     if not isinstance(entry, Mapping):
         raise InvalidConfig(where, "", f"must be a mapping of keys to values (it is {quoted(entry)})")

@@ -1,8 +1,7 @@
 """What moves of an arm's tool or axes have in common: targets, and how they are done."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from inspect import Parameter, Signature, getdoc, signature
 from typing import Annotated, Any, ClassVar, Self, cast
 
 import numpy as np
@@ -24,8 +23,7 @@ class ArmMotion(Move):
 
     brief: ClassVar[bool] = True
     of_legs: ClassVar[bool] = False
-    of_axes: ClassVar[bool] = False
-    """Whether targets are postures, not poses."""
+    of_axes: ClassVar[bool] = False  # whether targets are postures, not poses
 
     targets: Rows | None = None
     """Where to, one or many, in SI units: postures [rad or m], places [x y z] that keep the orientation, or poses
@@ -73,11 +71,7 @@ class ArmMotion(Move):
         return (wobj.split(".", 1)[0],) if isinstance(wobj, str) else ()
 
     def plan(self, planning: Planning) -> Plan:
-        """Return the move, planned and checked from where an arm is.
-
-        Raises:
-            SimrobError: it cannot be done; names the first offending point.
-        """
+        """Return the move, planned and checked from where an arm is; raises SimrobError: the first offending point."""
         raise NotImplementedError
 
     def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
@@ -105,3 +99,18 @@ class ToolMotion(Strict):
     unless given. With the robot's own name that is where its reference has the tool."""
     solver: SolverName | None = None
     """Of the inverse kinematics; `auto` unless given."""
+
+
+def describe(method: Callable[..., Any], plan: Callable[..., Plan]) -> None:
+    """Let help tell of a method what its function takes, with the keys of :class:`How` one by one."""
+    text, attributes = getdoc(plan) or "", (getdoc(How) or "").partition("Attributes:\n")[2]
+    text = text.replace("    planning: what the move starts from.\n", "")
+    method.__doc__ = text.replace("    how: see :class:`How`.", attributes.rstrip())
+    method.__name__ = plan.__name__.removeprefix("plan_")
+    _, *own, _ = signature(plan).parameters.values()
+    options = [
+        Parameter(key, Parameter.KEYWORD_ONLY, default=CHECKED if key == "check" else None, annotation=kind)
+        for key, kind in How.__annotations__.items()
+    ]
+    arm = Parameter("self", Parameter.POSITIONAL_ONLY)
+    vars(method)["__signature__"] = Signature([arm, *own, *options], return_annotation="SimulationResult")

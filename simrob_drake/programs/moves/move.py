@@ -1,7 +1,5 @@
 """A line of a program: what all kinds of moves declare, and how a program's file holds them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -37,10 +35,8 @@ Run: TypeAlias = Callable[[list[Plan], float | None], Any]
 Stage: TypeAlias = Callable[[LeggedGeometry], SimulationResult | None]
 """A part of a program, checked and ready, that a robot with legs does from where it is; None: it takes no time."""
 
-MOVE_TIME = 1.0
-"""Time of a move of joints unless another one is asked for [s]; ``tinc`` of the thesis."""
-MOST_STEPS, MOST_AMPLITUDE = 10_000, 100
-"""Of one walk: about an hour; far beyond what legs can do."""
+MOVE_TIME = 1.0  # time of a move of joints unless another one is asked for [s]; ``tinc`` of the thesis
+MOST_STEPS, MOST_AMPLITUDE = 10_000, 100  # of one walk: about an hour; far beyond what legs can do
 _EXPECTED = {
     "duration": f"a positive time [s], {SHORTEST:g} to {LONGEST:g}",
     "target_deg": "a mapping of at least one axis to degrees",
@@ -86,15 +82,10 @@ class ArmStation(Protocol):
 
 @dataclass
 class Outlook:
-    """What is known of a station before a move of a program that is only looked at.
+    """What is known of a station before a move of a program that is only looked at."""
 
-    Attributes:
-        station: as it will be.
-        changed: whether earlier moves changed it, so that what depends on it is to be planned anew.
-    """
-
-    station: StationConfig
-    changed: bool = False
+    station: StationConfig  # as it will be
+    changed: bool = False  # whether earlier moves changed it, so that what depends on it is to be planned anew
 
 
 class Move(Strict):
@@ -154,28 +145,17 @@ class Move(Strict):
         return ()
 
     def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
-        """Do it with arms, and return what ``run`` gives; None if it takes no time.
+        """Do it with arms of a station, and return what ``run`` gives, which runs plans; None if it takes no time.
 
-        Args:
-            cell: the station.
-            robot: whose program it is in; None: of the only one.
-            run: what runs plans.
-
-        Raises:
-            SimrobError: it cannot be done.
+        ``robot`` is whose program it is in, None the only one. Raises SimrobError: it cannot be done.
         """
         raise InvalidParameter("the move", self.key, "one of arms: this one is for legs")
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Check that a robot with legs can do it, and return the stage of a program that does.
+        """Check that a robot with legs can do it, and return the stage that does, called ``name`` in messages.
 
-        Args:
-            robot: who does it.
-            outlook: the station when it will be done; it is changed to what the move leaves.
-            name: what messages call the move.
-
-        Raises:
-            SimrobError: it cannot be done.
+        The outlook is the station when it will be done; it is changed to what the move leaves. Raises SimrobError: it
+        cannot.
         """
         raise InvalidParameter("the move", self.key, "one for legs: this one is of arms")
 
@@ -208,20 +188,12 @@ def kind_of(content: Mapping[str, Any], kinds: Iterable[type[Move]]) -> type[Mov
 
 
 def read_move(kind: type[Move], content: Mapping[str, Any], where: str) -> Move:
-    """Return the move of a kind that a mapping of a program's file is.
-
-    Raises:
-        InvalidConfig: a wrong key or value; names ``where``, the key and what would be right.
-    """
+    """Return the move of a kind that a file's mapping is; raises InvalidConfig: ``where``, key, what would be right."""
     return _unwrapped(validated(entry_model(kind), plain(content), where))
 
 
 def checked(kind: type[Kind], /, **content: Any) -> Kind:
-    """Return a move of what a user gave in Python.
-
-    Raises:
-        InvalidParameter: the first value that cannot be.
-    """
+    """Return a move of what a user gave in Python; raises InvalidParameter: the first value that cannot be."""
     try:
         return kind.model_validate(plain(content))
     except ValidationError as problem:

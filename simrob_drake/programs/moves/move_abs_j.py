@@ -1,7 +1,5 @@
 """A move of an arm's axes to a posture, or through many (RAPID's MoveAbsJ)."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import ClassVar, Unpack
 

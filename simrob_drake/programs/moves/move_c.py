@@ -1,7 +1,5 @@
 """A move of an arm's tool along arcs of circles (RAPID's MoveC)."""
 
-from __future__ import annotations
-
 from typing import ClassVar, Unpack
 
 from simrob_drake.errors import InvalidParameter

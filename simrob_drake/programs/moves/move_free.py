@@ -1,7 +1,5 @@
 """A move of an arm around obstacles, or of several at once, with what they carry."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -29,8 +27,7 @@ from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How, timed
 from simrob_drake.sections import Boolean, Integer, Pose, Positive
 
-PLANNING_TIME = 10.0
-"""How long a search for a way may take unless told [s]."""
+PLANNING_TIME = 10.0  # how long a search for a way may take unless told [s]
 _MOST_SEED = 2**31 - 2
 _TURNS = 24  # about the tool, where that is free
 _GOALS, _TRIED = 16, 400  # that a search is for, and that are looked at
@@ -134,12 +131,7 @@ def plan_move_free(
 
 
 def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> list[Plan]:
-    """Plan moves of several robots as one, around each other, too; they begin and end at the same time.
-
-    Raises:
-        InvalidParameter: moves that differ in how they are done.
-        SimrobError: as :func:`plan_move_free`.
-    """
+    """Plan moves of several robots as one, around each other; raises InvalidParameter: moves done in different ways."""
     first, robots = moves[0], [planning.robot for planning in plannings]
     if any(move.how != first.how for move in moves) or len({*robots}) < len(robots):
         raise InvalidParameter("moves around obstacles together", "different", "of different robots, in the same time")
@@ -161,9 +153,7 @@ def goals_of(
 ) -> Vector:
     """Return the postures (m, n) within the limits that will do, nearest first.
 
-    Raises:
-        InvalidParameter: none or several targets, or what is no target.
-        Unreachable: there is no posture.
+    Raises InvalidParameter: none or several targets, or what is no target; Unreachable: there is no posture.
     """
     whole(seed, "seed", 0, _MOST_SEED)
     if (targets is None) == (joints is None):
@@ -194,11 +184,7 @@ def goals_of(
 def plan_around(
     plannings: Sequence[Planning], goals: Sequence[Vector], how: How, seed: int, planning_time: float
 ) -> list[Plan]:
-    """Plan the way of robots that move together to postures of each that will do, (m, n), nearest first.
-
-    Raises:
-        SimrobError: as :func:`plan_move_free`.
-    """
+    """Plan several robots' way to postures (m, n) of each, nearest first; raises as :func:`plan_move_free`."""
     points, first = points_of(how, POINTS), plannings[0]
     zone_of(how, 1)
     chains, limits = [planning.chain for planning in plannings], [planning.rate_limits for planning in plannings]
@@ -241,11 +227,7 @@ def _metres(planning: Planning, space: FreeSpace) -> Vector:
 
 
 def _free(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
-    """Return those of combined goals that are free, shape (m, n), of the nearest ones.
-
-    Raises:
-        GoalInCollision: none is.
-    """
+    """Return those of the nearest combined goals that are free, shape (m, n); raises GoalInCollision: none is."""
     nearest = sorted(product(*(range(len(rows)) for rows in goals)), key=sum)[:_TRIED]
     found, hits = list[Vector](), list[Hit]()
     for places in nearest:

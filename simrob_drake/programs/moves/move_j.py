@@ -1,7 +1,5 @@
 """A move of an arm's tool to poses, straight in the joints: the easiest way there (RAPID's MoveJ)."""
 
-from __future__ import annotations
-
 from typing import ClassVar, Unpack
 
 from simrob_drake.kinematics.analytic import SolverLike

@@ -1,7 +1,5 @@
 """A move of an arm's tool along straight lines (RAPID's MoveL)."""
 
-from __future__ import annotations
-
 from functools import partial
 from itertools import pairwise
 from typing import ClassVar, Unpack

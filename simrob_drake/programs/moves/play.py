@@ -1,7 +1,5 @@
 """All robots follow the references of the station's file for a time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """A piece that is let go."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import ClassVar
 

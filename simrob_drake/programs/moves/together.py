@@ -1,7 +1,5 @@
 """Moves of different arms at the same time; and the motions that arms plan."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -32,7 +30,7 @@ class TogetherMove(Move):
     title: ClassVar[str] = "Together"
     of_legs: ClassVar[bool] = False
 
-    together: Annotated[tuple[AnyMotion, ...], Field(min_length=1)]
+    together: "Annotated[tuple[AnyMotion, ...], Field(min_length=1)]"
     """The moves."""
     duration: Duration | None = None
     """Of all [s]; until the last one ends unless given."""

@@ -1,7 +1,5 @@
 """Another tool centre point for an arm (SimRob's Tool)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import ClassVar, Self
 

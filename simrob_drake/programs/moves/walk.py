@@ -1,7 +1,5 @@
 """Steps by a gait that is planned before it begins (SimRob's Marcha)."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Where to look at a run from, and when: from which side, how near, beside a robot that walks, frame by frame."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -13,10 +11,8 @@ from simrob_drake.parts.site import StationPlant
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import headings, legged_robots
 
-FIELD_OF_VIEW = np.deg2rad(35.0)
-"""Vertical opening of the cameras [rad]; narrow, so that links keep their proportions."""
-WINDOW_ASPECT = 1.4
-"""Width over height of a browser window that still shows all: most are wider."""
+FIELD_OF_VIEW = np.deg2rad(35.0)  # vertical opening of the cameras [rad]; narrow, so that links keep their proportions
+WINDOW_ASPECT = 1.4  # width over height of a browser window that still shows all: most are wider
 
 _ASIDE = float(np.deg2rad(-50.0))  # of the eye from where a robot faces: it stands to the right of its front
 _ELEVATION = np.deg2rad(20.0)
@@ -28,8 +24,7 @@ _EVERY = 0.02  # s between the places of the camera
 _HALF = 25  # places before and after, of which the camera takes the mean: a second in all, so that it does not sway
 _MEAN = np.full(2 * _HALF + 1, 1.0 / (2 * _HALF + 1))
 
-Way = Callable[[Vector], Vector]
-"""How far something has gone at the times (k,) [s] of a run: shape (k, 3) [m]."""
+Way = Callable[[Vector], Vector]  # how far something has gone at the times (k,) [s] of a run: shape (k, 3) [m]
 
 
 @dataclass(frozen=True)
@@ -39,7 +34,7 @@ class Camera:
     eye: Vector
     target: Vector
 
-    def moved(self, way: Vector) -> Camera:
+    def moved(self, way: Vector) -> "Camera":
         """Return the camera with eye and target moved by the same way, shape (3,) [m]."""
         return Camera(self.eye + way, self.target + way)
 
@@ -63,11 +58,7 @@ def framed_time(result: RecordedRun) -> float:
 
 
 def frame_times(end: float, frames_per_second: float) -> Vector:
-    """Return the times [s] of the frames of a motion; its end is the last one, wherever it lies.
-
-    Raises:
-        InvalidParameter: the rate is not positive.
-    """
+    """Return the times [s] of a motion's frames, its end the last one; raises InvalidParameter: no positive rate."""
     if not (np.isfinite(frames_per_second) and frames_per_second > 0):
         raise InvalidParameter("frames_per_second", frames_per_second, "a positive rate [1/s]")
     count = max(int(np.ceil(end * frames_per_second - 1e-9)), 0)
@@ -99,13 +90,7 @@ def walked_way(result: RecordedRun) -> Way | None:
 
 
 def camera_on(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> Camera:
-    """Return the nearest camera that has all points in its picture.
-
-    Args:
-        points: what is to be seen, shape (m, 3) [m].
-        aspect: width of the picture over its height.
-        azimuth: where the eye is, counterclockwise from x [rad].
-    """
+    """Return the nearest camera at ``azimuth`` from x [rad] with all points (m, 3) [m] in a picture of an aspect."""
     axes = _camera_axes(azimuth)
     across, along = (points @ axes.T)[:, :2], points @ axes[2]
     half = np.tan(FIELD_OF_VIEW / 2) / _MARGIN * np.array([aspect, 1.0])

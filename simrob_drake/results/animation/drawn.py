@@ -28,10 +28,8 @@ from simrob_drake.results.animation.scene import ViewedStation
 from simrob_drake.results.colours import PATHS, rgb
 from simrob_drake.results.record.run import RecordedRun
 
-Command = str | dict[str, Any]
-"""To Meshcat's page: a dictionary, or one in MessagePack and base64."""
-Prefixes = Mapping[str, Role]
-"""Where in Meshcat's tree the geometry of a role hangs."""
+Command = str | dict[str, Any]  # to Meshcat's page: a dictionary, or one in MessagePack and base64
+Prefixes = Mapping[str, Role]  # where in Meshcat's tree the geometry of a role hangs
 
 _TOP, _BOTTOM = [1.0, 1.0, 1.0], [0.86, 0.88, 0.91]  # background
 _AMBIENT = 1.1  # intensity; Meshcat's own leaves steep faces dark
@@ -129,10 +127,8 @@ def look(meshcat: Meshcat, camera: Camera) -> None:
     meshcat.SetCameraPose(camera.eye, camera.target)
 
 
-GHOSTS = "/drake/ghosts"
-"""Where in Meshcat's tree they hang."""
-SHOWN = "/drake/station"
-"""Where what they are copies of does."""
+GHOSTS = "/drake/ghosts"  # where in Meshcat's tree they hang
+SHOWN = "/drake/station"  # where what they are copies of does
 GOOD, BAD = (colours.GOOD, 0.3), (colours.BAD, 0.12)
 """Colour and opacity of a posture that the robot can take, and of one that it cannot."""
 
@@ -142,16 +138,10 @@ _PLAIN = 0.6  # opacity of a marked one
 def ghosts(
     scene: ViewedStation, robot: str, postures: Sequence[Vector], good: Sequence[bool], marked: int | None = None
 ) -> list[Command]:
-    """Return what makes the view of a station show a robot, and what it carries, at postures (n,) [rad or m].
+    """Return what makes the view of a station show a robot, and what it carries, at postures (n,); none: gone.
 
     In place of the ghosts that were there. The window copies what it shows already, so that nothing is sent twice.
-
-    Args:
-        scene: the station as it is shown.
-        robot: its name.
-        postures: of the ghosts, each (n,); none takes all away.
-        good: whether the robot can take each.
-        marked: the number of one that is drawn less faint.
+    ``good`` tells whether the robot can take each, ``marked`` is the number of one that is drawn less faint.
     """
     own, plant = scene.station.robots[robot].instance, scene.plant
     inspector = scene.station.scene_graph.model_inspector()

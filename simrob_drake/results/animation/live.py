@@ -1,7 +1,5 @@
 """A browser window that shows a station while it is simulated, run after run, and by which its walks are commanded."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from math import radians
@@ -23,8 +21,7 @@ from simrob_drake.stations.resolve import resolve
 from simrob_drake.walking.commands import Commanded
 from simrob_drake.walking.parameters import MaxSpeed
 
-FRAME = 1 / 30
-"""Simulated time from one picture to the next [s]."""
+FRAME = 1 / 30  # simulated time from one picture to the next [s]
 _PREFIXES = {"station": Role.kIllustration}
 Tell = Callable[[str, Sequence[Command]], object]
 
@@ -37,20 +34,12 @@ class StationView:
     """
 
     def __init__(self, tell: Tell) -> None:
-        """Show nothing yet.
-
-        Args:
-            tell: takes a subject and the commands to Meshcat's page in place of those it was told of it before.
-        """
+        """Show nothing yet; ``tell`` takes a subject, and the commands to Meshcat's page in place of its last ones."""
         self._tell, self._config = tell, None
         self.scene: ViewedStation | None = None
 
     def draw(self, config: StationConfig, state: State | None = None) -> Vector:
-        """Show a station in a state, or at its initial posture; it is loaded anew where its looks have changed.
-
-        Returns:
-            positions of the whole plant, shape (nq,).
-        """
+        """Show a station in a state, or as it begins, loaded anew where it looks otherwise; return positions (nq,)."""
         looks = _looks(config)
         if self.scene is None or looks != self._config:
             self.scene, self._config = ViewedStation(config), looks
@@ -96,16 +85,12 @@ class LiveView:
         url: where to look; it listens on this computer only.
     """
 
-    def __init__(self, config: StationConfig, state: State | None = None, *, steering: Steering | None = None) -> None:
-        """Open the window, with the station that will be run in a state, or at its initial posture.
+    def __init__(
+        self, config: StationConfig, state: State | None = None, *, steering: "Steering | None" = None
+    ) -> None:
+        """Open the window with the station in a state, or at its initial posture, and what its user may command there.
 
-        Args:
-            config: the station.
-            state: that it is in.
-            steering: what its user commands there.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
+        Raises InvalidModel: a robot that cannot be built.
         """
         self._window: Window | None = Window(steering.controls if steering else None)
         if steering:
@@ -130,12 +115,7 @@ class LiveView:
         self._paths += 1
 
     def on_step(self, time: float, positions: Vector) -> None:
-        """Show the motion since the last step, in even pictures between its straight-line ends.
-
-        Args:
-            time: at the step's end [s].
-            positions: of the whole plant, shape (nq,).
-        """
+        """Show the motion to positions (nq,) at a time [s], in even pictures on a step's straight line."""
         if self._window is None or not np.isfinite(positions).all():
             return
         if self._last is None or time < self._last[0]:

@@ -62,19 +62,13 @@ _FONT = "matplotlib/mpl-data/fonts/ttf/DejaVuSans.ttf"  # matplotlib need not be
 
 
 def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = None) -> bytes:
-    """Return frames side by side, with the time under each, as PNG.
+    """Return frames side by side of a run or a program, with the time under each, as PNG.
 
     The camera follows a robot that walks; then how far that is from its start stands there too, and the floor has lines
-    every 0.1 m, bold ones every 0.5 m.
-
-    Args:
-        result: a run or a program.
-        frames: how many, at even times from the start to the end; or one for each event: a contact that begins, the end
-            of a move, a piece that is attached or detached, and what stopped the run, two dozen at most.
-        height: of a frame [pixels]; 360 unless given, and of many frames 240.
-
-    Raises:
-        InvalidParameter: fewer than two frames, or a height of less than 16 pixels.
+    every 0.1 m, bold ones every 0.5 m. Frames are so many at even times from the start to the end, or one for each
+    event: a contact that begins, the end of a move, a piece that is attached or detached, and what stopped the run, two
+    dozen at most. They are 360 pixels high unless given, many 240. Raises InvalidParameter: fewer than two frames, or a
+    height of less than 16 pixels.
     """
     check_frames(frames)
     events = events_of(result) if frames == "events" else []
@@ -91,22 +85,13 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
 
 
 def check_frames(frames: Frames) -> None:
-    """Check how many frames a strip shall have.
-
-    Raises:
-        InvalidParameter: fewer than two.
-    """
+    """Check how many frames a strip shall have; raises InvalidParameter: fewer than two."""
     if frames != "events" and (not isinstance(frames, int) or frames < 2):
         raise InvalidParameter("frames", frames, 'at least 2, or "events"')
 
 
 def save_film_strip(result: RecordedRun, file: Path, *, frames: Frames = 7, height: int | None = None) -> Path:
-    """Write a :func:`film_strip` to a file, ``.png``, and return that.
-
-    Raises:
-        InvalidParameter: as there.
-        OutputError: the file cannot be written.
-    """
+    """Write a :func:`film_strip`, ``.png``, return its file; raises InvalidParameter: as there; OutputError."""
     strip = film_strip(result, frames=frames, height=height)
     with replaced_at_once(file) as work:
         work.write_bytes(strip)
@@ -114,20 +99,10 @@ def save_film_strip(result: RecordedRun, file: Path, *, frames: Frames = 7, heig
 
 
 def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30.0) -> Path:
-    """Write the motion of a run as a video at the pace of the clock (H.264 in ``.mp4``).
+    """Write the motion of a run as a video at the pace of the clock (H.264 in ``.mp4``), and return the file.
 
-    Args:
-        result: the run.
-        file: where to, ``.mp4``.
-        frames_per_second: positive [1/s].
-
-    Returns:
-        the file.
-
-    Raises:
-        InvalidParameter: the rate is not positive.
-        SimrobError: the package that writes videos is not installed.
-        OutputError: the file cannot be written.
+    Raises InvalidParameter: a rate [1/s] that is not positive; SimrobError: the package that writes videos is not
+    installed; OutputError: the file cannot be written.
     """
     frame_writer()
     width, height = _VIDEO_SIZE
@@ -149,9 +124,7 @@ def _counted(images: Iterable[Pixels], move: Advance | None) -> Iterator[Pixels]
 def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) -> Path:
     """Write images of one size, shape (h, w, 3) of even numbers, as a video (H.264), and return its file.
 
-    Raises:
-        SimrobError: the package that writes videos is not installed.
-        OutputError: the file cannot be written.
+    Raises SimrobError: the package that writes videos is not installed; OutputError: the file cannot be written.
     """
     write_frames, images = frame_writer(), iter(images)
     first = next(images)
@@ -172,11 +145,7 @@ def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) 
 
 
 def frame_writer() -> Callable[..., Any]:
-    """Return imageio-ffmpeg's ``write_frames``; to be called before long work whose end is a video.
-
-    Raises:
-        SimrobError: the package is not installed.
-    """
+    """Return imageio-ffmpeg's ``write_frames``, before long work for a video; raises SimrobError: not installed."""
     with needed("a video", "video"):
         import imageio_ffmpeg
     writer: Callable[..., Any] = imageio_ffmpeg.write_frames
@@ -209,17 +178,14 @@ def side_by_side(images: list[Pixels], texts: list[str]) -> Image.Image:
     columns = -(-len(images) // -(-len(images) * width // round(_WIDEST * height)))
     rows = -(-len(images) // columns)
     strip = Image.new("RGB", (columns * (width + _GAP) - _GAP, rows * (height + below)), _WHITE)
-    pen, font = ImageDraw.Draw(strip), _font(0.6 * below / lines)
+    pen = ImageDraw.Draw(strip)
+    font = ImageFont.truetype(str(distribution("matplotlib").locate_file(_FONT)), 0.6 * below / lines)
     for number, (image, text) in enumerate(zip(images, texts, strict=True)):
         left, top = number % columns * (width + _GAP), number // columns * (height + below)
         strip.paste(Image.fromarray(image), (left, top))
         middle = left + width / 2, top + height + below / 2
         pen.multiline_text(middle, text, _GREY, font, anchor="mm", align="center")
     return strip
-
-
-def _font(size: float) -> ImageFont.FreeTypeFont:
-    return ImageFont.truetype(str(distribution("matplotlib").locate_file(_FONT)), size)
 
 
 class Studio:
@@ -243,19 +209,12 @@ class Studio:
         azimuth: float | None = None,
         widest: float = _ASPECTS[1],
     ) -> None:
-        """Set the camera up.
+        """Set the camera up for a run, with images of a height and a width, to suit the motion unless given [pixels].
 
-        Args:
-            result: the run.
-            height: of the images [pixels].
-            width: of the images [pixels]; chosen to suit the motion unless given.
-            oversampling: pixels a side that are rendered for one of the image: more make smoother edges.
-            follow: go beside a robot that walks; else all of its way is in the picture.
-            azimuth: where the eye is, counterclockwise from x [rad]; before the front quarter unless given.
-            widest: width over height, at most, of images that suit the motion.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
+        ``oversampling`` pixels a side are rendered for one: more make smoother edges. It goes beside a robot that walks
+        with ``follow``, else all of its way is in the picture; the eye is at ``azimuth`` from x [rad], before the front
+        quarter unless given; images that suit the motion are at most ``widest`` over their height. Raises InvalidModel:
+        a robot that cannot be built.
         """
         self._result = result
         self.walked = walked = walked_way(result)
@@ -283,11 +242,7 @@ class Still:
     """
 
     def __init__(self, config: StationConfig) -> None:
-        """Set the camera up.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
-        """
+        """Set the camera up; raises InvalidModel: a robot that cannot be built."""
         around = np.array([[-_AROUND, -_AROUND, 0.0], [_AROUND, _AROUND, 0.0]])
         config = with_floor_under(config, around)
         self._scene = scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()))

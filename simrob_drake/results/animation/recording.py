@@ -35,20 +35,7 @@ _LOOPS = 1_000_000  # "for ever", which Meshcat cannot say
 
 
 def save_recording(result: RecordedRun, file: Path, *, frames_per_second: float = 32.0) -> Path:
-    """Write the motion of a run, with the paths of the tools, as a self-contained page that plays and loops.
-
-    Args:
-        result: the run.
-        file: where to, ``.html``.
-        frames_per_second: of simulated time [1/s], positive.
-
-    Returns:
-        the file.
-
-    Raises:
-        InvalidParameter: the rate is not positive.
-        OutputError: the file cannot be written.
-    """
+    """Write a run's motion and tools' paths as a looping ``.html``; raises InvalidParameter: the rate; OutputError."""
     page = _page(result, frame_times(result.stop_time, frames_per_second), frames_per_second)
     gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while
     with replaced_at_once(file) as work:

@@ -33,14 +33,7 @@ class RobotView:
     """
 
     def __init__(self, robot: RobotModel) -> None:
-        """Open the window, with the robot at its home posture.
-
-        Args:
-            robot: what to show.
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
-        """
+        """Open the window, with the robot at its home posture; raises InvalidModel: it cannot be built."""
         lone = lone_robot(robot)
         builder, size = lone.builder, max(lone.size, _SMALLEST)
         self._plant = plant = lone.plant

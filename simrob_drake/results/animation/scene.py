@@ -27,10 +27,8 @@ from simrob_drake.results.record.run import RecordedRun, begins_of
 from simrob_drake.stations.clearance import PosedStation
 from simrob_drake.stations.config import StationConfig
 
-RENDERER = "renderer"
-"""The name of the render engine in the scene graph."""
-SPACING = 0.1
-"""From one line to the next [m]."""
+RENDERER = "renderer"  # the name of the render engine in the scene graph
+SPACING = 0.1  # from one line to the next [m]
 
 _COLOUR, _DARK = Rgba(0.66, 0.69, 0.73, 1.0), Rgba(0.36, 0.40, 0.46, 1.0)
 _BOLD = 5  # every so many lines one is darker and wider: by it a way is told from picture to picture
@@ -38,8 +36,7 @@ _AROUND = 1.5  # m of lines about the way
 _WIDTH, _TOP = 0.004, 0.0005  # m
 
 _SEEN = 5.0  # m
-LINES = "/drake/station/lines"
-"""Where they hang in Meshcat's tree: they go with the station."""
+LINES = "/drake/station/lines"  # where they hang in Meshcat's tree: they go with the station
 _LOOKS = 24  # configurations that stand for a motion
 _BOX_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
@@ -61,16 +58,9 @@ class ViewedStation(PosedStation):
         engine: RenderEngine | None = None,
         way: Vector | None = None,
     ) -> None:
-        """Build the scene, with the robots in their initial positions.
+        """Build the scene to draw into Meshcat, or to render with an engine, with robots in initial positions.
 
-        Args:
-            config: the station.
-            meshcat: to draw into.
-            engine: to render images with.
-            way: along which the floor has lines in images, shape (k, 3) [m].
-
-        Raises:
-            InvalidModel: a robot that cannot be built.
+        Images have lines on the floor along a ``way`` (k, 3) [m]. Raises InvalidModel: a robot that cannot be built.
         """
         self.visualizer: MeshcatVisualizer | None = None
 
@@ -92,10 +82,7 @@ class ViewedStation(PosedStation):
         self._diagram.ForcedPublish(self._scene)
 
     def extents(self, positions: Vector) -> Vector:
-        """Return points, shape (m, 3) [m], around all that stands or moves in the configurations, shape (k, nq).
-
-        They are the origins of the links and the corners of their shapes' boxes; the floor is left out.
-        """
+        """Return points (m, 3) [m] around all links and shapes in configurations (k, nq), without the floor."""
         return self._corners(positions, None).reshape(-1, 3)
 
     def extents_of_run(self, result: RecordedRun, way: Way | None = None) -> Vector:
@@ -139,12 +126,7 @@ def with_floor_under(config: StationConfig, way: Vector) -> StationConfig:
 
 
 def floor_lines(around: Vector, *, size: float) -> Vector:
-    """Return where lines of whole tenths of a metre on a floor begin and end, in its frame, shape (n, 2, 3) [m].
-
-    Args:
-        around: places in that frame that they lie about, shape (m, 3) [m].
-        size: side of the square floor [m].
-    """
+    """Return ends of lines of whole tenths of a metre around places (m, 3) on a square floor, shape (n, 2, 3) [m]."""
     low = np.maximum(around.min(axis=0) - _AROUND, -size / 2)
     high = np.minimum(around.max(axis=0) + _AROUND, size / 2)
     lines = []
@@ -157,14 +139,7 @@ def floor_lines(around: Vector, *, size: float) -> Vector:
 
 
 def add_floor_grid(scene_graph: SceneGraph, way: Vector, *, size: float, tilt: RigidTransform) -> None:
-    """Draw the lines on a floor of a size [m] about a way (m, 3) [m], a bold one every 0.5 m; for rendered images only.
-
-    Args:
-        scene_graph: where to; not yet in a context.
-        way: along which lines are drawn.
-        size: side of the square floor.
-        tilt: pose of the floor in the world.
-    """
+    """Draw lines on a square floor, posed by ``tilt``, about a way (m, 3) [m], a bold one every 0.5 m, for images."""
     source = scene_graph.RegisterSource("floor_grid")
     for number, (begin, end) in enumerate(floor_lines((tilt.inverse() @ way.T).T, size=size)):
         across = 0 if begin[0] == end[0] else 1
@@ -178,10 +153,7 @@ def add_floor_grid(scene_graph: SceneGraph, way: Vector, *, size: float, tilt: R
 
 
 def floor_under(scene: ViewedStation, place: Vector) -> list[dict[str, Any]]:
-    """Return what brings an even floor, and its lines, below a place [m] in Meshcat's page: there it has no end.
-
-    They go by whole meshes of the lines, so that these stay where they are.
-    """
+    """Return what brings a floor and lines below a place [m] in the page, by whole meshes, so that they stay."""
     tilt, mesh = scene.station.ground.tilt, SPACING * _BOLD
     inspector = scene.query().inspector()
     drawn = inspector.GetGeometries(inspector.world_frame_id(), Role.kIllustration)

@@ -64,12 +64,7 @@ class Board:
     """
 
     def __init__(self, controls: dict[str, Control] | None = None, *, on_drag: Drag | None = None) -> None:
-        """Begin with an empty page.
-
-        Args:
-            controls: what the users may set, by name.
-            on_drag: called while a user drags a body, see :data:`Drag`.
-        """
+        """Begin with an empty page of controls by name; ``on_drag`` is called as a user drags a body."""
         self.controls = controls or {}
         self._on_drag = on_drag
         self._news = Condition()
@@ -176,11 +171,7 @@ class Window(Board):
     """
 
     def __init__(self, controls: dict[str, Control] | None = None) -> None:
-        """Open the window.
-
-        Args:
-            controls: what the page's user may set, by name.
-        """
+        """Open the window, with the controls that its user may set, by name."""
         super().__init__(controls)
         self._server = _server(self)
         self.path = f"/{secrets.token_urlsafe(9)}/"

@@ -7,8 +7,7 @@ from typing import get_args
 
 from simrob_drake.parts.captions import BlockRole, Shape
 
-ROLES: tuple[BlockRole, ...] = get_args(BlockRole)
-"""In the order of the signal flow."""
+ROLES: tuple[BlockRole, ...] = get_args(BlockRole)  # in the order of the signal flow
 
 BARS: tuple[Shape, ...] = ("mux", "bus")
 

@@ -11,8 +11,7 @@ from simrob_drake.results.block_diagram.graph import BARS, BlockGraph, DrawnBloc
 
 LINE, ROW, CELL = 13.0, 14.0, 8.0
 """Heights of a line of text, of a port in its bar, and what a cell of a block has beside its text [px]."""
-PITCH = 16.0
-"""From one arrow at a block to the next [px]."""
+PITCH = 16.0  # from one arrow at a block to the next [px]
 
 _GAP, _MARGIN, _BAR, _ROUNDS = 14.0, 7.0, 5.0, 13
 _NARROW, _WIDE = " ijl.,:;'|()[]/!frt⋮-", "mwMW@±√ΣΔ%"
@@ -71,7 +70,6 @@ class Layout:
     """
 
     def __init__(self, graph: BlockGraph) -> None:
-        """Place the blocks of a graph."""
         self._several = len(graph.robots) > 1
         self._robots = ["", *graph.robots]
         self.nets = nets_of(graph)

@@ -86,10 +86,7 @@ class Drawing:
         self._size = wide + 2 * _EDGE, bottom - self._top + _LEGEND + 2 * _EDGE
 
     def svg(self, *, live: bool = False) -> str:
-        """Return it as SVG: a group of class ``node`` with a title for each block.
-
-        A ``live`` one has a group of class ``wire`` for each signal, with a place for its value, too.
-        """
+        """Return it as SVG, a titled group ``node`` a block; ``live``, a group ``wire`` a signal for its value, too."""
         width, height = (f"{value:.0f}" for value in self._size)
         lines = [
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
@@ -223,34 +220,21 @@ def _path(points: Sequence[Point]) -> str:
     return "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
 
 
-SUFFIXES = (".svg", ".png", ".pdf", ".dot", ".mmd")
-"""Of files that pictures are written to."""
+SUFFIXES = (".svg", ".png", ".pdf", ".dot", ".mmd")  # of files that pictures are written to
 
 
 def station_dot(config: StationConfig) -> str:
-    """Return the block picture of a station in Graphviz' language.
-
-    Raises:
-        SimrobError: a station that cannot be built.
-    """
+    """Return a station's block picture in Graphviz' language; raises SimrobError: a station that cannot be built."""
     return dot_text(_graph(config))
 
 
 def station_svg(config: StationConfig, *, live: bool = False) -> str:
-    """Return the block picture of a station as SVG, see :meth:`Drawing.svg`.
-
-    Raises:
-        SimrobError: a station that cannot be built.
-    """
+    """Return a station's block picture, see :meth:`Drawing.svg`; raises SimrobError: a station that cannot be built."""
     return Drawing(_graph(config)).svg(live=live)
 
 
 def station_mermaid(config: StationConfig) -> str:
-    """Return the block picture of a station as a Mermaid flowchart, which GitHub shows in Markdown.
-
-    Raises:
-        SimrobError: a station that cannot be built.
-    """
+    """Return a station's block picture for Mermaid, which Markdown shows; raises SimrobError: it cannot be built."""
     return mermaid_text(_graph(config))
 
 

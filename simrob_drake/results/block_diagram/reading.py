@@ -6,6 +6,7 @@ flowchart, which GitHub and many editors draw in Markdown.
 """
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -16,24 +17,11 @@ from simrob_drake.blocks.monitor import EventTimes, SteadySteps
 from simrob_drake.parts.captions import BlockRole, Drawn, Shape, wrapped
 from simrob_drake.results.block_diagram.graph import BARS, ROLES, Arrow, BlockGraph, DrawnBlock
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.yaml_files import read_yaml
 
-_SYMBOLS = {  # of a station's ports; the first that a signal has is its name
-    "position": "q",
-    "velocity": "v",
-    "torque": "τ",
-    "reference": "q_ref",
-    "reference_velocity": "v_ref",
-    "reference_acceleration": "a",
-    "feedforward": "τ_ff",
-    "external_force": "F",
-    "external_torque": "M",
-}
-_PORT_SYMBOLS = {
-    "geometry_pose": "poses",
-    "query": "queries",
-    "applied_generalized_force": "τ",
-    "applied_spatial_force": "F",
-}
+_LOOKS = read_yaml(Path(__file__).with_name("looks.yaml"))
+_SYMBOLS: dict[str, str] = _LOOKS["symbols"]
+_PORT_SYMBOLS: dict[str, str] = _LOOKS["port_symbols"]
 _STATE = ("q", "v")
 _ORDER = list(_SYMBOLS.values())
 _SILENT = (PassThrough, Demultiplexer, EventTimes, SteadySteps)
@@ -43,14 +31,11 @@ Side = Literal["in", "out"]
 
 
 def read_blocks(diagram: Diagram, ports: StationPorts) -> BlockGraph:
-    """Return the blocks and arrows of a Diagram that holds a station.
+    """Return the blocks and arrows of a Diagram that holds a station, flat, and any systems of the user's own.
 
     Every system is either drawn, alone or together with those that it works with, or it is wiring: then it is part of
-    the arrows, or a bus bar where it gathers or hands out the signals of several blocks.
-
-    Args:
-        diagram: the station's systems, and any of the user's own, flat.
-        ports: the station's. What its references do is told as its configuration tells it.
+    the arrows, or a bus bar where it gathers or hands out the signals of several blocks. What references do is told as
+    the station's configuration tells it.
     """
     return _Reader(diagram, ports).graph
 
@@ -218,26 +203,8 @@ def _drawing_of(name: str, ports: StationPorts) -> Drawn | str | None:
     return ports.drawn[known]
 
 
-TITLES: dict[BlockRole, str] = {
-    "reference": "reference",
-    "loop": "outer loops",
-    "own": "own blocks",
-    "servo": "servos",
-    "force": "forces",
-    "robot": "robot",
-    "scene": "scene",
-    "sensor": "sensors and outputs",
-}
-COLOURS: dict[BlockRole, tuple[str, str]] = {  # of the blocks, and of their edges
-    "reference": ("#eaf3fb", "#3f78a8"),
-    "loop": ("#fbeaea", "#a84b4b"),
-    "servo": ("#fdf3e3", "#b9791f"),
-    "force": ("#f7f3d2", "#857715"),
-    "robot": ("#e9f5e9", "#3d8745"),
-    "sensor": ("#f1edf8", "#735aa3"),
-    "scene": ("#e6f4f3", "#2f8580"),
-    "own": ("#f3f3f3", "#666666"),
-}
+TITLES: dict[BlockRole, str] = _LOOKS["titles"]
+COLOURS: dict[BlockRole, tuple[str, str]] = _LOOKS["colours"]  # of the blocks, and of their edges
 WIRE = "#444444"
 
 _FONT = "Helvetica,Arial,sans-serif"

@@ -18,19 +18,13 @@ _TRACK, _HEAD, _LABEL, _LANE, _BRACKET, _CLEAR = 9.0, 9.0, 5.0, 14.0, 4.0, 6.0
 
 @dataclass
 class Lines:
-    """How a net is drawn.
+    """How a net is drawn."""
 
-    Attributes:
-        ways: its lines, each of two points or more.
-        heads: where it has an arrowhead, each with whether that points to the right.
-        dots: where it branches.
-        label: where its name begins.
-    """
-
-    ways: list[list[Point]] = field(default_factory=list)
+    ways: list[list[Point]] = field(default_factory=list)  # its lines, each of two points or more
+    # where it has an arrowhead, each with whether that points to the right
     heads: list[tuple[Point, bool]] = field(default_factory=list)
-    dots: list[Point] = field(default_factory=list)
-    label: Point = (0.0, 0.0)
+    dots: list[Point] = field(default_factory=list)  # where it branches
+    label: Point = (0.0, 0.0)  # where its name begins
 
 
 @dataclass
@@ -77,7 +71,6 @@ class Routing:
     """
 
     def __init__(self, layout: Layout) -> None:
-        """Route the nets."""
         self._layout, self._channels = layout, len(layout.columns) + 1
         self._trunks: list[dict[int, _Trunk]] = [defaultdict(_Trunk) for _ in range(self._channels)]
         self._lanes: dict[int, list[tuple[float, int, int]]] = defaultdict(list)

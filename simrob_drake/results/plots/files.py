@@ -21,23 +21,12 @@ _DETAIL = 3.0  # seconds of that part
 
 
 def save_plots(result: RecordedRun, folder: Path, kind: PlotFormat = "png") -> list[Path]:
-    """Write the plots of a run as files: ``position.png``, ``torque.png`` and, with a tool, ``tcp.png``.
+    """Write the plots of a run as files of a kind: ``position.png``, ``torque.png`` and, with a tool, ``tcp.png``.
 
     Robots that walk have ``base.png`` too. With several robots each has its own, ``<robot>_position.png`` and so on.
     Where a long run moves to and fro all the time, ``position_detail.png`` and ``torque_detail.png`` show three seconds
-    of its middle. Free pieces have ``piece_<piece>.png``, and what was measured stands in ``sensors.png``.
-
-    Args:
-        result: the run.
-        folder: where to; it is made where it does not exist.
-        kind: ``png``, ``svg`` or ``pdf``.
-
-    Returns:
-        the files.
-
-    Raises:
-        UnknownName: another kind.
-        OutputError: a file cannot be written.
+    of its middle. Free pieces have ``piece_<piece>.png``, and what was measured stands in ``sensors.png``. Returns the
+    files. Raises UnknownName: another kind than ``png``, ``svg``, ``pdf``; OutputError: one cannot be written.
     """
     plot_format(kind)
     written = []

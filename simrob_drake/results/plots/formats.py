@@ -12,9 +12,5 @@ UNDATED: dict[str, dict[str, Any]] = {"png": {}, "svg": {"Date": None}, "pdf": {
 
 
 def plot_format(name: Any) -> str:
-    """Return the name of a kind of file.
-
-    Raises:
-        UnknownName: plots are not written as that.
-    """
+    """Return the name of a kind of file; raises UnknownName: plots are not written as that."""
     return one_of("format of plots", name, get_args(PlotFormat))

@@ -21,11 +21,9 @@ from simrob_drake.results.colours import COLOURS, RED
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 
 VALUE, REFERENCE, ERROR = COLOURS[:3]
-ERROR_HEIGHT = 0.65
-"""Of the plot of an error under that of its value [inches]."""
+ERROR_HEIGHT = 0.65  # of the plot of an error under that of its value [inches]
 
-Span = tuple[float, float]
-"""Begin and end of the time that is shown [s]."""
+Span = tuple[float, float]  # begin and end of the time that is shown [s]
 
 _MARGIN, _GAP, _LABEL = 0.2, 0.25, 0.2  # inches: about the figure, between stacks, for the label of an axis
 _TITLE, _BELOW, _BETWEEN = 0.3, 0.3, 0.13  # inches: over a stack, for the ticks under it, between its plots
@@ -93,15 +91,9 @@ def grid_figure(
 ) -> Figure:
     """Draw stacks side by side in rows, under a title, a legend, and the reason of a stop.
 
-    Args:
-        result: the run, for its times and its end.
-        title: what is shown.
-        stacks: in the order of reading; only so many are drawn as somebody may look at, which the title says.
-        columns: stacks in a row; at most three, or about as many as rows, unless given.
-        width: of the figure, at least [inches].
-        legend: room to the right of each stack [inches]; with some, plots of several curves have their legend there.
-        span: the part of the run to show; all of it unless given.
-        remark: on what is shown, below the title.
+    Only so many stacks are drawn as somebody may look at, which the title says; ``columns`` are at most three, or about
+    as many as rows, unless given; the figure has a ``width``, at least, and with ``legend`` so much room to the right
+    of each stack for that [inches]; ``span`` is the part of the run to show, a ``remark`` stands below the title.
     """
     if len(stacks) > _MOST:
         title, stacks = f"{title}: the first {_MOST} of {len(stacks)}", stacks[:_MOST]

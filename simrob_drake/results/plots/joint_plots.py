@@ -140,10 +140,7 @@ def tcp_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
 
 
 def reference_tools(result: RecordedRun, robot: StationRobot) -> Vector:
-    """Return where the references of a robot's axes put its tool centre point, on its root as it stood, (m, 4, 4).
-
-    In a program it is the tool that each run had.
-    """
+    """Return where references put a robot's tool, in a program each run's, on its root as it stood, (m, 4, 4)."""
     if result.runs:
         parts = [reference_tools(run, run.plant.robots[robot.name]) for run in result.runs]
         return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]])

@@ -18,8 +18,7 @@ from simrob_drake.results.colours import looks
 from simrob_drake.results.plots.formats import UNDATED, plot_format
 from simrob_drake.results.plots.grid import style
 
-DPI = 110
-"""Pixels an inch of pictures that are made of pixels."""
+DPI = 110  # pixels an inch of pictures that are made of pixels
 
 _CURVES = 32  # that differ in colour or kind of line
 _BOLD = FontProperties(size=13, weight="bold")
@@ -27,13 +26,7 @@ _PLAIN: dict[str, Any] = {"frameon": False, "fontsize": 9}
 
 
 def panels(
-    title: str,
-    rows: int = 1,
-    columns: int = 1,
-    *,
-    size: tuple[float, float],
-    titles: Sequence[str] = (),
-    **how: Any,
+    title: str, rows: int = 1, columns: int = 1, *, size: tuple[float, float], titles: Sequence[str] = (), **how: Any
 ) -> tuple[Figure, npt.NDArray[Any]]:
     """Return a figure with a title, and its empty frames, shape (rows, columns).
 
@@ -73,7 +66,8 @@ def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Pa
         if axes.get_legend_handles_labels()[1]:
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), **_PLAIN)
     if not beside and (curves := _labelled(figure.axes)):
-        columns = max(1, int(0.9 * figure.get_figwidth() / _width(curves)))
+        width = 0.6 + 0.07 * max(map(len, curves))  # of a legend's column [inches]
+        columns = max(1, int(0.9 * figure.get_figwidth() / width))
         head: dict[str, Any] = {"title": figure.get_label(), "title_fontproperties": _BOLD, "alignment": "left"}
         figure.legend(list(curves.values()), list(curves), loc="outside upper left", ncols=columns, **_PLAIN, **head)
     else:
@@ -99,8 +93,3 @@ def _labelled(frames: Sequence[Axes]) -> dict[str, Any]:
         for curve, label in zip(*axes.get_legend_handles_labels(), strict=True):
             found.setdefault(label, curve)
     return found
-
-
-def _width(labels: Sequence[str] | dict[str, Any]) -> float:
-    """Return the width of a legend's column [inches]."""
-    return 0.6 + 0.07 * max(map(len, labels))

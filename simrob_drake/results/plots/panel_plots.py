@@ -19,8 +19,7 @@ from simrob_drake.results.plots.joint_plots import SideGroup, side_groups
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.signals import Panel, Signal
 
-PAPER = 7.16
-"""The width of a page's text [inches]."""
+PAPER = 7.16  # the width of a page's text [inches]
 
 _FEW = 4  # columns that share a panel whatever they are
 _LITTLE = 0.02  # of the largest change: an axis that moves less is left out

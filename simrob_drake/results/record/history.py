@@ -1,7 +1,5 @@
 """The states of a run at its accepted steps, and between them."""
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -18,8 +16,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
 Rates = Callable[[Vector], Vector]
-RUNAWAY = 1e8
-"""A position or speed [rad, m, rad/s, m/s] that no robot has: a run that gets there has diverged."""
+RUNAWAY = 1e8  # a position or speed [rad, m, rad/s, m/s] that no robot has: a run that gets there has diverged
 
 
 _GO_ON = EventStatus.DidNothing()
@@ -39,16 +36,13 @@ class Recorder:
         self,
         simulator: Simulator,
         *watchers: Callable[[Context], None],
-        look: Callable[[StateHistory], bool] | None = None,
+        look: "Callable[[StateHistory], bool] | None" = None,
         pace: Callable[[Context], None] | None = None,
     ) -> None:
-        """Begin to record, with the state that the simulator starts from.
+        """Begin to record, as the monitor of a simulator, with the state that it starts from.
 
-        Args:
-            simulator: whose monitor this becomes.
-            watchers: called after each accepted step.
-            look: called now and then with the steps since the last call; True ends the run.
-            pace: called at the start and after each accepted step; it may change the length of the next ones.
+        After each accepted step watchers are called, and ``pace``, which may change the length of the next ones;
+        ``look`` gets the steps since its last call now and then, and True ends the run.
         """
         self.times = array("d")
         self.failure: BaseException | None = None  # what a watcher raised, which is no fault of the simulation
@@ -116,14 +110,14 @@ class Recorder:
         ends = zip(self._states, self._sizes, strict=True)
         return all(_is_sane(np.array(states[len(states) - size :])).all() for states, size in ends)
 
-    def history(self, count: int | None = None) -> StateHistory:
+    def history(self, count: int | None = None) -> "StateHistory":
         """Return what was recorded so far, up to the last sane state; its first ``count`` steps where that is given."""
         whole = self._rows(slice(0, count))
         sane = np.all([_sane(values) for values in (whole.continuous, *whole.discrete)], axis=0)
         kept = len(sane) if sane.all() else max(int(np.argmin(sane)), 1)
         return whole if kept == len(whole.times) else self._rows(slice(0, kept))
 
-    def _rows(self, rows: slice) -> StateHistory:
+    def _rows(self, rows: slice) -> "StateHistory":
         first, last, _ = rows.indices(len(self.times))
         everything = last - first == len(self.times)  # of which there shall be no second copy
         continuous, discrete = (
@@ -178,19 +172,12 @@ class StateHistory:
         """The time of the last state [s]."""
         return float(self.times[-1])
 
-    def at(self, times: Vector, plant: PlantSlice | None, rates: Rates | None) -> StateHistory:
-        """Return the states at ``times``, exact at step ends.
+    def at(self, times: Vector, plant: PlantSlice | None, rates: Rates | None) -> "StateHistory":
+        """Return the states at ``times`` (k,) [s], exact at step ends.
 
-        Positions of the plant follow a cubic Hermite spline on the joint rates, the rest of the continuous state a
-        straight line; discrete values are those held over the step that ended there.
-
-        Args:
-            times: within the run, shape (k,) [s].
-            plant: where the plant's state lies.
-            rates: gives the time derivatives (k, nq) of the plant's positions at k of the continuous states.
-
-        Raises:
-            InvalidParameter: a time outside of the run, where nothing is known.
+        Positions of the plant follow a cubic Hermite spline on the joint rates (k, nq) that ``rates`` gives, the rest
+        of the continuous state a straight line; discrete values are those held over the step that ended there. Raises
+        InvalidParameter: a time outside of the run, where nothing is known.
         """
         outside = ~((times >= self.times[0] - _ROUNDING) & (times <= self.end + _ROUNDING))
         if outside.any():
@@ -209,7 +196,7 @@ class StateHistory:
             states[knots] = _hermite(part, low[knots], high[knots], *slopes)
         return StateHistory(times, states, [group[after] for group in self.discrete], self._values_at(after))
 
-    def steps(self, times: Vector) -> StateHistory:
+    def steps(self, times: Vector) -> "StateHistory":
         """Return the steps that hold ``times`` (k,): the states at their ends, with the times of their starts."""
         end = self._after(times)
         begins, groups = self.times[np.maximum(end - 1, 0)], [group[end] for group in self.discrete]
@@ -234,7 +221,7 @@ class StateHistory:
         for index, value in enumerate(self.abstract[row] if self.abstract else []):
             context.get_mutable_abstract_state(index).SetFrom(value)
 
-    def joined(self, later: StateHistory) -> StateHistory:
+    def joined(self, later: "StateHistory") -> "StateHistory":
         """Return these states, as far as they come before the first of ``later``, and those after them."""
         kept = self.times < later.times[0]
         return StateHistory(
@@ -244,7 +231,7 @@ class StateHistory:
             [*self.abstract[: int(kept.sum())], *later.abstract],
         )
 
-    def last(self) -> StateHistory:
+    def last(self) -> "StateHistory":
         """Return the last state alone."""
         discrete = [group[-1:] for group in self.discrete]
         return StateHistory(self.times[-1:], self.continuous[-1:], discrete, self.abstract[-1:])

@@ -30,27 +30,17 @@ Approach: TypeAlias = tuple[float, str]
 
 @dataclass(frozen=True, eq=False)
 class AskedMove:
-    """A move of an arm that a run was asked for, from the start of the run.
+    """A move of an arm that a run was asked for, from the start of the run."""
 
-    Attributes:
-        kind: of move, such as ``move_l``; empty where no file can say it.
-        robot: whose it is.
-        duration: that it takes [s].
-        end: the posture that it leads to, shape (n,) [rad or m].
-        tool: gives the poses (k, 4, 4) of the tool in postures (k, n).
-        approach: tells of positions (k, nq) of the plant how near the robot and what it carries came to anything else.
-        speed: that was asked of the tool [m/s]; None if none was.
-        place: what its program calls it, such as ``move 3``.
-    """
-
-    kind: str
-    robot: str
-    duration: float
-    end: Vector
-    tool: Callable[[Vector], Vector]
+    kind: str  # of move, such as ``move_l``; empty where no file can say it
+    robot: str  # whose it is
+    duration: float  # that it takes [s]
+    end: Vector  # the posture that it leads to, shape (n,) [rad or m]
+    tool: Callable[[Vector], Vector]  # gives the poses (k, 4, 4) of the tool in postures (k, n)
+    # tells of positions (k, nq) of the plant how near the robot and what it carries came to anything else
     approach: Callable[[Vector], Approach]
-    speed: float | None = None
-    place: str = "the move"
+    speed: float | None = None  # that was asked of the tool [m/s]; None if none was
+    place: str = "the move"  # what its program calls it, such as ``move 3``
 
 
 @dataclass(frozen=True)

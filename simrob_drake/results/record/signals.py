@@ -34,16 +34,12 @@ class Sampler:
         prepare: Callable[[], None] | None = None,
         tolerant: bool = False,
     ) -> None:
-        """Prepare to evaluate the ports of ``diagram`` at the states of ``history``.
+        """Prepare to evaluate ports of ``diagram``, laid out as the one that was stepped, at the states of ``history``.
 
-        Args:
-            diagram: holds the station, and has the layout of the one that was stepped.
-            site: the station.
-            history: the recorded states.
-            held: ports that keep over each step what an implicit scheme with frozen inputs applied in it: their value
-                at the state of its end, with the time of its start.
-            prepare: called before anything is evaluated: gives the diagram the references of this run back.
-            tolerant: a port that cannot be evaluated is no number, as after a run in which a block failed.
+        ``held`` ports keep over each step what an implicit scheme with frozen inputs applied in it: their value at the
+        state of its end, with the time of its start. ``prepare`` is called first and gives the diagram this run's
+        references back. With ``tolerant`` what cannot be evaluated is no number, as after a run in which a block
+        failed.
         """
         self.diagram = diagram
         self._site, self._held, self._prepare, self._tolerant = site, held, prepare, tolerant
@@ -185,11 +181,9 @@ def sampled(sampler: Sampler, site: Site, times: Vector) -> Vector:
     return values
 
 
-TOLERANCE = 1e-4
-"""How narrowly the moment is found [s]."""
+TOLERANCE = 1e-4  # how narrowly the moment is found [s]
 
-Holds = Callable[[Sampler, float], bool]
-"""Whether the condition holds at a time [s] of a sampler's run."""
+Holds = Callable[[Sampler, float], bool]  # whether the condition holds at a time [s] of a sampler's run
 Step = Callable[[StateHistory, float], StateHistory]
 """Steps from the last state of a history before a time to that time [s], and returns the state there."""
 
@@ -246,15 +240,8 @@ def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hol
 
     The moment is guessed between two recorded states and the motion stepped again up to there, until the two states
     around it are near enough: a state in the middle of a step is not to be trusted where that step holds an impact.
-
-    Where the motion cannot be stepped again, as after a divergence, the run stays as it was recorded.
-
-    Args:
-        sampler: of the run; its history is changed.
-        holds: tells of the monitor's condition.
-        step: steps the motion again.
-        onset: since when the condition has held [s].
-        hold: how long it must last [s].
+    Where the motion cannot be stepped again, as after a divergence, the run stays as it was recorded. The condition
+    ``holds`` since ``onset`` [s], and must do so for ``hold`` [s].
     """
     recorded = sampler.history
     try:

@@ -1,7 +1,5 @@
 """What a station carries from one run to the next."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
@@ -83,12 +81,11 @@ class State:
     blocks: dict[str, BlockState] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        """Say in one line what it holds."""
         robots = ", ".join(f"{name} ({len(positions)} axes)" for name, positions in self.positions.items())
         return f"<State of {robots or 'no robot'}: {len(self.joints)} joints, {len(self.blocks)} blocks with a memory>"
 
     @classmethod
-    def of(cls, diagram: Diagram, ports: Site, context: Context, *, tolerant: bool = False) -> State:
+    def of(cls, diagram: Diagram, ports: Site, context: Context, *, tolerant: bool = False) -> "State":
         """Return the state of a closed station.
 
         Args:
@@ -184,7 +181,7 @@ class State:
                 q[places], v[speeds] = self.joints[name].position, self.joints[name].velocity
         return q, v
 
-    def with_axes(self, robot: ResolvedRobot, positions: Vector, velocities: Vector) -> State:
+    def with_axes(self, robot: ResolvedRobot, positions: Vector, velocities: Vector) -> "State":
         """Return the state with other positions and velocities (n,) of a robot's axes."""
         own = {axis.joint for axis in robot.model.axes.values()}
         kept = {
@@ -217,7 +214,7 @@ class State:
         )
 
     @classmethod
-    def from_json(cls, text: str, where: Path | str = "state") -> State:
+    def from_json(cls, text: str, where: Path | str = "state") -> "State":
         """Return the state that :meth:`to_json` wrote.
 
         Args:
@@ -240,7 +237,7 @@ class State:
         )
 
     @classmethod
-    def at_start_of(cls, config: StationConfig) -> State | None:
+    def at_start_of(cls, config: StationConfig) -> "State | None":
         """Return the state that a station's file says it begins in; None where it says none.
 
         Raises:

@@ -22,10 +22,7 @@ _MOST = 3  # stretches of time that are told one by one
 
 
 def remarks_of(run: RecordedRun) -> list[str]:
-    """Return what walks have to say of a run or a program: when they were asked for too much, and when they were blind.
-
-    Times are those of samples.
-    """
+    """Return what walks say of a run: when they were asked for too much, or blind, at times of samples."""
     begins = np.cumsum([0.0, *(part.stop_time for part in run.parts)])
     return [remark for begin, part in zip(begins, run.parts, strict=False) for remark in _remarks(part, float(begin))]
 

@@ -4,8 +4,6 @@ For depths, shapes are asked for points of overlap, whatever the contact model i
 its bodies are in each other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -79,19 +77,13 @@ class Slide:
 
 @dataclass(frozen=True)
 class Touch:
-    """What touched what in a run.
+    """What touched what in a run."""
 
-    Attributes:
-        times: when it was looked, shape (m,) [s].
-        rate: how often [Hz].
-        depths: how deep two bodies were in each other [m] and when [s], by their names; of the deepest of each moment.
-        slides: of each foot, by robot and link.
-    """
-
-    times: Vector
-    rate: float
+    times: Vector  # when it was looked, shape (m,) [s]
+    rate: float  # how often [Hz]
+    # how deep two bodies were in each other [m] and when [s], by their names; of the deepest of each moment
     depths: dict[tuple[str, str], tuple[float, float]] = field(default_factory=dict)
-    slides: dict[tuple[str, str], Slide] = field(default_factory=dict)
+    slides: dict[tuple[str, str], Slide] = field(default_factory=dict)  # of each foot, by robot and link
 
     @classmethod
     def of(
@@ -101,7 +93,7 @@ class Touch:
         samples: Vector,
         positions_at: Callable[[Vector], Iterable[Vector]],
         context_of: Callable[[], Context] | None,
-    ) -> Touch:
+    ) -> "Touch":
         """Look at a run, at its samples or some of them; parameters are as those of a recorded run."""
         every = int(np.ceil(config.sample_rate / FASTEST))
         times, rate = samples[::every], config.sample_rate / every

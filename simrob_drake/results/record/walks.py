@@ -17,8 +17,7 @@ from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.run import RecordedRun, fallen
 from simrob_drake.results.record.touch import legged
 
-_SHORTEST_WAY = 0.01
-"""Way below which a cost of transport means nothing [m]."""
+_SHORTEST_WAY = 0.01  # way below which a cost of transport means nothing [m]
 _AT_LIMIT = 0.999  # share of a torque limit
 
 
@@ -29,36 +28,23 @@ def legged_robots(result: RecordedRun) -> list[str]:
 
 @dataclass(frozen=True)
 class Locomotion:
-    r"""What became of a walk.
+    """What became of a walk."""
 
-    Attributes:
-        distance: horizontal distance between the root's first and last place [m].
-        ahead, drift: its parts ahead and to the left [m].
-        speed: distance over the time of the run [m/s].
-        yaw: by how much it turned to the left, whole turns counted [rad].
-        tilt: largest angle of the root's z axis from the vertical [rad].
-        smallest_height: of the root over the ground beneath [m].
-        fall_time: when a fall monitor ended the run [s], or None.
-        peak_torque: ``axis``, ``torque``, ``limit`` [N·m] and ``ratio``, where :math:`|\tau| / \tau_{max}` was largest.
-        saturated: part of the samples in which the busiest joint is at its limit.
-        work: :math:`\int \sum_i |\tau_i \dot q_i| \, dt`, trapezoids between samples [J].
-        cost_of_transport: work over :math:`m g` times distance, or None below 1 cm.
-        foot_slip: by link, see :func:`foot_slip` [m].
-    """
-
-    distance: float
+    distance: float  # horizontal distance between the root's first and last place [m]
+    # its parts ahead and to the left [m]
     ahead: float
     drift: float
-    speed: float
-    yaw: float
-    tilt: float
-    smallest_height: float
-    fall_time: float | None
+    speed: float  # distance over the time of the run [m/s]
+    yaw: float  # by how much it turned to the left, whole turns counted [rad]
+    tilt: float  # largest angle of the root's z axis from the vertical [rad]
+    smallest_height: float  # of the root over the ground beneath [m]
+    fall_time: float | None  # when a fall monitor ended the run [s], or None
+    # ``axis``, ``torque``, ``limit`` [N·m] and ``ratio``, where :math:`|\tau| / \tau_{max}` was largest
     peak_torque: dict[str, Any]
-    saturated: float
-    work: float
-    cost_of_transport: float | None
-    foot_slip: dict[str, float]
+    saturated: float  # part of the samples in which the busiest joint is at its limit
+    work: float  # :math:`\int \sum_i |\tau_i \dot q_i| \, dt`, trapezoids between samples [J]
+    cost_of_transport: float | None  # work over :math:`m g` times distance, or None below 1 cm
+    foot_slip: dict[str, float]  # by link, see :func:`foot_slip` [m]
 
     @property
     def upright(self) -> bool:
@@ -111,15 +97,10 @@ def tilts(base: Vector) -> Vector:
 
 
 def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector:
-    """Return where a robot faces, counterclockwise from the world's x, without jumps, shape (m,) [rad].
+    """Return where a robot faces, counterclockwise from x, without jumps, shape (m,) [rad], of its root's poses (m, 7).
 
     It faces across the line from its right to its left feet, as its tools are called, in the posture of zero angles;
     along its root's x where they do not tell left from right.
-
-    Args:
-        station: the plant that the robot is in.
-        robot: who.
-        base: poses of its root, shape (m, 7).
     """
     context = station.plant.CreateDefaultContext()
     robot.axis_map.set_positions(station.plant, context, np.zeros(len(robot.axes)))

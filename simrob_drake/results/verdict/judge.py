@@ -19,10 +19,8 @@ from simrob_drake.robots.motors import rated_torques
 if TYPE_CHECKING:
     from simrob_drake.results.record.run import RecordedRun
 
-AT_LIMIT = 0.999
-"""From which part of it on an axis is at its limit of torque."""
-_WENT_ON = "completed", "monitor"
-"""How runs end at whose end axes should be where they are asked to be."""
+AT_LIMIT = 0.999  # from which part of it on an axis is at its limit of torque
+_WENT_ON = "completed", "monitor"  # how runs end at whose end axes should be where they are asked to be
 
 
 class _Axes(NamedTuple):

@@ -1,7 +1,5 @@
 """What became of each move that a run was asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -21,38 +19,29 @@ _SOON = 1e-6  # s
 
 @dataclass(frozen=True)
 class MoveVerdict:
-    """What was asked of a move against what became of it.
+    """What was asked of a move against what became of it."""
 
-    Attributes:
-        move: what it is called, such as ``move 3 (move_l)``.
-        robot: whose it is.
-        begin, end: when it began, and when it ended or was stopped [s].
-        reached: it went to its end, and that was near enough to its target.
-        position_error, orientation_error: how far the tool ended from its target [m, rad].
-        following_error: how far the tool was from where it should have been at most [m].
-        torque_time: for how long an axis was at its limit of torque, of the axis that was so longest [s].
-        speed, asked_speed: the largest of the tool, and the one that was asked for [m/s]; None if none was.
-        distance, nearest: the closest that the robot and what it carries came to anything else [m], and what to what;
-            None where nothing could be met. What touched at the start, or stays as far, does not count.
-        warnings: what passes its bound, in words.
-    """
-
-    move: str
-    robot: str
+    move: str  # what it is called, such as ``move 3 (move_l)``
+    robot: str  # whose it is
+    # when it began, and when it ended or was stopped [s]
     begin: float
     end: float
-    reached: bool
+    reached: bool  # it went to its end, and that was near enough to its target
+    # how far the tool ended from its target [m, rad]
     position_error: float
     orientation_error: float
-    following_error: float
-    torque_time: float
+    following_error: float  # how far the tool was from where it should have been at most [m]
+    torque_time: float  # for how long an axis was at its limit of torque, of the axis that was so longest [s]
+    # the largest of the tool, and the one that was asked for [m/s]; None if none was
     speed: float
     asked_speed: float | None
+    # the closest that the robot and what it carries came to anything else [m], and what to what; None where nothing
+    # could be met. What touched at the start, or stays as far, does not count
     distance: float | None
     nearest: str
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  # what passes its bound, in words
 
-    def later(self, begin: float) -> MoveVerdict:
+    def later(self, begin: float) -> "MoveVerdict":
         """Return it as of a run that begins so late [s]."""
         return replace(self, begin=self.begin + begin, end=self.end + begin)
 
@@ -61,7 +50,7 @@ class MoveVerdict:
         return {key: value for key, value in asdict(self).items() if key != "warnings"}
 
 
-def judge_move(run: RecordedRun, asked: AskedMove) -> MoveVerdict:
+def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     """Return what became of a move that a run was asked for, from its samples."""
     last = min(int(np.searchsorted(run.times, asked.duration - _SOON)), len(run.times) - 1)
     times, rows = run.times[: last + 1], slice(0, last + 1)
@@ -94,7 +83,7 @@ def judge_move(run: RecordedRun, asked: AskedMove) -> MoveVerdict:
     return replace(found, warnings=tuple(_warnings(found, run.config.verdict, stopped=stopped)))
 
 
-def _warnings(found: MoveVerdict, bounds: VerdictConfig, *, stopped: bool) -> Iterator[str]:
+def _warnings(found: MoveVerdict, bounds: "VerdictConfig", *, stopped: bool) -> Iterator[str]:
     """Yield what passes its bound; where a move that was stopped ended is no fault of it."""
     if bounds.move_end != "none" and found.position_error > bounds.move_end and not stopped:
         yield _sentence(found, f"ends {in_words(found.position_error, 'm')} beside its target", bounds.move_end, "m")
@@ -120,16 +109,7 @@ def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
     for move in moves:
         asked = "" if move.asked_speed is None else f" of {move.asked_speed:.3g}"
         near = "" if move.distance is None else f"{1e3 * move.distance:z.0f} mm {move.nearest}"
-        table.append(
-            [
-                move.move,
-                f"{move.end:.2f}",
-                "yes" if move.reached else "no",
-                f"{1e3 * move.position_error:.1f} mm",
-                f"{1e3 * move.following_error:.1f} mm",
-                f"{move.torque_time:.2f} s",
-                f"{move.speed:.3g}{asked} m/s",
-                near,
-            ]
-        )
+        errors = [f"{1e3 * error:.1f} mm" for error in (move.position_error, move.following_error)]
+        others = [f"{move.torque_time:.2f} s", f"{move.speed:.3g}{asked} m/s", near]
+        table.append([move.move, f"{move.end:.2f}", "yes" if move.reached else "no", *errors, *others])
     return table

@@ -1,7 +1,5 @@
 """Criteria by which runs are judged, and the verdict on a run: its figures, what passes a bound, and both in words."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,21 +17,14 @@ if TYPE_CHECKING:  # a run has a verdict
 
 @dataclass(frozen=True)
 class Measured:
-    """What a criterion measured in a run, of k subjects: axes, feet, pairs of bodies.
+    """What a criterion measured in a run, of k subjects: axes, feet, pairs of bodies."""
 
-    Attributes:
-        subjects: what they are called.
-        values: the worst of each, shape (k,), in SI units.
-        times: when each was so, shape (k,) [s]; None where that is no moment.
-        slides: which axes slide, shape (k,), so that what is in rad of others is in m; none unless given.
-        limits: what shares are shares of, shape (k,), and their units.
-    """
-
-    subjects: Sequence[str]
-    values: Vector
-    times: Vector | None = None
+    subjects: Sequence[str]  # what they are called
+    values: Vector  # the worst of each, shape (k,), in SI units
+    times: Vector | None = None  # when each was so, shape (k,) [s]; None where that is no moment
+    # which axes slide, shape (k,), so that what is in rad of others is in m; none unless given
     slides: Sequence[bool] = ()
-    limits: tuple[Vector, Sequence[str]] = (np.zeros(0), ())
+    limits: tuple[Vector, Sequence[str]] = (np.zeros(0), ())  # what shares are shares of, shape (k,), and their units
 
 
 class MeasuredValue(NamedTuple):
@@ -53,27 +44,18 @@ class MeasuredValue(NamedTuple):
 
 @dataclass(frozen=True)
 class Criterion:
-    """One thing by which runs are judged. Its name is that of its bound in :class:`VerdictConfig`.
+    """One thing by which runs are judged. Its name is that of its bound in :class:`VerdictConfig`."""
 
-    Attributes:
-        name: of the figure, such as ``final_error``.
-        unit: ``rad`` for axes (m where they slide; their bounds have the endings ``_deg`` and ``_m``), ``m``, or ``1``.
-        title: of the figure, for lists.
-        sentence: what a warning says, with ``{of}``, ``{value}``, ``{amount}`` and ``{when}``.
-        measure: gives it of a run; None where there is nothing to measure.
-        per_time: it is a part of the run's time: over runs that follow each other it is averaged.
-        least: the smaller, the worse.
-    """
-
-    name: str
+    name: str  # of the figure, such as ``final_error``
+    # ``rad`` for axes (m where they slide; their bounds have the endings ``_deg`` and ``_m``), ``m``, or ``1``
     unit: str
-    title: str
-    sentence: str
-    measure: Callable[[RecordedRun], Measured | None]
-    per_time: bool = False
-    least: bool = False
+    title: str  # of the figure, for lists
+    sentence: str  # what a warning says, with ``{of}``, ``{value}``, ``{amount}`` and ``{when}``
+    measure: "Callable[[RecordedRun], Measured | None]"  # gives it of a run; None where there is nothing to measure
+    per_time: bool = False  # it is a part of the run's time: over runs that follow each other it is averaged
+    least: bool = False  # the smaller, the worse
 
-    def entries(self, run: RecordedRun) -> list[MeasuredValue]:
+    def entries(self, run: "RecordedRun") -> list[MeasuredValue]:
         """Return what it finds in a run, of each subject."""
         found = self.measure(run)
         if found is None:
@@ -152,18 +134,13 @@ class Measure:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What was asked of a run against what became of it.
+    """What was asked of a run against what became of it."""
 
-    Attributes:
-        measures: what there was to measure, in the order of the criteria.
-        sample_rate: at which signals were looked at [Hz].
-        contact_rate: at which it was looked how deep bodies and feet were in each other [Hz]; None without contact.
-        moves: what became of each move, in order: a :class:`~simrob_drake.results.verdict.moves.MoveVerdict` each.
-    """
-
-    measures: tuple[Measure, ...]
-    sample_rate: float
+    measures: tuple[Measure, ...]  # what there was to measure, in the order of the criteria
+    sample_rate: float  # at which signals were looked at [Hz]
+    # at which it was looked how deep bodies and feet were in each other [Hz]; None without contact
     contact_rate: float | None = None
+    # what became of each move, in order: a :class:`~simrob_drake.results.verdict.moves.MoveVerdict` each
     moves: tuple[Any, ...] = ()
 
     def __getitem__(self, name: str) -> Measure:

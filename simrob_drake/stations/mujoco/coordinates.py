@@ -1,7 +1,5 @@
 """Between a station's plant and its MuJoCo model: positions and velocities, and what bodies and joints are called."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -20,7 +18,6 @@ class Names:
     """The names of a plant's bodies and joints: their own, and ``<model>.<own>`` where several have the same."""
 
     def __init__(self, plant: MultibodyPlant) -> None:
-        """Count the names."""
         self._plant = plant
         self._bodies = Counter(plant.get_body(BodyIndex(index)).name() for index in range(plant.num_bodies()))
         self._joints = Counter(plant.get_joint(index).name() for index in plant.GetJointIndices())
@@ -54,17 +51,12 @@ class Coordinates:
     """Where the coordinates of a plant are in those of a model; each time positions, then velocities (nq + nv).
 
     A free body's angular velocity is about its own axes in MuJoCo, about the world's in Drake.
-
-    Attributes:
-        nq: how many of them are positions.
-        there: of each of the plant's coordinates, its place in MuJoCo's, shape (nq + nv,).
-        back: of each of MuJoCo's, its place in the plant's, shape (nq + nv,).
-        free: of each free body the places of quaternion (4) and angular velocity (3) in MuJoCo's.
     """
 
-    nq: int
-    there: Places
-    back: Places
+    nq: int  # how many of them are positions
+    there: Places  # of each of the plant's coordinates, its place in MuJoCo's, shape (nq + nv,)
+    back: Places  # of each of MuJoCo's, its place in the plant's, shape (nq + nv,)
+    # of each free body the places of quaternion (4) and angular velocity (3) in MuJoCo's
     free: tuple[tuple[slice, slice], ...]
 
     @property
@@ -73,7 +65,7 @@ class Coordinates:
         return self.there[self.nq :] - self.nq
 
     @classmethod
-    def of(cls, plant: MultibodyPlant, model: mujoco.MjModel, names: Names) -> Coordinates:
+    def of(cls, plant: MultibodyPlant, model: mujoco.MjModel, names: Names) -> "Coordinates":
         """Return those of a finalized plant and the model that was made of it."""
         nq, free = plant.num_positions(), []
         there = np.zeros(nq + plant.num_velocities(), np.intp)

@@ -1,7 +1,5 @@
 """What moves a MuJoCo model, and what it tells: servos, forces and sensors of a station, as MJCF has them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -87,15 +85,11 @@ _FAR = 1e3  # m, of distances
 
 @dataclass(frozen=True)
 class OutputSensors:
-    """How the sensors of a model give an output.
+    """How the sensors of a model give an output."""
 
-    Attributes:
-        names: of the sensors, in order.
-        kind: how their values become the output's: ``row``, side by side; ``pose``, one whose quaternion has a sense;
-            ``sum`` of vectors; ``least`` of numbers.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the sensors, in order
+    # how their values become the output's: ``row``, side by side; ``pose``, one whose quaternion has a sense; ``sum``
+    # of vectors; ``least`` of numbers
     kind: Literal["row", "pose", "sum", "least"] = "row"
 
     def of(self, columns: Mapping[str, slice], data: Vector) -> Vector:
@@ -120,8 +114,7 @@ def add_sensors(
 ) -> dict[str, OutputSensors]:
     """Add sensors for positions, velocities, torques, poses, and the station's sensors of force and distance.
 
-    Returns:
-        the outputs that the model tells, by the names of the station's ports.
+    Returns the outputs that the model tells, by the names of the station's ports.
     """
     outputs: dict[str, OutputSensors] = {}
     for robot in plant.robots.values():

@@ -37,8 +37,6 @@ Here :math:`b_t d = d / h` and ``impratio`` = 1/d, so that a load f slides with 
 step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -60,8 +58,7 @@ from simrob_drake.stations.resolve import ResolvedStation
 LEAST_IMPEDANCE = 1e-4
 """d_0: MuJoCo knows no smaller one; a contact has then a ten-thousandth of the inertia of what touches."""
 LARGEST_IMPEDANCE = 0.9999
-FOOT_SPEED = 0.1
-"""At which feet and tools come down, and so the v of damping where nothing falls from higher [m/s]."""
+FOOT_SPEED = 0.1  # at which feet and tools come down, and so the v of damping where nothing falls from higher [m/s]
 _STEPS_A_SWING = 2.0
 _TINY = 1e-12
 
@@ -120,11 +117,7 @@ def dry_friction(slope: float, inverse_inertia: float, step: float) -> Softness:
 def ratio(surface: TouchingPair, inverse_mass: float, speed: float, gravity: float) -> float:
     """Return the damping ratio for Hunt and Crossley's D of a surface, as derived above.
 
-    Args:
-        surface: on which something falls.
-        inverse_mass: of that [1/kg].
-        speed: at which it falls [m/s], positive.
-        gravity: its size [m/s²].
+    Something of an ``inverse_mass`` [1/kg] falls on it with a speed [m/s], positive, by a gravity [m/s²].
     """
     swing = np.sqrt(surface.stiffness * inverse_mass)
     angle = np.arctan2(gravity, speed * swing)
@@ -157,28 +150,19 @@ def _stiffness_and_damping(properties: ProximityProperties, usual: DefaultProxim
 
 mujoco.set_mju_user_warning(lambda _: None)  # runs that go astray are told by their results
 
-STEP = 2e-3
-"""Length of MuJoCo's steps unless given [s]."""
+STEP = 2e-3  # length of MuJoCo's steps unless given [s]
 _FAR = 10.0  # m
-_STICK = 1.0
-"""How much harder friction is than the mass of what slides: more takes MuJoCo's solver twice as long."""
+_STICK = 1.0  # how much harder friction is than the mass of what slides: more takes MuJoCo's solver twice as long
 
 
 @dataclass(frozen=True)
 class MujocoModel:
-    """A station in MuJoCo.
+    """A station in MuJoCo."""
 
-    Attributes:
-        spec: of the model, with the figures for its step.
-        model: compiled.
-        outputs: how the model's sensors give outputs of the station, by their names.
-        shapes: of the plant, by the names of the model's geoms.
-    """
-
-    spec: mujoco.MjSpec
-    model: mujoco.MjModel
-    outputs: Mapping[str, OutputSensors]
-    shapes: Mapping[str, GeometryId]
+    spec: mujoco.MjSpec  # of the model, with the figures for its step
+    model: mujoco.MjModel  # compiled
+    outputs: Mapping[str, OutputSensors]  # how the model's sensors give outputs of the station, by their names
+    shapes: Mapping[str, GeometryId]  # of the plant, by the names of the model's geoms
 
 
 Driver = Literal["controls", "diagram", "motion"]
@@ -193,20 +177,13 @@ def mujoco_model(
     seen: bool = False,
     driver: Driver = "controls",
 ) -> MujocoModel:
-    """Return a station as a MuJoCo model that stands where the station begins.
+    """Return a station as a MuJoCo model, of steps of a length [s], that stands where the station begins.
 
-    Args:
-        station: what it is made of.
-        plant: it, built.
-        step: length of a step [s].
-        integrator: MuJoCo's name of it; unless given ``discrete``, which treats servos and contacts in one implicit
-            solve, and ``implicitfast`` where there are no servos, which takes nothing from what swings.
-        seen: with the pictures of all bodies.
-        driver: what moves it: the model's own controls, servos and forces, with sensors to tell; a diagram, where the
-            model has servos without limits alone; or a given motion, for inverse dynamics.
-
-    Raises:
-        InvalidParameter: something that MJCF cannot say.
+    Its integrator is ``discrete`` unless given, which treats servos and contacts in one implicit solve, and
+    ``implicitfast`` where there are no servos, which takes nothing from what swings. ``seen`` adds the pictures of all
+    bodies. The ``driver`` is what moves it: the model's own controls, servos and forces, with sensors to tell; a
+    diagram, where the model has servos without limits alone; or a given motion, for inverse dynamics. Raises
+    InvalidParameter: something that MJCF cannot say.
     """
     spec, names = mujoco.MjSpec(), Names(plant.plant)
     spec.modelname = station.config.name
@@ -293,12 +270,7 @@ def _soften(
 
 
 def _soften_joints(
-    spec: mujoco.MjSpec,
-    model: mujoco.MjModel,
-    station: ResolvedStation,
-    plant: StationPlant,
-    names: Names,
-    step: float,
+    spec: mujoco.MjSpec, model: mujoco.MjModel, station: ResolvedStation, plant: StationPlant, names: Names, step: float
 ) -> None:
     for robot in plant.robots.values():
         for joint, most in zip(robot.joints, robot.model.friction, strict=True):

@@ -1,7 +1,5 @@
 """The block that stands where a station's plant stands, with the same ports, and is stepped by MuJoCo."""
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,14 +11,7 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
-from pydrake.systems.framework import (
-    Context,
-    DiscreteValues,
-    EventStatus,
-    InputPort,
-    OutputPort,
-    ValueProducer,
-)
+from pydrake.systems.framework import Context, DiscreteValues, EventStatus, InputPort, OutputPort, ValueProducer
 
 from simrob_drake.blocks.block import Block
 from simrob_drake.blocks.contacts import Contacts
@@ -33,22 +24,15 @@ from simrob_drake.stations.mujoco.model import mujoco_model
 from simrob_drake.stations.mujoco.servos import Servos
 from simrob_drake.stations.resolve import ResolvedStation
 
-_NOT_YET = np.inf
-"""In place of accelerations, before the first step."""
+_NOT_YET = np.inf  # in place of accelerations, before the first step
 
 
 class Step(NamedTuple):
-    """What a step does.
+    """What a step does."""
 
-    Attributes:
-        state: positions and velocities of the plant at its end, shape (nq + nv,).
-        warm: accelerations with which MuJoCo's solver begins the next one, shape (nv,).
-        torque: of each motor, shape (m,) [N·m or N].
-    """
-
-    state: Vector
-    warm: Vector
-    torque: Vector
+    state: Vector  # positions and velocities of the plant at its end, shape (nq + nv,)
+    warm: Vector  # accelerations with which MuJoCo's solver begins the next one, shape (nv,)
+    torque: Vector  # of each motor, shape (m,) [N·m or N]
 
 
 class MujocoPlant(Block):
@@ -65,11 +49,7 @@ class MujocoPlant(Block):
     """
 
     def __init__(self, station: ResolvedStation, plant: StationPlant) -> None:
-        """Make the model of a station whose plant is finalized.
-
-        Raises:
-            InvalidParameter: something that MuJoCo does not know.
-        """
+        """Make the model of a station whose plant is finalized; raises InvalidParameter: unknown to MuJoCo."""
         super().__init__()
         self.set_name("plant")
         own, made = plant.plant, mujoco_model(station, plant, step=station.time_step, driver="diagram")

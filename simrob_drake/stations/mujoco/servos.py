@@ -13,8 +13,6 @@ contacts stay as they are: MuJoCo softens each by what its bodies feel of the se
 stiffer one.
 """
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import numpy.typing as npt
@@ -28,8 +26,7 @@ from simrob_drake.stations.mujoco.coordinates import Names
 _TOGETHER, _ROUNDS = 5, 100
 """So often all motors that are on a wrong side change together; then the first of them alone, which cannot go on for
 ever where torques turn joints their way (Murty's least-index rule for linear complementarity)."""
-_LINE = 2.0
-"""The side, to either hand, of a motor at the line of its torque over its speed; 1 is at its limit."""
+_LINE = 2.0  # the side, to either hand, of a motor at the line of its torque over its speed; 1 is at its limit
 _NO_LIMIT = np.finfo(float).max  # as good as none, and zero times it is zero
 
 
@@ -71,9 +68,7 @@ class Servos:
     def torques(self, desired: Vector, extra: Vector | None) -> Vector:
         """Return what the law asks of each motor where the data stands (m,), without limits [N·m or N].
 
-        Args:
-            desired: positions, shape (m,) [rad or m].
-            extra: torques beside those of servos, shape (m,); None: there are none.
+        Positions are desired (m,) [rad or m]; ``extra`` (m,) are torques beside those of servos, None for none.
         """
         asked = self._kp * (desired - self._qpos[self._angles]) - self._kd * self._qvel[self._speeds]
         return np.asarray(asked if extra is None else asked + extra)
@@ -88,16 +83,10 @@ class Servos:
         return np.asarray(np.minimum(np.maximum(line, -self._limits), self._limits))
 
     def step(self, desired: Vector, extra: Vector | None, forces: Vector | float, *, begun: bool) -> Vector:
-        """Step the data, and return what each motor gave (m,) [N·m or N].
+        """Step the data, and return what each motor gave (m,) [N·m or N]; arguments as of :meth:`torques`.
 
-        Args:
-            desired: positions, shape (m,) [rad or m].
-            extra: torques beside those of servos, shape (m,); None: there are none.
-            forces: on MuJoCo's velocities from elsewhere, shape (nv,), or 0.
-            begun: ``mj_step1`` was called.
-
-        Raises:
-            RuntimeError: servos at their limits and contacts do not settle.
+        ``forces`` (nv,) act on MuJoCo's velocities from elsewhere; ``begun``: ``mj_step1`` was called. Raises
+        RuntimeError: servos at their limits and contacts do not settle.
         """
         start = self._qpos.copy(), self._qvel.copy()
         self._control[:] = desired[self._servos]

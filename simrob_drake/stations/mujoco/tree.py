@@ -1,7 +1,5 @@
 """The bodies, joints and shapes of a station's plant, as MJCF has them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco
@@ -29,17 +27,12 @@ from simrob_drake.parts.site import StationPlant
 from simrob_drake.parts.targets import own_name
 from simrob_drake.stations.mujoco.coordinates import Names, free_name
 
-_LEAST = 1e-9
-"""MuJoCo takes no body without moments of inertia, as point masses on a link are [kg m²]."""
+_LEAST = 1e-9  # MuJoCo takes no body without moments of inertia, as point masses on a link are [kg m²]
 _JOINTS = {RevoluteJoint: mujoco.mjtJoint.mjJNT_HINGE, PrismaticJoint: mujoco.mjtJoint.mjJNT_SLIDE}
 
 
 def add_tree(spec: mujoco.MjSpec, station: StationPlant, names: Names) -> None:
-    """Add every body of a finalized plant, each in the one that carries it, with mass, inertia and joint.
-
-    Raises:
-        InvalidParameter: a joint that MJCF does not know, or joints that are coupled.
-    """
+    """Add a finalized plant's bodies and joints, each in its carrier; raises InvalidParameter: a joint MJCF lacks."""
     plant = station.plant
     if plant.num_constraints() or plant.num_force_elements() > 1:  # of which gravity is one
         raise InvalidParameter("robots", "joints coupled to each other", "left out: MJCF gets a tree of free joints")
@@ -111,15 +104,10 @@ _TRIANGLES = (".obj", ".stl")
 
 
 def add_shapes(spec: mujoco.MjSpec, station: StationPlant, names: Names, *, seen: bool) -> dict[GeometryId, str]:
-    """Add the shapes that touch others, and with ``seen`` the pictures of all bodies too.
+    """Add the shapes that touch others, and with ``seen`` the pictures of all bodies; return the names of the former.
 
-    None of them touches by itself: which pairs do is for whoever adds contacts.
-
-    Returns:
-        the names of the shapes that can touch.
-
-    Raises:
-        InvalidParameter: a shape that MJCF does not know.
+    None of them touches by itself: which pairs do is for whoever adds contacts. Raises InvalidParameter: an unknown
+    shape.
     """
     inspector, known = station.scene_graph.model_inspector(), dict[GeometryId, str]()
     paired = {shape for pair in touching_pairs(station) for shape in pair}
