@@ -61,7 +61,7 @@ class GetUp(LoopSection):
         ways = load_getting_up(model)
         angles = [postures(model, way) for way in (ways.front, ways.back)]
         facing = math.radians(gaits_file(model).facing_deg)
-        return Rising(self, ways, angles, facing=facing, ground=site.plant.ground, name=robot.name)
+        return Rising(self, ways, angles, facing=facing, ground=site.plant.ground, name=model.name)
 
 
 class Rising(SampledBlock):
