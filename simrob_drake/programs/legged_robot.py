@@ -14,7 +14,16 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.go import GO_TIME
 from simrob_drake.programs.moves.joints import move_of, targets_on
-from simrob_drake.programs.moves.kinds import ActMove, AttachMove, GoMove, JointMove, ReleaseMove, WalkMove, move_from
+from simrob_drake.programs.moves.kinds import (
+    ActMove,
+    AttachMove,
+    GetUpMove,
+    GoMove,
+    JointMove,
+    ReleaseMove,
+    WalkMove,
+    move_from,
+)
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, Stage, checked
 from simrob_drake.programs.program import Program, counted
 from simrob_drake.programs.stages import Snapshot, check_program, joint_reference, leg_moves, stages_of, step_moves
@@ -189,6 +198,18 @@ class LeggedRobot(LeggedGeometry):
             SimrobError: as :meth:`walk`.
         """
         return self._run(checked(ActMove, name=name, **changes), store)
+
+    def get_up(self, *, attempts: int = 5, store: bool = False) -> SimulationResult:
+        """Get up where the robot has fallen, and stand for a second; ``message`` of the result says how that went.
+
+        Args:
+            attempts: how often it tries.
+            store: at the end of the program.
+
+        Raises:
+            InvalidParameter: a robot whose ``gaits.yaml`` has no postures for it, or a number that cannot be.
+        """
+        return self._run(checked(GetUpMove, attempts=attempts), store)
 
     def attach(self, piece: str, tool: str | None = None, *, pose: PoseLike | None = None, store: bool = False) -> None:
         """Take a piece with a tool of the robot; see :meth:`Workcell.attach`.

@@ -27,6 +27,10 @@ _SLOW = 0.2  # a robot at rest [m/s, rad/s]
 _UP, _DOWN, _FIRST = 0.0, 1.0, 2.0
 """Stages: it has not fallen; it waits until it lies still; the first posture, which the others follow."""
 
+STANDS = "stands"
+"""What a run says that ends well."""
+Attempts = Annotated[Integer, Field(ge=1, le=100)]
+
 
 class GetUp(LoopSection):
     """Get a robot up where it has fallen, by the postures under `get_up` in its `gaits.yaml`; then let go.
@@ -38,7 +42,7 @@ class GetUp(LoopSection):
     stages: ClassVar[tuple[str, ...]] = ("Trunk\nlies, rises, stands", "Next posture\nor anew", "Way to the posture")
 
     kind: Literal["get_up"]
-    attempts: Annotated[Integer, Field(ge=1, le=100)] = 5
+    attempts: Attempts = 5
     """How often it tries; the run ends where none succeeds."""
     ends: Boolean = False
     """Whether the run ends as soon as it has stood for a second."""
@@ -134,7 +138,7 @@ class Rising(SampledBlock):
         if fallen:
             return {"active": 1.0, "target": read[ASKED], "attempt": 0.0, **_begin(_DOWN, read[ASKED])}
         if self._section.ends:
-            raise RunEnds(f"{self._name} has not fallen")
+            raise RunEnds(f"{self._name} {STANDS}: it has not fallen")
         return {}
 
     def _lying(self, memory: Named, read: Named, elapsed: float, ahead: float) -> Changes:
@@ -163,19 +167,14 @@ class Rising(SampledBlock):
         if well < _STANDS:
             return {"elapsed": elapsed, "well": well} if elapsed < _PATIENCE else self._anew(memory, memory["target"])
         if self._section.ends:
-            tries = int(memory["attempt"][0])
-            raise RunEnds(f"{self._name} {STOOD_UP}" + (f" at attempt {tries}" if tries > 1 else ""))
+            raise RunEnds(f"{self._name} {STANDS}: it got up at attempt {int(memory['attempt'][0])}")
         return {"active": 0.0, "stage": _UP}
 
     def _anew(self, memory: Named, target: Vector) -> Changes:
         tries = int(memory["attempt"][0])
         if tries >= self._section.attempts:
-            raise RunEnds(f"{self._name} did not get up in {tries} attempts")
+            raise RunEnds(f"{self._name} lies: it did not get up in {tries} attempts")
         return _begin(_DOWN, target)
-
-
-STOOD_UP = "stood up"
-"""What a run says that ends so."""
 
 
 def _begin(stage: float, origin: Vector) -> dict[str, Vector | float]:

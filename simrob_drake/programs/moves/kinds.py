@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted
 from simrob_drake.programs.moves.act import ActMove
 from simrob_drake.programs.moves.attach import AttachMove
+from simrob_drake.programs.moves.get_up import GetUpMove
 from simrob_drake.programs.moves.go import GoMove
 from simrob_drake.programs.moves.grip import GripMove, OpenMove
 from simrob_drake.programs.moves.joints import JointMove, move_of
@@ -20,7 +21,7 @@ from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.programs.moves.walk import WalkMove
 
-__all__ = ["KINDS", "ActMove", "AttachMove", "GoMove", "JointMove", "PlayMove", "ReleaseMove", "WaitMove", "WalkMove"]
+__all__ = ["KINDS", "ActMove", "AttachMove", "GetUpMove", "GoMove", "JointMove", "PlayMove", "ReleaseMove", "WaitMove", "WalkMove"]
 
 _ALL: tuple[type[Move], ...] = (
     JointMove,
@@ -28,6 +29,7 @@ _ALL: tuple[type[Move], ...] = (
     GoMove,
     ActMove,
     KickMove,
+    GetUpMove,
     AttachMove,
     ReleaseMove,
     WaitMove,
