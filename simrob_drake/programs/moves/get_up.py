@@ -33,6 +33,14 @@ class GetUpMove(Move):
     attempts: Attempts = 5
     """How often it tries."""
 
+    def caption(self, *, robots: bool = False) -> str:
+        """Return what it does."""
+        return "get up"
+
+    def caption(self, *, robots: bool = False) -> str:
+        """Return what it does."""
+        return "get up"
+
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can, and return the stage in which it does."""
         self.station(outlook.station, robot.name)
