@@ -117,10 +117,11 @@ def _check_engine(config: StationConfig) -> None:
 def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
     """Return a robot with the drives that its motors, its own file and the station tell, each over those before."""
     robot = _robot_as_described(entry)
-    own, motors = robot.drives, station_motors(robot, servo)
-    if any(motors):
-        robot = robot.model_copy(update={"drives": Drives()}).with_drives(drives_of(motors, robot)).with_drives(own)
-    return robot if entry.drives is None else robot.with_drives(entry.drives)
+    robot = robot if entry.drives is None else robot.with_drives(entry.drives)
+    motors = station_motors(robot, servo)
+    if not any(motors):
+        return robot
+    return robot.model_copy(update={"drives": Drives()}).with_drives(drives_of(motors, robot)).with_drives(robot.drives)
 
 
 def _robot_as_described(entry: RobotConfig) -> RobotModel:

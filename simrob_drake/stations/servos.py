@@ -62,15 +62,18 @@ def _whole(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
 
 
 def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
-    """Return what motors say of their axes' drives, of those that say it."""
-    values = {
-        key: {
-            axis: value
-            for axis, motor in zip(robot.axes, motors, strict=True)
-            if (value := getattr(motor, key, None)) is not None
-        }
-        for key in _OF_MOTORS
-    }
+    """Return what motors say of their axes' drives, of those that say it.
+
+    A ratio counts where they or the robot's drives have an inertia for it: that of the URDF is meant with its own.
+    """
+    inertias = robot.axis_vector({} if (own := robot.drives.rotor_inertia) is None else own, "rotor_inertia", np.nan)
+    values: dict[str, dict[str, float]] = {key: {} for key in _OF_MOTORS}
+    for axis, motor, inertia in zip(robot.axes, motors, inertias.tolist(), strict=True):
+        for key in _OF_MOTORS:
+            value = getattr(motor, key, None)
+            alone = key == "gear_ratio" and getattr(motor, "rotor_inertia", None) is None and np.isnan(inertia)
+            if value is not None and not alone:
+                values[key][axis] = value
     return Drives(**{key: own for key, own in values.items() if own})
 
 

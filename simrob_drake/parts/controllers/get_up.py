@@ -21,7 +21,7 @@ from simrob_drake.walking.stride import eased
 
 _FALLEN, _UPRIGHT = math.radians(60.0), math.radians(15.0)  # lean of the trunk [rad]
 _LOW = 0.7  # of the height at which it stands
-_REST, _PATIENCE = 0.3, 3.0  # how long it must be at rest, and how long that is waited for [s]
+_REST, _PATIENCE = 0.3, 2.0  # how long it must be at rest, and how long that is waited for [s]
 _STANDS = 1.0  # for so long it must have stood [s]
 _SLOW = 0.2  # a robot at rest [m/s, rad/s]
 _UP, _DOWN, _FIRST = 0.0, 1.0, 2.0
