@@ -1,7 +1,5 @@
 """How a robot gets up: postures one after the other, from its belly and from its back, in its `gaits.yaml`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -27,10 +25,10 @@ class RisingPosture(Strict):
     target_deg: dict[str, Number] = Field(default_factory=dict)
     """Where axes go; `knee` is both `right_knee` and `left_knee`. Others stay, and are 0 at first."""
     lean_deg: tuple[Number, Number] = (-180.0, 180.0)
-    """How far ahead the trunk then leans, at least and at most; it lies down again where it does not."""
+    """How far ahead the trunk then leans, at least and at most; where it does not, the robot begins anew."""
 
 
-Ways = Annotated[tuple[RisingPosture, ...], Field(min_length=1)]
+Way = Annotated[tuple[RisingPosture, ...], Field(min_length=1)]
 
 
 class GettingUp(Strict):
@@ -38,33 +36,30 @@ class GettingUp(Strict):
 
     height: Length
     """Of its root over the ground from which it stands [m]."""
-    front: Ways
+    front: Way
     """From its belly."""
-    back: Ways
+    back: Way
     """From its back."""
+
+    @property
+    def ways(self) -> tuple[Way, Way]:
+        """Both, that from the belly first."""
+        return self.front, self.back
 
 
 def load_getting_up(model: RobotModel) -> GettingUp:
-    """Return how a robot gets up.
-
-    Raises:
-        InvalidParameter: its ``gaits.yaml`` does not say.
-        InvalidConfig: it has a wrong entry.
-    """
+    """Return how a robot gets up; raises SimrobError: its ``gaits.yaml`` does not say, or has a wrong entry."""
     found = gaits_file(model)
-    own = found.section(GETTING_UP)
-    if not own:
+    if not (own := found.section(GETTING_UP)):
         expected = f"one whose {GAITS_FILE} has postures for it, a section {GETTING_UP}"
         raise InvalidParameter(f"robot {model.name}", "one that cannot get up", expected)
-    return validated(GettingUp, own, f"{found.file}: {GETTING_UP}")
+    return validated(GettingUp, dict(own), f"{found.file}: {GETTING_UP}")
 
 
 def postures(model: RobotModel, way: Sequence[RisingPosture]) -> list[Vector]:
     """Return the postures of a way, shape (n,) each [rad].
 
-    Raises:
-        UnknownName: an axis, or a pair of them, that the robot does not have.
-        InvalidParameter: an angle beyond its limits.
+    Raises UnknownName: an axis, or a pair, that the robot does not have; InvalidParameter: an angle beyond its limits.
     """
     found, angles, (lower, upper) = [], np.zeros(len(model.axes)), model.axis_limits
     for number, posture in enumerate(way):
@@ -81,8 +76,9 @@ def postures(model: RobotModel, way: Sequence[RisingPosture]) -> list[Vector]:
 def _places(model: RobotModel, axis: str) -> list[int]:
     """Return the place of an axis, or of a pair that is called without its sides."""
     names = list(model.axes)
-    pair = [names.index(side + axis) for side in _SIDES if side + axis in names]
-    if axis not in names and len(pair) < len(_SIDES):
-        pairs = [name.removeprefix(_SIDES[0]) for name in names if name.startswith(_SIDES[0])]
-        raise UnknownName(f"axis of {model.name} (under {GETTING_UP})", axis, [*names, *pairs])
-    return [names.index(axis)] if axis in names else pair
+    if axis in names:
+        return [names.index(axis)]
+    if all(side + axis in names for side in _SIDES):
+        return [names.index(side + axis) for side in _SIDES]
+    pairs = [name.removeprefix(_SIDES[0]) for name in names if name.startswith(_SIDES[0])]
+    raise UnknownName(f"axis of {model.name} (under {GETTING_UP})", axis, [*names, *pairs])

@@ -1,8 +1,8 @@
 """Robots that fall while they walk, and get up: a table of docs/results/walking.md.
 
-Run it with ``python -m tests.benchmarks.get_up [SETTINGS]...``; it takes some minutes. Each seed draws a push of 0.1 s
-that fells the robot, from anywhere and at any moment of two steps, whether a guard curls it up, how far each joint is
-off at the start, and the friction of all that touches. SETTINGS are files of settings, as of ``simrob run --set``.
+Run it with ``python -m tests.benchmarks.get_up [ROBOT | SETTINGS]...``; it takes some minutes. Each seed draws a push
+of 0.1 s that fells the robot, from anywhere and at any moment of two steps, whether a guard curls it up, how far each
+joint is off at the start, and the friction of all that touches. SETTINGS are files, as of ``simrob run --set``.
 """
 
 from __future__ import annotations
@@ -67,11 +67,12 @@ def attempts(result: SimulationResult) -> int:
     return int(result["get_up.attempt"].max()) if result.ending == "completed" else 0
 
 
-def main(files: list[str]) -> None:
+def main(words: list[str]) -> None:
     """Let them fall and get up, and print."""
-    settings = {key: value for file in files for key, value in read_yaml(file).items()}
+    names = [word for word in words if word in FELLS] or list(FELLS)
+    settings = {key: value for file in words if file not in FELLS for key, value in read_yaml(file).items()}
     print("robot | lies on its | gets up | at the first attempt | in [s]: median | longest")
-    for name in FELLS:
+    for name in names:
         found: dict[str, list[tuple[int, float]]] = {each: [] for each in SIDES}
         for seed in range(MOST):
             robot = fallen(name, seed, settings)

@@ -1,10 +1,8 @@
 """A robot that has fallen gets up where it lies."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from simrob_drake.blocks.references import hold
 from simrob_drake.parts.controllers.get_up import STANDS, Attempts, GetUp
@@ -37,10 +35,6 @@ class GetUpMove(Move):
         """Return what it does."""
         return "get up"
 
-    def caption(self, *, robots: bool = False) -> str:
-        """Return what it does."""
-        return "get up"
-
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can, and return the stage in which it does."""
         self.station(outlook.station, robot.name)
@@ -50,23 +44,16 @@ class GetUpMove(Move):
     def station(self, config: StationConfig, robot: str) -> StationConfig:
         """Return a station in which a robot gets up, without its other loops and what watches for its fall.
 
-        Raises:
-            SimrobError: a robot that cannot, or does not stand on feet of its own; a station that is kinematic.
+        Raises SimrobError: a robot that cannot, or does not stand on feet of its own; a station that is kinematic.
         """
 
-        def rests(section: Any) -> bool:
-            own = isinstance(section, LoopSection) and (section.robot or config.only_robot) == robot
-            return own and not section.uppermost
+        def rests(one: object) -> bool:
+            return isinstance(one, LoopSection) and (one.robot or config.only_robot) == robot and not one.uppermost
 
         others = {name: one for name, one in config.controllers.items() if not rests(one)}
-        section = GetUp(kind=self.key, robot=robot, attempts=self.attempts, ends=True)
-        changed = config.model_copy(
-            update={
-                "controllers": {**others, self.key: section},
-                "monitors": unwatched(config, robot),
-                "solver": short_steps(config.solver),
-            }
-        )
+        section = GetUp(kind="get_up", robot=robot, attempts=self.attempts, ends=True)
+        changes = {"controllers": {**others, self.key: section}, "monitors": unwatched(config, robot)}
+        changed = config.model_copy(update={**changes, "solver": short_steps(config.solver)})
         check_parts(resolve(changed))
         return changed
 

@@ -11,7 +11,7 @@ from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
 from simrob_drake.parts.controllers.get_up import Rising
 from simrob_drake.parts.ground import Ground
 from simrob_drake.robots.catalog import load_robot
-from simrob_drake.walking.getting_up import GettingUp, RisingPosture, load_getting_up, postures
+from simrob_drake.walking.getting_up import RisingPosture, load_getting_up, postures
 from simrob_drake.yaml_files import read_yaml
 
 LYING = {"zjudancer": [0.0, 0.0, 0.06, 0.0, 0.0, -1.5], "roid1": [0.0, 0.0, 0.1, 0.0, -1.5, 0.0]}
@@ -50,11 +50,9 @@ def test_a_walk_that_fell_gets_up_and_goes_on():
 
 def rising(attempts=2, *, ends=True):
     """Return a loop of one axis whose only posture is to bring the trunk up from a lean of 80 to 100 degrees."""
-    way = (RisingPosture(time=0.1, target_deg={}, lean_deg=(80.0, 100.0)),)
+    way = [(RisingPosture(time=0.1, target_deg={}, lean_deg=(80.0, 100.0)), np.array([0.5]))]
     section = SimpleNamespace(attempts=attempts, ends=ends, rate=100.0)
-    goals = [np.array([0.5])]
-    ways = GettingUp(height=0.4, front=way, back=way)
-    return Rising(section, ways, [goals, goals], facing=0.0, ground=Ground(), name="nobody")
+    return Rising(section, [way, way], 0.4, facing=0.0, ground=Ground(), name="nobody")
 
 
 def pose(lean_deg, height):
@@ -113,7 +111,7 @@ def test_beside_others_it_lets_go_once_it_has_stood_for_a_second():
 
 
 def test_what_cannot_get_up_is_refused():
-    with pytest.raises(InvalidParameter, match="robot humanoid .*section get_up"):
+    with pytest.raises(InvalidParameter, match=r"robot humanoid .*section get_up"):
         LeggedRobot("humanoid_dynamic").get_up()
     with pytest.raises(SimrobError, match="dynamic"):
         LeggedRobot("humanoid_kinematic").get_up()
