@@ -12,18 +12,10 @@ from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.geometry import LeggedGeometry
+from simrob_drake.programs.moves.get_up import GetUpMove
 from simrob_drake.programs.moves.go import GO_TIME
 from simrob_drake.programs.moves.joints import move_of, targets_on
-from simrob_drake.programs.moves.kinds import (
-    ActMove,
-    AttachMove,
-    GetUpMove,
-    GoMove,
-    JointMove,
-    ReleaseMove,
-    WalkMove,
-    move_from,
-)
+from simrob_drake.programs.moves.kinds import ActMove, AttachMove, GoMove, JointMove, ReleaseMove, WalkMove, move_from
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, Stage, checked
 from simrob_drake.programs.program import Program, counted
 from simrob_drake.programs.stages import Snapshot, check_program, joint_reference, leg_moves, stages_of, step_moves
@@ -127,13 +119,7 @@ class LeggedRobot(LeggedGeometry):
         return self._perform_moves(step_moves(self.model, self.worn_feet, move_time), store=True)[-1]
 
     def walk(
-        self,
-        steps: int,
-        amplitude: float = 1.0,
-        gait: str | None = None,
-        *,
-        store: bool = False,
-        **changes: Any,
+        self, steps: int, amplitude: float = 1.0, gait: str | None = None, *, store: bool = False, **changes: Any
     ) -> SimulationResult:
         """Walk from the last state (Marcha).
 
@@ -200,14 +186,9 @@ class LeggedRobot(LeggedGeometry):
         return self._run(checked(ActMove, name=name, **changes), store)
 
     def get_up(self, *, attempts: int = 5, store: bool = False) -> SimulationResult:
-        """Get up where the robot has fallen, and stand for a second; ``message`` of the result says how that went.
+        """Get up where the robot has fallen, in so many attempts; ``message`` of the result says how that went.
 
-        Args:
-            attempts: how often it tries.
-            store: at the end of the program.
-
-        Raises:
-            InvalidParameter: a robot whose ``gaits.yaml`` has no postures for it, or a number that cannot be.
+        Raises InvalidParameter: a robot without postures for it in its ``gaits.yaml``, or a number that cannot be.
         """
         return self._run(checked(GetUpMove, attempts=attempts), store)
 

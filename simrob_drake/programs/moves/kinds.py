@@ -21,18 +21,7 @@ from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.programs.moves.walk import WalkMove
 
-__all__ = [
-    "KINDS",
-    "ActMove",
-    "AttachMove",
-    "GetUpMove",
-    "GoMove",
-    "JointMove",
-    "PlayMove",
-    "ReleaseMove",
-    "WaitMove",
-    "WalkMove",
-]
+__all__ = ["KINDS", "ActMove", "AttachMove", "GoMove", "JointMove", "PlayMove", "ReleaseMove", "WaitMove", "WalkMove"]
 
 _ALL: tuple[type[Move], ...] = (
     JointMove,
