@@ -10,6 +10,7 @@ from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.geometry import LeggedGeometry
+from simrob_drake.programs.moves.get_up import GetUpMove
 from simrob_drake.programs.moves.go import GO_TIME
 from simrob_drake.programs.moves.joints import move_of, targets_on
 from simrob_drake.programs.moves.kinds import ActMove, AttachMove, GoMove, JointMove, ReleaseMove, WalkMove, move_from
@@ -181,6 +182,13 @@ class LeggedRobot(LeggedGeometry):
             SimrobError: as :meth:`walk`.
         """
         return self._run(checked(ActMove, name=name, **changes), store)
+
+    def get_up(self, *, attempts: int = 5, store: bool = False) -> SimulationResult:
+        """Get up where the robot has fallen, in so many attempts; ``message`` of the result says how that went.
+
+        Raises InvalidParameter: a robot without postures for it in its ``gaits.yaml``, or a number that cannot be.
+        """
+        return self._run(checked(GetUpMove, attempts=attempts), store)
 
     def attach(self, piece: str, tool: str | None = None, *, pose: PoseLike | None = None, store: bool = False) -> None:
         """Take a piece with a tool of the robot; see :meth:`Workcell.attach`.

@@ -22,6 +22,7 @@ KINDS = Kinds(
         "touchdown": "touchdown.Touchdown",
         "policy": "policy.Policy",
         "walk": "walk.Walk",
+        "get_up": "get_up.GetUp",
     },
 )
 ControllerConfig = Annotated[Any, KINDS]

@@ -42,7 +42,8 @@ class Walk(LoopSection):
     """Parameters in place of those under `reacting` in the robot's `gaits.yaml`."""
     commands: tuple[Commanded, ...] = ()
     """What to do when, in the order of the times; before the first one it follows its path, or stands. An input
-    `command` (3) that `reads` names comes before them, where it is a number: ahead, to the left [m/s], turn [rad/s]."""
+    `command` (3) that `reads` names comes before them, where it is a number: ahead, to the left [m/s], turn [rad/s].
+    While `waits` (1) is not 0, if `reads` names it, such as `get_up.active`, it rests; then it begins anew."""
     path: Waypoints | None = None
     """Where to go, by the pose of the root that it reads."""
     height_map: Boolean = False
@@ -148,7 +149,7 @@ class WalkingLoop(SampledBlock):
         in  by the name of each foot whose force is read: that (3), the last part upward [N];
             ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
             ``base_velocity`` (6): linear and angular, in the world [m/s, rad/s]; perhaps ``command`` (3), as below, or
-            not a number.
+            not a number; perhaps ``waits`` (1): not 0 while something else moves the robot.
         out ``target`` (n) [rad]; ``active`` (1): 1; ``offset_velocity`` (n) [rad/s]: how fast the target moves;
             ``capture`` (2): divergent component from the foot that stands, ahead and to the left [m];
             ``foot`` (1): 0 where the right one stands, 1 where the left one does; ``command`` (3): what the walk is
@@ -171,11 +172,11 @@ class WalkingLoop(SampledBlock):
         """
         self.engine, self.start, self._commander, self._strict = engine, posture, commander, section.strict
         self._feet = [foot for foot in feet if foot in section.reads]
-        self._takes_command = "command" in section.reads
+        self._perhaps = {name: size for name, size in (("command", 3), ("waits", 1)) if name in section.reads}
         self._last = b"", Stride()  # of the last sample, and its numbers: it need not be made of them again
         zero = np.zeros(len(posture))
         reads = {"position": len(posture), "velocity": len(posture), "base_pose": 7, "base_velocity": 6}
-        reads |= {**({"command": 3} if self._takes_command else {}), **dict.fromkeys(self._feet, 3)}
+        reads |= {**self._perhaps, **dict.fromkeys(self._feet, 3)}
         outputs: dict[str, Vector | float] = {"target": zero, "active": 0.0, "offset_velocity": zero}
         outputs |= {"capture": np.zeros(2), "foot": 1.0, "command": np.zeros(3), "clipped": 0.0, "blind": 0.0}
         memory = {**outputs, "stride": np.zeros(NUMBERS), "posture": zero, "begun": zero, "ready": 0.0}
@@ -193,6 +194,8 @@ class WalkingLoop(SampledBlock):
         changes: dict[str, Vector | float] = {} if memory["blind"][0] == blind else {"blind": blind}
         if not read[TIME][0]:  # what a hand asked for in another run is past
             changes["hand"] = np.zeros(4)
+        if "waits" in self._perhaps and read["waits"][0]:
+            return {**changes, "active": 0.0, "offset_velocity": np.zeros(len(self.start))}
         if not memory["active"][0]:
             return {**changes, **({} if blind else self._begun(read))}
         if memory["ready"][0] < 1.0:
@@ -218,7 +221,7 @@ class WalkingLoop(SampledBlock):
 
     def _commanded(self, memory: Named, read: Named, changes: dict[str, Vector | float]) -> Command:
         """Return what is asked for within what the legs can follow, and add to what is told."""
-        time, by_port = float(read[TIME][0]), read["command"] if self._takes_command else None
+        time, by_port = float(read[TIME][0]), read["command"] if "command" in self._perhaps else None
         progress, before = float(memory["progress"][0]), memory["command"]
         desired, along = self._commander.now(time, memory["hand"], by_port, read["base_pose"], progress)
         if along != progress:

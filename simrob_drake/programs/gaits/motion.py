@@ -113,12 +113,17 @@ class JointMotion:
         if self.feed_velocity and "inputs" not in changed:
             changes["inputs"] = tuple(dict.fromkeys((*config.inputs, "reference_velocity")))
         if self.falls and "monitors" not in changed:
-            changes["monitors"] = {
-                name: each
-                for name, each in config.monitors.items()
-                if not (isinstance(each, Fall) and each.faller(config.only_robot) == robot)
-            }
+            changes["monitors"] = unwatched(config, robot)
         return config.model_copy(update={**changes, "solver": short_steps(config.solver, changed)})
+
+
+def unwatched(config: StationConfig, robot: str) -> dict[str, Any]:
+    """Return the monitors of a station without those of a robot's fall, by name."""
+    return {
+        name: each
+        for name, each in config.monitors.items()
+        if not (isinstance(each, Fall) and each.faller(config.only_robot) == robot)
+    }
 
 
 def short_steps(solver: SolverConfig, changed: Collection[str] = ()) -> SolverConfig:

@@ -19,6 +19,7 @@ from simrob_drake.programs.gaits.sequences import March, Posing
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.sections import Number, Strict, validated
+from simrob_drake.walking.getting_up import GettingUp
 from simrob_drake.walking.parameters import WalkingParameters
 
 KINDS: tuple[type[Gait], ...] = (BipedWalk, Trot, Crawl, March, Stand, Posing, Kick)
@@ -34,6 +35,8 @@ class _Gaits(Strict):
     """Where the robot looks while its root is not turned, counterclockwise from the world's x [deg]."""
     reacting: WalkingParameters | None = None
     """The walk that is made while it goes: controllers of kind `walk`."""
+    get_up: GettingUp | None = None
+    """How it gets up where it has fallen: moves and controllers of kind `get_up`."""
 
 
 _SECTIONS: dict[str, Any] = {

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted
 from simrob_drake.programs.moves.act import ActMove
 from simrob_drake.programs.moves.attach import AttachMove
+from simrob_drake.programs.moves.get_up import GetUpMove
 from simrob_drake.programs.moves.go import GoMove
 from simrob_drake.programs.moves.grip import GripMove, OpenMove
 from simrob_drake.programs.moves.joints import JointMove, move_of
@@ -26,6 +27,7 @@ _ALL: tuple[type[Move], ...] = (
     GoMove,
     ActMove,
     KickMove,
+    GetUpMove,
     AttachMove,
     ReleaseMove,
     WaitMove,

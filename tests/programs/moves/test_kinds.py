@@ -26,6 +26,8 @@ ENTRIES = [
     {"act": "bow"},
     {"act": {"name": "bow", "repeat": 2}},
     {"kick": {}},
+    {"get_up": {}},
+    {"get_up": {"attempts": 2}},
     {"kick": {"ball": "ball", "speed": 0.5, "foot": "left_foot"}},
     {"attach": "parcel"},
     {"attach": {"piece": "parcel", "tool": "left_hand"}},

@@ -1,0 +1,73 @@
+"""A robot that has fallen gets up where it lies."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import ClassVar
+
+from simrob_drake.blocks.references import hold
+from simrob_drake.parts.controllers.get_up import STANDS, Attempts, GetUp
+from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.programs.gaits.motion import short_steps, unwatched
+from simrob_drake.programs.geometry import LeggedGeometry
+from simrob_drake.programs.moves.move import Move, Outlook, Stage
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.resolve import check_parts, resolve
+
+_LONGEST = 30.0  # that an attempt takes, with all that is waited for [s]
+
+
+class GetUpMove(Move):
+    """Get up from the belly or the back, by the postures under `get_up` in the robot's `gaits.yaml`.
+
+    It ends when the robot has stood for a second, at once where it has not fallen.
+    """
+
+    key: ClassVar[str] = "get_up"
+    title: ClassVar[str] = "Get up"
+    of_arms: ClassVar[bool] = False
+    form: ClassVar[Mapping[str, str | float | None]] = {"attempts": None}
+
+    attempts: Attempts = 5
+    """How often it tries."""
+
+    def caption(self, *, robots: bool = False) -> str:
+        """Return what it does."""
+        return "get up"
+
+    def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
+        """Check that the robot can, and return the stage in which it does."""
+        self.station(outlook.station, robot.name)
+        outlook.changed = True
+        return self._got_up
+
+    def station(self, config: StationConfig, robot: str) -> StationConfig:
+        """Return a station in which a robot gets up, without its other loops and what watches for its fall.
+
+        Raises SimrobError: a robot that cannot, or does not stand on feet of its own; a station that is kinematic.
+        """
+
+        def rests(one: object) -> bool:
+            return isinstance(one, LoopSection) and (one.robot or config.only_robot) == robot and not one.uppermost
+
+        others = {name: one for name, one in config.controllers.items() if not rests(one)}
+        section = GetUp(kind="get_up", robot=robot, attempts=self.attempts, ends=True)
+        changes = {"controllers": {**others, self.key: section}, "monitors": unwatched(config, robot)}
+        changed = config.model_copy(update={**changes, "solver": short_steps(config.solver)})
+        check_parts(resolve(changed))
+        return changed
+
+    def _got_up(self, robot: LeggedGeometry) -> SimulationResult:
+        """Let a robot get up, and return the run."""
+        cell, own = robot.cell, robot.cell.config
+        cell.change(self.station(own, robot.name))
+        try:
+            result = cell.follow({robot.name: hold(robot.reference)}, self.attempts * _LONGEST)
+        finally:
+            cell.change(own)
+        if cell.state is not None:  # the next time begins anew
+            left = {name: block for name, block in cell.state.blocks.items() if name != f"controller.{self.key}"}
+            cell.state = replace(cell.state, blocks=left)
+        if STANDS in result.message:
+            result = replace(result, ending="completed", stopped_by=None)
+        return replace(result, did=self.caption())
