@@ -16,9 +16,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
 from simrob_drake.parts.site import StationPlant
-from simrob_drake.results.record.events import Event
 from simrob_drake.results.record.run import RecordedRun, begins_of
 from simrob_drake.results.record.state import State, free_joint, joints_of
+from simrob_drake.results.record.touch import Event
 from simrob_drake.stations.clearance import PosedStation
 from simrob_drake.stations.config import PieceConfig, StationConfig
 from simrob_drake.stations.poses import piece_pose_signal, unit_poses
