@@ -98,9 +98,10 @@ def model_options(
     """
     chosen = options or ImportOptions()
     refuse_import("left out with a Simulink model", chosen.model_copy(update={"mesh_path": ()}))
+    from simrob_drake.simulink.reading.model_file import Libraries
     from simrob_drake.simulink.values.workspace import variables_of
 
-    settings = {}
+    settings, files = dict[str, str](), variables or []
     for setting in set_ or []:
         name, equals, value = setting.partition("=")
         if not (equals and all(part.isidentifier() for part in name.strip().split("."))):
@@ -109,7 +110,7 @@ def model_options(
     return {
         "libraries": tuple(library or ()),
         "meshes": chosen.mesh_path,
-        "variables": variables_of(settings, variables or []),
+        "variables": variables_of(settings, files, Libraries([*(file.parent for file in files), *(library or [])])),
         "assume": assume,
         "octave": octave,
         "servos": servos,

@@ -30,7 +30,7 @@ from simrob_drake.simulink.signals.laws import (
     read_pushes,
 )
 from simrob_drake.simulink.signals.tracing import Tracer
-from simrob_drake.simulink.values.workspace import find_octave
+from simrob_drake.simulink.values.workspace import Variables, find_octave
 
 _LONGEST = 3600.0  # s
 
@@ -94,8 +94,9 @@ def read_simulink(
     model = read_cad_model(path) if path.suffix.lower() == ".xml" else read_model(path)
     for note in model.notes:
         report.add(*note)
-    runner = find_octave() if octave else None
-    expanded = expand(model, Libraries([path.parent, *libraries]), dict(variables or {}), findings, runner)
+    files = Libraries([path.parent, *libraries])
+    runner = find_octave(files.folders) if octave else None
+    expanded = expand(model, files, dict(variables or {}), findings, runner)
     network = Connections(expanded)
     bodies = read_bodies(network, MeshFiles([path.parent, *meshes]))
     world, trees = grow(bodies, cuttable)
@@ -184,4 +185,11 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
     for node, why in tracer.opened.items():
         report.add("open", node.path, f"{node.kind or 'block'}: left open{f'; {why}' if why else ''}")
     for name in expanded.model.callbacks:
-        report.add("read", name, "a callback with MATLAB code, which is not run; give its variables with --set")
+        report.add(
+            "read", name, "a callback: what it assigns is read where a block asks for it, and nothing else is done"
+        )
+    level: Variables | None = expanded.root.workspace
+    while level is not None:
+        for file in sorted(level.absent):
+            report.add("defaulted", level.name, f"takes variables from {file}, which lies in none of the folders")
+        level = level.outer

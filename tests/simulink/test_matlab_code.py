@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from simrob_drake.simulink.signals.forms import TIME, flat, signal
-from simrob_drake.simulink.signals.matlab import Translation, functions_of
-from simrob_drake.simulink.values.evaluate import UndefinedVariable
+from simrob_drake.simulink.signals.matlab import Translation
+from simrob_drake.simulink.values.code import functions_of, undefined
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.writing.references import over_time
 
@@ -13,14 +13,10 @@ TIMES = np.linspace(0, 2, 81)
 """The argument u runs over these, less 1."""
 
 
-def unknown(name):
-    raise UndefinedVariable(name)
-
-
 def translated(code):
     functions = functions_of(code)
     (main, *_) = functions.values()
-    outputs = Translation({}, unknown, functions).called(main, [signal([TIME - 1.0]).reshape(1, 1)])
+    outputs = Translation({}, undefined, None, functions).called(main.name, [signal([TIME - 1.0]).reshape(1, 1)])
     return over_time([value for output in outputs for value in flat(np.asarray(output, dtype=object))], TIMES)
 
 

@@ -14,6 +14,7 @@ from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Mask, MaskParameter, Model, SimulinkBlock, System
 from simrob_drake.simulink.reading.model_file import BUILT_IN, Libraries
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
+from simrob_drake.simulink.values.mat import stored_workspace
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor
 from simrob_drake.simulink.values.workspace import Octave, Variables
@@ -74,7 +75,8 @@ class Node:
         try:
             return self.workspace.value(text)
         except UndefinedVariable as problem:
-            self.findings.missing(problem, f"{self.path}: {name}")
+            if not name.startswith("Graphic"):  # looks move nothing
+                self.findings.missing(problem, f"{self.path}: {name}")
             if self.findings.assume:
                 taken = unknown or default
                 self.note("defaulted", f"{name} = {text} is unknown: {taken} is taken")
@@ -238,7 +240,10 @@ def expand(
     Raises:
         InvalidModel: it has no end, or a library cannot be read.
     """
-    written = Variables(name=model.name, code=model.code, octave=octave)
+    code = "\n".join(model.callbacks.values())
+    called = Variables(name="callbacks", variables=dict(variables), code=code, octave=octave, files=libraries)
+    stored = stored_workspace(model.stored) or {}
+    written = Variables(name=model.name, variables=stored, code=model.code, outer=called)
     workspace = Variables(name="given", variables=variables, outer=written)
     root = Node(
         "",

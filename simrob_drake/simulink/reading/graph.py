@@ -217,7 +217,8 @@ class Model:
     kind: str  # ``Model``, ``Library`` or ``Subsystem``
     system: System  # its outermost level
     mask: Mask | None = None  # of a subsystem file as a whole
-    code: str = ""  # of the model workspace, MATLAB assignments
+    code: str = ""  # of the model workspace, MATLAB assignments, or which file it is from
+    stored: bytes = b""  # of the model workspace, variables as MATLAB keeps them
     callbacks: dict[str, str] = field(default_factory=dict)  # names of callbacks that MATLAB would run, with their code
     stop_time: str = "10"  # when a run ends, an expression [s]
     notes: list[tuple[EntryKind, str, str]] = field(default_factory=list)

@@ -1,17 +1,20 @@
-"""MATLAB code as masks and model workspaces have it: assignments, ``if``, ``switch`` and ``for`` of the subset.
+"""MATLAB code as masks, callbacks and scripts have it: assignments, ``if``, ``switch``, ``for``, functions of files.
 
 What is outside the subset is passed over, and the names that it would have set are remembered as unknown.
 """
+
+from __future__ import annotations
 
 import re
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate, matrix
+from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, evaluate, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
 MOST_STEPS = 20_000  # statements of one piece of code
@@ -19,9 +22,38 @@ MOST_STEPS = 20_000  # statements of one piece of code
 _KEYWORD = re.compile(r"(if|elseif|else|end|for|while|switch|case|otherwise|try|catch|function|return|break)\b")
 _STEP = r"\.([A-Za-z]\w*)|\(((?:[^()=]|\([^()=]*\))*)\)"
 _ASSIGNMENT = re.compile(rf"([A-Za-z]\w*)((?:{_STEP})*)\s*=(?!=)\s*(.+)", re.DOTALL)
-_TARGETS = re.compile(r"(\[[^\]]*\]|[A-Za-z]\w*)[^=]*=(?!=)")
+_TARGETS = re.compile(r"(\[[^\]]*\]|[A-Za-z]\w*)(?:((?:\.[A-Za-z]\w*)+)\s*|[^=]*)=(?!=)")
 _NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
 _OPENS = "if", "for", "while", "switch", "try", "function"
+_SIGNATURE = re.compile(r"function(?:\s+|(?=\[))(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
+_SEVERAL = re.compile(r"\[([^\]=]+)\]\s*=(?!=)\s*(.+)", re.DOTALL)
+_CALL = re.compile(r"(\w+)\s*\((.*)\)\s*", re.DOTALL)
+_FILE = re.compile(r"""(?:(run|load)\b\s*\(?\s*["']?(?:[^"'()=]*[/\\])?)?([A-Za-z]\w*)(\.m(?:at)?)?["']?\s*\)?""")
+_MOST_CALLS = 50
+
+
+class ScriptFunction(NamedTuple):
+    """A function of a script: its name, its inputs and outputs by name, and its statements."""
+
+    name: str
+    inputs: list[str]
+    outputs: list[str]
+    body: list[str]
+
+
+class Files(Protocol):
+    """The `.m` and `.mat` files that code may name."""
+
+    def script(self, name: str) -> str:
+        """Return the text of ``name.m``; empty where there is none."""
+
+    def variables(self, name: str) -> dict[str, Any] | None:
+        """Return what is in ``name.mat``; None where there is none."""
+
+
+def undefined(name: str) -> Any:
+    """Look a variable up where there is none."""
+    raise UndefinedVariable(name)
 
 
 class CodeRun:
@@ -30,13 +62,32 @@ class CodeRun:
     Attributes:
         variables: what it sets, on top of those it began with.
         unknown: names that a passed-over statement would have set.
+        incomplete: structures of which it would have set a field.
+        absent: files that it takes variables from, and that are not there.
     """
 
-    def __init__(self, variables: dict[str, Any], lookup: Callable[[str], Any]) -> None:
+    def __init__(
+        self,
+        variables: dict[str, Any],
+        lookup: Callable[[str], Any] = undefined,
+        files: Files | None = None,
+        functions: dict[str, ScriptFunction] | None = None,
+    ) -> None:
+        """Take the variables to begin with, what looks others up, and where functions and scripts are found."""
         self.variables = variables
         self.unknown: set[str] = set()
-        self._outside = lookup
-        self._steps = 0
+        self.incomplete: set[str] = set()
+        self.absent: set[str] = set()
+        self._outside, self._files = lookup, files
+        self.functions = {} if functions is None else functions
+        self._steps = self.depth = 0
+        known = {name: partial(self._first_of, name) for name in self.functions}
+        base = self._base()
+        self._algebra = Algebra(base.operators, {**base.functions, "exist": self._exists, **known})
+
+    def _base(self) -> Algebra:
+        """Return what expressions are computed with, before functions of files."""
+        return NUMBERS
 
     def run(self, code: str) -> None:
         """Run code."""
@@ -48,7 +99,58 @@ class CodeRun:
         return self.variables[name] if name in self.variables else self._outside(name)
 
     def _value(self, text: str) -> Any:
-        return evaluate(parse(text), self._lookup)
+        while True:
+            try:
+                return evaluate(parse(text), self._lookup, self._algebra)
+            except UndefinedVariable as problem:
+                if problem.name in self.unknown or not self.find(problem.name):
+                    raise
+
+    def find(self, name: str) -> bool:
+        """Take in the functions of a file of this name, unless they are there."""
+        if self._files is None or name in self.functions or len(self.functions) > _MOST_CALLS:
+            return False
+        for own, function in functions_of(self._files.script(name)).items():
+            self.functions.setdefault(own, function)
+            self._algebra.functions.setdefault(own, partial(self._first_of, own))
+        return name in self.functions
+
+    def _exists(self, name: Any, *_: Any) -> float:
+        if name in self.unknown:
+            raise UndefinedVariable(name)
+        try:
+            return float(self._lookup(name) is not None)
+        except UndefinedVariable:
+            return 0.0
+
+    def _first_of(self, name: str, *arguments: Any) -> Any:
+        (first, *_) = self.called(name, list(arguments)) or [None]
+        if first is None:
+            raise NotUnderstood(f"calls {name}, whose output is not known")
+        return first
+
+    def _inner(self, variables: dict[str, Any]) -> Self:
+        """Return a run of a function's statements."""
+        inner = type(self)(variables, undefined, self._files, self.functions)
+        inner.depth = self.depth + 1
+        return inner
+
+    def called(self, name: str, arguments: list[Any]) -> list[Any]:
+        """Return the outputs of a function; None in place of those that are not known.
+
+        Raises:
+            NotUnderstood: it calls itself.
+        """
+        function = self.functions[name]
+        if self.depth > _MOST_CALLS:
+            raise NotUnderstood(f"{function.name} calls itself")
+        given = {"nargin": matrix(len(arguments)), **dict(zip(function.inputs, arguments, strict=False))}
+        if function.inputs[-1:] == ["varargin"]:
+            given["varargin"] = arguments[len(function.inputs) - 1 :]
+        inner = self._inner(given)
+        inner._block(function.body)
+        self.absent |= inner.absent
+        return [inner.variables.get(name) for name in function.outputs]
 
     def _block(self, lines: list[str]) -> None:
         place = 0
@@ -56,9 +158,7 @@ class CodeRun:
             place = self._next(lines, place)
 
     def _next(self, lines: list[str], place: int) -> int:
-        self._steps += 1
-        if self._steps > MOST_STEPS:
-            raise NotUnderstood(f"runs for more than {MOST_STEPS} statements")
+        self._count()
         keyword = _KEYWORD.match(lines[place])
         stop = _closing(lines, place) if keyword and keyword[1] in _OPENS else place + 1
         part = lines[place:stop]
@@ -68,25 +168,70 @@ class CodeRun:
             self._pass_over(part, problem)
         return stop
 
+    def _count(self) -> None:
+        self._steps += 1
+        if self._steps > MOST_STEPS:
+            raise NotUnderstood(f"runs for more than {MOST_STEPS} statements")
+
     def _statement(self, keyword: str, part: list[str]) -> None:
         if keyword == "if":
             self._choose(branches(part[:-1], ("if", "elseif", "else")))
         elif keyword == "switch":
             self._switch(part)
-        elif keyword == "for":
-            name, _, values = part[0].removeprefix("for").strip().partition("=")
-            for column in matrix(self._value(values.strip().removesuffix(","))).T:
-                self.variables[name.strip(" (")] = matrix(column).T
-                self._block(part[1:-1])
+        elif keyword in ("for", "while"):
+            self._loop(keyword, part)
         elif keyword in ("return", "end") or not part[0]:
             return
         elif keyword:
             raise NotUnderstood(keyword)
-        else:
+        elif not self._took_file(part[0]):
             self.assign(part[0])
 
+    def _loop(self, keyword: str, part: list[str]) -> None:
+        head, body = part[0].removeprefix(keyword).strip(), part[1:-1]
+        if keyword == "for":
+            name, _, values = head.partition("=")
+            for column in matrix(self._value(values.strip().removesuffix(","))).T:
+                self.variables[name.strip(" (")] = matrix(column).T
+                self._block(body)
+            return
+        while met := self._condition(head):
+            if not isinstance(met, bool | float):
+                raise NotUnderstood(part[0])
+            self._block(body)
+            self._count()
+
+    def _took_file(self, text: str) -> bool:
+        """Run a script of a file, or load its variables, where a statement is that."""
+        match = _FILE.fullmatch(text) if self._files is not None else None
+        if match is None or self._files is None:
+            return False
+        command, name, suffix = match.groups()
+        if command == "load":
+            found = self._files.variables(name)
+            self.variables |= found or {}
+            self.unknown -= (found or {}).keys()
+            self.absent |= set() if found is not None else {f"{name}.mat"}
+        elif script := self._files.script(name):
+            self._block([] if functions_of(script) else statements(script))
+        elif command or suffix:
+            self.absent.add(f"{name}.m")
+        return True
+
     def assign(self, text: str) -> None:
-        """Do an assignment, of a field or element, too."""
+        """Do an assignment, of a field or element or of several outputs of a function, too."""
+        if several := _SEVERAL.fullmatch(text):
+            call = _CALL.fullmatch(several[2])
+            if call is None or not (call[1] in self.functions or self.find(call[1])):
+                raise NotUnderstood(text[:60])
+            arguments = [self._value(argument) for argument in split(call[2])]
+            for name, value in zip(names_in(several[1]), self.called(call[1], arguments), strict=False):
+                if value is None:
+                    self._pass_over([f"{name} ="], NotUnderstood(f"{call[1]} gives no {name}"))
+                elif name != "~":
+                    self.variables[name] = value
+                    self.unknown.discard(name)
+            return
         match = _ASSIGNMENT.fullmatch(text)
         if match is None:
             raise NotUnderstood(text)
@@ -170,10 +315,20 @@ class CodeRun:
 
     def _pass_over(self, part: list[str], _: Exception) -> None:
         for match in filter(None, map(_TARGETS.match, part)):
+            if match[2]:  # a field: others stay as they are
+                self.incomplete.add(match[1])
+                self._drop(self.variables.get(match[1]), match[2].split(".")[1:])
+                continue
             names = {name for name in _NAME.findall(match[1]) if not _KEYWORD.fullmatch(name)}
             self.unknown |= names
-            for name in names if match[0][len(match[1])] != "." else ():  # other fields stay as they are
+            for name in names if match[0][len(match[1])] != "." else ():
                 self.variables.pop(name, None)
+
+    def _drop(self, known: Any, fields: list[str]) -> None:
+        if isinstance(known, dict) and len(fields) > 1:
+            self._drop(known.get(fields[0]), fields[1:])
+        elif isinstance(known, dict):
+            known.pop(fields[0], None)
 
 
 def _both(array: Any, value: Any) -> Any:
@@ -185,6 +340,40 @@ def _paired(words: list[str], array: Any) -> list[tuple[str, int]]:
     if len(words) != len(sizes):
         raise NotUnderstood("an index of this many dimensions")
     return list(zip(words, sizes, strict=True))
+
+
+def functions_of(code: str) -> dict[str, ScriptFunction]:
+    """Return the functions of a script by name, the first of them first; none of a script without."""
+    lines = statements(re.sub(r"(function[^\n(]*\([^)]*\))", r"\1\n", code)) if "function" in code else []
+    starts = [place for place, line in enumerate(lines) if _SIGNATURE.match(line) and line.startswith("function")]
+    found: dict[str, ScriptFunction] = {}
+    for begin, end in pairwise([*starts, len(lines)]):
+        signature = _SIGNATURE.match(lines[begin])
+        assert signature is not None
+        body = lines[begin + 1 : end]
+        opened = sum(bool(re.match(r"(if|for|while|switch|try)\b", line)) for line in body)
+        if sum(bool(re.match(r"end\b", line)) for line in body) > opened:
+            del body[max(place for place, line in enumerate(body) if re.match(r"end\b", line)) :]
+        several, one, name, inputs = signature.groups()
+        found[name] = ScriptFunction(name, split(inputs or ""), names_in(several or one or ""), body)
+    return found
+
+
+def names_in(text: str) -> list[str]:
+    """Return the names of a list."""
+    return [name for name in re.split(r"[\s,]+", text) if name]
+
+
+def split(text: str) -> list[str]:
+    """Split at commas outside brackets."""
+    parts, depth = [""], 0
+    for letter in text:
+        depth += (letter in "([{") - (letter in ")]}")
+        if letter == "," and not depth:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts if part.strip()]
 
 
 def branches(lines: list[str], keywords: tuple[str, ...]) -> list[tuple[str, list[str]]]:

@@ -87,6 +87,14 @@ def _repmat(value: Any, *times: Any) -> Vector:
     return np.tile(array, (rows, columns))
 
 
+def _unique(value: Any, rows: Any = None) -> Vector:
+    array = matrix(value)
+    if rows == "rows":
+        return np.unique(array, axis=0)
+    found = np.unique(array)
+    return matrix(found if array.shape[0] == 1 else found[:, None])
+
+
 def _size(value: Any, axis: Any = None) -> Vector:
     shape = matrix(value).shape
     return matrix(shape if axis is None else shape[count(axis) - 1])
@@ -160,16 +168,26 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "trace": lambda value: np.trace(matrix(value)),
     "transpose": lambda value: matrix(value).T,
     "linspace": lambda start, stop, number=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(number)),
+    "unique": _unique,
     "repmat": _repmat,
     "reshape": lambda value, *sizes: matrix(value).reshape(_shape(sizes), order="F"),
     "size": _size,
-    "numel": lambda value: matrix(value).size,
-    "length": lambda value: max(matrix(value).shape) if matrix(value).size else 0,
-    "isempty": lambda value: float(matrix(value).size == 0),
+    "numel": lambda value: len(value) if isinstance(value, list) else matrix(value).size,
+    "length": lambda value: (
+        len(value) if isinstance(value, list) else max(matrix(value).shape) if matrix(value).size else 0
+    ),
+    "isempty": lambda value: float(not (len(value) if isinstance(value, str | dict | list) else matrix(value).size)),
+    "isnumeric": lambda value: float(not isinstance(value, str | dict | list)),
+    **{
+        name: lambda value, kind=kind: float(isinstance(value, kind))
+        for name, kind in (("ischar", str), ("isstruct", dict), ("iscell", list))
+    },
     "fliplr": lambda value: matrix(value)[:, ::-1],
     "flipud": lambda value: matrix(value)[::-1],
     "horzcat": _joined(1),
     "vertcat": _joined(0),
+    "struct": lambda *parts: dict(zip(parts[::2], parts[1::2], strict=True)),
+    "isfield": lambda value, name: float(isinstance(value, dict) and name in value),
     "strcmp": lambda first, second: float(isinstance(first, str) and first == second),
     "strcmpi": lambda first, second: float(str(first).lower() == str(second).lower()),
 }
@@ -184,7 +202,7 @@ class Algebra:
     """What an expression is computed with."""
 
     operators: Mapping[str, Callable[[Vector, Vector], Any]]  # elementwise, on two matrices
-    functions: Mapping[str, Callable[..., Any]]  # by name, on matrices
+    functions: dict[str, Callable[..., Any]]  # by name, on matrices
 
 
 class UndefinedVariable(LookupError):
@@ -314,6 +332,9 @@ class _Evaluation:
         parts = [[matrix(value) for value in row if matrix(value).size] for row in values]
         lines = [np.concatenate(row, axis=1) for row in parts if row]
         return np.concatenate(lines, axis=0) if lines else np.zeros((0, 0))
+
+    def _cell(self, rows: tuple[tuple[Expression, ...], ...]) -> list[Any]:
+        return [self.value(node) for row in rows for node in row]
 
     def _unary(self, operator: str, operand: Expression) -> Vector:
         value = matrix(self.value(operand))
