@@ -219,6 +219,7 @@ class StationWriter:
             "base": "floating" if floating else "fixed",
             "root": robot.links[robot.tree.root],
             "axes": list(robot.axes.values()),
+            **self._drives(robot),
         }
         if robot.tools:
             described["tools"] = robot.tools
@@ -251,6 +252,10 @@ class StationWriter:
         if kinematic and any(freedom.start_speed for freedom in robot.axes):
             self._report.add("dropped", name, "speeds at the start: what moves it is its reference")
         return entry
+
+    def _drives(self, robot: RobotFile) -> dict[str, Any]:
+        rotors = {axis: float(f"{self._law(freedom).rotor:.12g}") for freedom, axis in robot.axes.items()}
+        return {"drives": {"rotor_inertia": rotors}} if any(rotors.values()) else {}
 
     def _prescribed(self) -> dict[str, Any]:
         """Return the motions that are inputs of joints, beside which all else moves by forces."""
