@@ -466,6 +466,15 @@ def test_a_contact_without_stiffness_is_lost(tmp_path):
     assert imported.fidelity == "1 Spatial Contact Force lost"
 
 
+def test_a_contact_without_lines_is_no_loss(tmp_path):
+    level = Level()
+    level.block(INERTIA, "Ball")
+    level.block("sm_lib/Forces and Torques/Spatial Contact Force", "Contact")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    assert [entry.text for entry in imported.report.of("dropped")] == ["the contact: it is not connected"]
+
+
 def grid_model(path, *, tilt="0", heights="[0.1 0.1 0.3 0.3]' * [1 1 1]"):
     """A grid over x = -1 ... 2 and y = 0 ... 2 of a frame 0.2 m up, a quarter turn round; three balls."""
     level = Level()

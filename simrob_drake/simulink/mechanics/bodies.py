@@ -282,6 +282,9 @@ def read_contacts(network: Connections) -> list[ContactPair]:
             continue
         ends = [geometry.get(network.net(node, side)) for side in ("lconn", "rconn")]
         if ends[0] is None or ends[1] is None:
+            if not any(network.on(network.net(node, side)) for side in ("lconn", "rconn")):
+                node.note("dropped", "the contact: it is not connected")
+                continue
             node.note("lost", "the contact: one of its ends is no solid or plane")
             continue
         sensed = _DISTANCE_AFTER if node.is_on("SenseSeparationDistance") else 0

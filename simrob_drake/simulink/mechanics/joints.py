@@ -266,6 +266,16 @@ def read_joint(node: Node) -> Joint:
     if node.kind == "6-DOF Joint" and not moved:
         _read_floating(node, joint)
         return joint
+    _read_primitives(node, joint, kinds)
+    for freedom in (one for one in joint.freedoms if one.driven == "motion"):
+        freedom.lower, freedom.upper, freedom.stop = -inf, inf, None  # limits push nothing whose motion is given
+    if node.kind == "Lead Screw Joint":
+        _read_screw(node, joint)
+    return joint
+
+
+def _read_primitives(node: Node, joint: Joint, kinds: tuple[str, ...]) -> None:
+    """Read what each primitive of a joint lets free, and number its ports."""
     left, right = 2, 2
     for kind in kinds:
         prefix = "" if len(kinds) == 1 else kind
@@ -285,9 +295,6 @@ def read_joint(node: Node) -> Joint:
             if node.is_on(f"{prefix}{sensed}"):
                 joint.outputs[right] = (freedom, what)
                 right += 1
-    if node.kind == "Lead Screw Joint":
-        _read_screw(node, joint)
-    return joint
 
 
 def _read_screw(node: Node, joint: Joint) -> None:

@@ -197,7 +197,7 @@ def _parsed(path: Path, name: str, parse: Callable[[bytes], Element], content: b
 BUILT_IN = {
     "sm_lib", "nesl_utility", "simulink", "slpidlib", "fl_lib", "fl_ps_legacy_lib", "simulink_extras", "robotcorelib",
     "robotmaniplib", "robotalgslib", "ee_lib", "sdl_lib", "batteryecm_lib", "SignalEditorBlockLib", "eml_lib", "sflib",
-    "dspsrcs4", "dspsigops", "simscape", "sl3dlib", "sim3dlib", "uavlib", "autolibshared", "aerolibsixdof",
+    "dspsrcs4", "dspsigops", "simscape", "sl3dlib", "sim3dlib", "uavlib", "autolibshared", "aerolibsixdof", "cstblocks",
 }  # fmt: skip
 """Libraries of MATLAB: their blocks are known by name, or not at all."""
 

@@ -9,7 +9,6 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from itertools import pairwise
 from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
@@ -345,17 +344,24 @@ def _paired(words: list[str], array: Any) -> list[tuple[str, int]]:
 def functions_of(code: str) -> dict[str, ScriptFunction]:
     """Return the functions of a script by name, the first of them first; none of a script without."""
     lines = statements(re.sub(r"(function[^\n(]*\([^)]*\))", r"\1\n", code)) if "function" in code else []
-    starts = [place for place, line in enumerate(lines) if _SIGNATURE.match(line) and line.startswith("function")]
+    words = [match[1] if (match := _KEYWORD.match(line)) else "" for line in lines]
+    ended = words.count("end") == sum(word in _OPENS for word in words)  # whether functions have an end of their own
     found: dict[str, ScriptFunction] = {}
-    for begin, end in pairwise([*starts, len(lines)]):
-        signature = _SIGNATURE.match(lines[begin])
-        assert signature is not None
-        body = lines[begin + 1 : end]
-        opened = sum(bool(re.match(r"(if|for|while|switch|try)\b", line)) for line in body)
-        if sum(bool(re.match(r"end\b", line)) for line in body) > opened:
-            del body[max(place for place, line in enumerate(body) if re.match(r"end\b", line)) :]
-        several, one, name, inputs = signature.groups()
-        found[name] = ScriptFunction(name, split(inputs or ""), names_in(several or one or ""), body)
+    around: list[
+        tuple[ScriptFunction, int]
+    ] = []  # the functions that a line is in, and how many sections each has open
+    for line, word in zip(lines, words, strict=True):
+        if word == "function" and (signature := _SIGNATURE.match(line)):
+            several, one, name, inputs = signature.groups()
+            function = ScriptFunction(name, split(inputs or ""), names_in(several or one or ""), [])
+            found[name] = function
+            around = [*(around if ended else ()), (function, 0)]
+        elif around:
+            function, depth = around.pop()
+            depth += (word in _OPENS) - (word == "end")
+            if depth >= 0:
+                function.body.append(line)
+                around.append((function, depth))
     return found
 
 

@@ -186,6 +186,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "flipud": lambda value: matrix(value)[::-1],
     "horzcat": _joined(1),
     "vertcat": _joined(0),
+    "tf": lambda numerator, denominator: {"numerator": matrix(numerator), "denominator": matrix(denominator)},
+    "ss": lambda a, b, c, d: dict(zip("ABCD", map(matrix, (a, b, c, d)), strict=True)),
     "struct": lambda *parts: dict(zip(parts[::2], parts[1::2], strict=True)),
     "isfield": lambda value, name: float(isinstance(value, dict) and name in value),
     "strcmp": lambda first, second: float(isinstance(first, str) and first == second),
