@@ -157,9 +157,8 @@ def _stopping(tracer: Tracer, expanded: Expanded) -> tuple[list[Node], dict[Node
             continue
         source = tracer.network.source(node)
         compares = source is not None and source[0].kind in ("Compare To Zero", "Compare To Constant")
-        terms = (
-            [term for value in flat(tracer.input(source[0])) for term in terms_of(value)] if source and compares else []
-        )
+        values = flat(tracer.input(source[0])) if source and compares else []
+        terms = [term for value in values for term in terms_of(value)]
         contacts = [term.of for term in terms if term.kind == "distance" and isinstance(term.of, Node)]
         if contacts:
             found += contacts

@@ -340,9 +340,7 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
             stops.append((stiffness, damping))
     freedom.stop = max(stops, default=None)
     if len(set(stops)) > 1:
-        node.findings.report.add(
-            "approximated", freedom.name, "its stops differ: both get the figures of the stiffer one"
-        )
+        node.note("approximated", "its stops differ: both get the figures of the stiffer one")
     if freedom.lower >= freedom.upper and node.findings.assume and node.findings.undefined:
         freedom.lower, freedom.upper, freedom.stop = -inf, inf, None
         node.note("defaulted", "its limits are unknown: none are taken")

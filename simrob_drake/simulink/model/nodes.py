@@ -107,11 +107,7 @@ class Node:
         return np.asarray(array * self.unit(name, unit))
 
     def matrix(self, name: str, default: str, unknown: str | None = None) -> Vector:
-        """Return a parameter as a matrix, as it is written.
-
-        Raises:
-            InvalidModel: it is none.
-        """
+        """Return a parameter as a matrix, as it is written (raises InvalidModel: it is none)."""
         try:
             return matrix(self.value(name, default, unknown))
         except (NotUnderstood, TypeError, ValueError) as problem:

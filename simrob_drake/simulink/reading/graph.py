@@ -69,11 +69,7 @@ _CONNECTION = re.compile(r"([LR])Conn(\d+)")
 
 
 def parse_mdl(content: bytes) -> Element:
-    """Return the elements of an old model text.
-
-    Raises:
-        Unreadable: it is no such text.
-    """
+    """Return the elements of an old model text (raises Unreadable: it is no such text)."""
     text = content.decode("utf-8", "replace")
     tokens = _tokens(text)
     root = Element("ModelInformation")
@@ -255,11 +251,7 @@ class SystemReader:
         self._blocks = 0
 
     def system(self, element: Element, depth: int = 0) -> System:
-        """Return a system.
-
-        Raises:
-            TooManyElements: it has no end.
-        """
+        """Return a system (raises TooManyElements: it has no end)."""
         if depth > DEEPEST:
             raise TooManyElements(f"nests subsystems more than {DEEPEST} deep")
         reference = element.get("Ref")

@@ -50,11 +50,7 @@ class Package:
     """
 
     def __init__(self, path: Path) -> None:
-        """Read a file.
-
-        Raises:
-            InvalidModel: it is missing, protected, damaged or too large.
-        """
+        """Read a file (raises InvalidModel: it is missing, protected, damaged or too large)."""
         self.path = path
         self.parts: dict[str, bytes] = {}
         self.text = b""
@@ -216,11 +212,7 @@ class Libraries:
         self._models: dict[str, Model | None] = {}
 
     def model(self, name: str) -> Model | None:
-        """Return a file's model, or None where it lies in no folder.
-
-        Raises:
-            InvalidModel: the file cannot be read.
-        """
+        """Return a file's model, or None where it lies in no folder (raises InvalidModel: the file cannot be read)."""
         if name not in self._models:
             file = self._find(name)
             self._models[name] = None if file is None else read_model(file)

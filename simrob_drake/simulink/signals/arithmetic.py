@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -267,9 +268,7 @@ def _limits(kind: str, lower: tuple[str, str], upper: tuple[str, str]) -> Rule:
 
     def rule(reader: SignalReader, node: Node, _: int) -> Signal:
         bounds = [node.matrix(*named).reshape(-1, order="F").astype(object) for named in (lower, upper)]
-        return mapped(
-            lambda value, low, high: limited(value, low, high, kind), *fitted(node, reader.input(node), *bounds)
-        )
+        return mapped(partial(limited, kind=kind), *fitted(node, reader.input(node), *bounds))
 
     return rule
 

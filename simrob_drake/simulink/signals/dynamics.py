@@ -236,9 +236,8 @@ def _delay(reader: SignalReader, node: Node, _: int) -> Signal:
         return reader.input(node)
     name = next((name for name in ("InitialCondition", "vinit", "X0") if name in node.block.parameters), "")
     starts = node.numbers(name, "0") if name else np.zeros(1)
-    parameters = [
-        {"period": period, **({"steps": steps} if steps > 1 else {}), "initial": float(one)} for one in starts
-    ]
+    shared = {"period": period, **({"steps": steps} if steps > 1 else {})}
+    parameters = [shared | {"initial": float(one)} for one in starts]
     return with_states(reader, node, "delay", *parameters)
 
 

@@ -12,9 +12,12 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import yaml
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
@@ -29,51 +32,20 @@ _AT_ONCE = 1e-4  # s
 
 
 class Element(NamedTuple):
-    """What a block of a network is."""
+    """What a block of a network is, as `networks.yaml` has it."""
 
-    ports: str  # by name on its left, and behind a bar on its right
-    branches: str  # each from one of these to another, or to 0, what stands still
-    # sums that are 0: of v1, across the first branch, i1, through it, x of its own, rates such as dv1, signals by their
-    # port's name, and figures; with a name before, what a port tells
+    ports: str
+    branches: str
     equations: str
 
 
-_SLIDES_AND_TURNS = {
-    "{} Damper": Element("R|C", "R C", "D*v1 - i1"),
-    "{} Spring": Element("R|C", "R C", "spr_rate*v1 - di1"),
-    "Mechanical {} Reference": Element("W|", "W 0", "v1"),
-    "{} Free End": Element("W|", "W 0", "i1"),
-}
-ELEMENTS = {
-    "Resistor": Element("p|n", "p n", "v1 - R*i1"),
-    "Inductor": Element("p|n", "p n", "v1 - L*di1"),
-    "Capacitor": Element("p|n", "p n", "c*dv1 - i1"),
-    "DC Voltage Source": Element("p|n", "p n", "v1 - v0"),
-    "Controlled Voltage Source": Element("p|vT n", "p n", "v1 - vT"),
-    "Controlled Current Source": Element("p|iT n", "p n", "i1 - iT"),
-    "Voltage Sensor": Element("p|V n", "p n", "i1; V = v1"),
-    "Current Sensor": Element("p|I n", "p n", "v1; I = i1"),
-    "Electrical Reference": Element("V|", "V 0", "v1"),
-    "Inertia": Element("I|", "I 0", "inertia*dv1 - i1"),
-    "Mass": Element("M|", "M 0", "mass*dv1 - i1"),
-    "Ideal Rotational Motion Sensor": Element("R|C W A", "R C", "i1; v1 - dx; W = v1; A = x"),
-    "Ideal Translational Motion Sensor": Element("R|C V P", "R C", "i1; v1 - dx; V = v1; P = x"),
-    "Ideal Torque Source": Element("R|S C", "R C", "i1 + S"),
-    "Ideal Force Source": Element("R|S C", "R C", "i1 + S"),
-    "Ideal Angular Velocity Source": Element("R|S C", "R C", "v1 - S"),
-    "Ideal Translational Velocity Source": Element("R|S C", "R C", "v1 - S"),
-    "Ideal Torque Sensor": Element("R|C T", "R C", "v1; T = i1"),
-    "Ideal Force Sensor": Element("R|C F", "R C", "v1; F = i1"),
-    "Rotational Multibody Interface": Element("t C|w R", "R C", "v1 - w; t = i1"),
-    "Translational Multibody Interface": Element("f C|v R", "R C", "v1 - v; f = i1"),
-    "Gear Box": Element("S|O", "S 0, O 0", "v1 - ratio*v2; i2 + ratio*i1"),
-    "Wheel and Axle": Element("A|P", "A 0, P 0", "v2 - radius*v1; i1 + radius*i2"),
-    "Rotational Electromechanical Converter": Element("p R|n C", "p n, R C", "v1 - K*v2; i2 + K*i1"),
-    "Translational Electromechanical Converter": Element("p R|n C", "p n, R C", "v1 - K*v2; i2 + K*i1"),
-    "DC Motor": Element("p R|n C", "p n, R C", "v1 - Ra*i1 - La*di1 - K*v2; i2 + K*i1 - lam*v2 - J*dv2"),
-    **{name.format(way): one for name, one in _SLIDES_AND_TURNS.items() for way in ("Rotational", "Translational")},
-}
-"""Linear elements by the type of their block; a source of torque or force pushes R on, away from C."""
+@cache
+def elements() -> dict[str, Element]:
+    """Return the table, by type."""
+    content = (Path(__file__).parents[1] / "networks.yaml").read_text(encoding="utf-8")
+    return {kind: Element(*row) for kind, row in yaml.safe_load(content).items()}
+
+
 _FIGURES = {"L": ("l",), "K": ("Ki", "Kv")}  # other names of figures
 _ASIDE = ("PMIOPort", "Solver Configuration", "Connection Port", "ConnectionLabel", "SimscapeBus", "Two-Way Connection")
 _AS_IS = {"parameterization": ("circuit_param", "1"), "lam_param": ("damping", "2"), "mech_orient": ("positive", "1")}
@@ -89,7 +61,7 @@ def ports_of(node: Node) -> dict[str, tuple[str, int]]:
             side: [port["id"] for port in written[name]] for side, name in (("lconn", "Left"), ("rconn", "Right"))
         }
     except (ValueError, KeyError, TypeError):
-        left, right = ELEMENTS[node.kind].ports.split("|")
+        left, right = elements()[node.kind].ports.split("|")
         listed = {"lconn": left.split(), "rconn": right.split()}
     return {name: (side, place) for side, names in listed.items() for place, name in enumerate(names, start=1)}
 
@@ -97,7 +69,7 @@ def ports_of(node: Node) -> dict[str, tuple[str, int]]:
 def told_by(node: Node) -> list[tuple[str, str, int]]:
     """Return the ports at which an element tells something: name, side and number."""
     ports = ports_of(node)
-    names = [part.partition("=")[0].strip() for part in ELEMENTS[node.kind].equations.split(";") if "=" in part]
+    names = [part.partition("=")[0].strip() for part in elements()[node.kind].equations.split(";") if "=" in part]
     return [(name, *ports[name]) for name in names if name in ports]
 
 
@@ -120,7 +92,7 @@ class _Equations:
 
     def add(self, node: Node, reader: SignalReader) -> None:
         """Add what an element says."""
-        element, ports = ELEMENTS[node.kind], ports_of(node)
+        element, ports = elements()[node.kind], ports_of(node)
         nets = {name: reader.network.net(node, *port) for name, port in ports.items()}
         known: dict[str, list[tuple[int, int, float]]] = {}  # of the factors: which, at what place, and how often
         for number, branch in enumerate(element.branches.split(", "), start=1):
@@ -284,9 +256,9 @@ def _members(network: Connections, start: Node) -> list[Node]:
     waiting = [start]
     while waiting:
         node = waiting.pop()
-        if node.kind in ELEMENTS:
+        if node.kind in elements():
             ports = ports_of(node)
-            for name in ELEMENTS[node.kind].branches.replace(",", "").split():
+            for name in elements()[node.kind].branches.replace(",", "").split():
                 there = network.on(network.net(node, *ports[name])) if name in ports else []
                 new = [one for one in there if one not in found and one.kind not in _ASIDE and not one.children]
                 found |= dict.fromkeys(new)
@@ -296,7 +268,7 @@ def _members(network: Connections, start: Node) -> list[Node]:
 
 def _solved(reader: SignalReader, members: list[Node]) -> list[Signal]:
     """Return what the elements of a network tell, in order; nothing where it is not read, which is told of each."""
-    strange = [node for node in members if node.kind not in ELEMENTS]
+    strange = [node for node in members if node.kind not in elements()]
     try:
         if strange:
             raise strange[0].refusal(f"a {strange[0].kind} in a network: it is not linear, or not read")
@@ -342,4 +314,4 @@ def _element(reader: SignalReader, node: Node, number: int) -> Signal:
     return values[places.index((node, number - 1))]
 
 
-NETWORKS: dict[str, Rule] = dict.fromkeys(ELEMENTS, _element)
+NETWORKS: dict[str, Rule] = dict.fromkeys(elements(), _element)

@@ -17,11 +17,7 @@ LARGEST = 1_000_000  # elements of a matrix
 
 
 def matrix(value: Any) -> Vector:
-    """Return a value as a matrix of shape (r, c).
-
-    Raises:
-        NotUnderstood: it is no number, or too large.
-    """
+    """Return a value as a matrix of shape (r, c) (raises NotUnderstood: it is no number, or too large)."""
     if isinstance(value, str):
         raise NotUnderstood(f"uses the text '{value[:20]}' as a number")
     if isinstance(value, dict | list):
@@ -230,9 +226,8 @@ def evaluate(node: Expression, lookup: Lookup, algebra: Algebra | None = None) -
     try:
         return _Evaluation(lookup, algebra or NUMBERS).value(node)
     except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
-        raise (
-            problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
-        ) from problem
+        told = problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
+        raise told from problem
 
 
 class _Evaluation:

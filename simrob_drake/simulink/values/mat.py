@@ -33,11 +33,7 @@ class UnboundedMat(Exception):
 
 
 def check_bounds(content: bytes) -> None:
-    """Check that a file asks for nothing beyond what it holds.
-
-    Raises:
-        UnboundedMat: it does.
-    """
+    """Check that a file asks for nothing beyond what it holds (raises UnboundedMat: it does)."""
     mark = content[_HEADER - 2 : _HEADER]
     if mark in _VERSION_5:
         _Scan("<" if mark == _VERSION_5[0] else ">").check(memoryview(content)[_HEADER:])

@@ -85,11 +85,7 @@ _END = _Token("end", "")
 
 
 def parse(text: str) -> Expression:
-    """Return the tree of an expression.
-
-    Raises:
-        NotUnderstood: it is outside the subset.
-    """
+    """Return the tree of an expression (raises NotUnderstood: it is outside the subset)."""
     parser = _Parser([*_tokens_of(text.strip()), _END])
     node = parser.expression()
     if parser.here is not _END:

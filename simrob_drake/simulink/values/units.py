@@ -46,11 +46,7 @@ _LONGEST, _POWERS = 200, range(7)
 
 @lru_cache(maxsize=1000)
 def parse_unit(text: str) -> Unit:
-    """Return a unit.
-
-    Raises:
-        UnknownUnit: the text is none.
-    """
+    """Return a unit (raises UnknownUnit: the text is none)."""
     try:
         return _unit(parse(text if len(text) <= _LONGEST else ""))
     except (NotUnderstood, ArithmeticError):

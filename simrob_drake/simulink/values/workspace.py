@@ -100,11 +100,7 @@ class Variables:
     absent: set[str] = field(default_factory=set)  # files that code takes variables from, and that are not there
 
     def lookup(self, name: str) -> Any:
-        """Return a variable's value.
-
-        Raises:
-            UndefinedVariable: no workspace has it.
-        """
+        """Return a variable's value (raises UndefinedVariable: no workspace has it)."""
         if name in self.pending:
             self.variables[name] = self.pending[name]()  # stays pending where it cannot be told
             del self.pending[name]

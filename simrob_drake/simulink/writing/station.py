@@ -68,9 +68,7 @@ class StationWriter:
             self._report.add("dropped", name, "the station: everything stands fixed, so only pieces are written")
             return self._files
         self._files.content = self._station(name, pieces)
-        text = yaml.safe_dump(
-            self._files.content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
-        )
+        text = _as_yaml(self._files.content)
         header = f"# From the Simulink model {self._model.path.name}; report.json tells what became of each block.\n"
         (self._folder / f"{name}.yaml").write_text(header + text, encoding="utf-8")
         return self._files
@@ -156,9 +154,7 @@ class StationWriter:
         if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
             content["inputs"] = self._pushes()
         for push in self._model.pushes if kinematic else ():
-            self._report.add(
-                "dropped", push.node.path, "a force, in a station without forces: what moves is prescribed"
-            )
+            push.node.note("dropped", "a force, in a station without forces: what moves is prescribed")
         content |= coupling_sections(model, self._files, self._turn, self._names, kinematic=kinematic)
         content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}), measured)
         content["duration"] = duration
@@ -226,7 +222,7 @@ class StationWriter:
         feet = feet_of(robot, self._touching, self._gravity, self._report)
         if feet:
             described["feet"] = feet
-        text = yaml.safe_dump(described, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
+        text = _as_yaml(described)
         (folder / ROBOT_FILE).write_text(text, encoding="utf-8")
         start = self._starts(robot)
         entry: dict[str, Any] = {"model": f"{name}/{ROBOT_FILE}"}
@@ -320,6 +316,10 @@ class StationWriter:
         if any(not robot.tree.root.grounded and _is_moved(robot) for robot in self._files.robots.values()):
             return _SOLVERS["walkers"]
         return _SOLVERS["feet"] if self._touching.ends else _SOLVERS["arm"]
+
+
+def _as_yaml(content: dict[str, Any]) -> str:
+    return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None))
 
 
 def _home(tree: Tree) -> str:

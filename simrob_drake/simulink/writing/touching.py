@@ -130,9 +130,8 @@ def _field(node: Node, pose: RigidTransform) -> HeightField:
         size *= 1.05
     corners = surface(tuple(np.meshgrid(along - size / 2, across - size / 2, indexing="ij")))
     off = float(np.nanmax(np.abs(corners - tiles), initial=0.0))
-    node.note(
-        "approximated", f"level tiles of {size:.3g} m, off by up to {off:.2g} m; around it the ground is at z = 0"
-    )
+    message = f"level tiles of {size:.3g} m, off by up to {off:.2g} m; around it the ground is at z = 0"
+    node.note("approximated", message)
     section = {"kind": "grid", "size": size, "start": float(x[0] + x0)}
     heading = float(np.rad2deg(np.arctan2(turn[1, 0], turn[0, 0])))
     return HeightField(section | ({"heading_deg": heading} if heading else {}), tiles)
