@@ -5,7 +5,8 @@ import pytest
 
 from simrob_drake.simulink.signals.forms import TIME, flat, signal
 from simrob_drake.simulink.signals.matlab import Translation
-from simrob_drake.simulink.values.code import functions_of, undefined
+from simrob_drake.simulink.values.code import undefined
+from simrob_drake.simulink.values.script import functions_of
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.writing.references import over_time
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -263,16 +262,6 @@ def _function(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return mapped(lambda *values: applied(name, *values), *signals) if name in FUNCTIONS else None
 
 
-def _limits(kind: str, lower: tuple[str, str], upper: tuple[str, str]) -> Rule:
-    """Return the rule of a block with limits, whose parameters are these, by default these."""
-
-    def rule(reader: SignalReader, node: Node, _: int) -> Signal:
-        bounds = [node.matrix(*named).reshape(-1, order="F").astype(object) for named in (lower, upper)]
-        return mapped(partial(limited, kind=kind), *fitted(node, reader.input(node), *bounds))
-
-    return rule
-
-
 def table_of(points: Any, values: Any, *, clip: bool) -> dict[str, Any]:
     """Return the parameters of a lookup table."""
     listed = {name: [float(one) for one in np.asarray(column).reshape(-1)] for name, column in
@@ -344,34 +333,17 @@ def _polynomial(node: Node) -> Callable[[Value], Value]:
     return value_at
 
 
-def _quantized(node: Node) -> Callable[[Value], Value]:
-    step = node.number("QuantizationInterval", "0.5")
-    return lambda u: step * applied("floor", u * (1 / step) + 0.5)
-
-
-def times(factor: float) -> Rule:
-    """Return the rule of a block that multiplies."""
-    return lambda reader, node, _: scaled(reader.input(node), factor)
-
-
 ARITHMETIC: dict[str, Rule] = {
     **dict.fromkeys(("Gain", "Slider Gain"), _gain),
     "Sum": _sum,
     "Product": _product,
     "DotProduct": _dot_product,
     "Cross Product": _cross_product,
-    "UnaryMinus": times(-1.0),
-    "Degrees to Radians": times(math.pi / 180),
-    "Radians to Degrees": times(180 / math.pi),
     **dict.fromkeys(_DEFAULTS, _function),
-    "Saturate": _limits("saturation", ("LowerLimit", "-0.5"), ("UpperLimit", "0.5")),
-    "DeadZone": _limits("dead_zone", ("LowerValue", "-0.5"), ("UpperValue", "0.5")),
-    "Saturation Dynamic": elementwise(lambda up, x, low: applied("max", low, applied("min", x, up)), 3),
     **dict.fromkeys(("Lookup_n-D", "Lookup"), _lookup),
     **dict.fromkeys(("RelationalOperator", "Compare To Constant", "Compare To Zero"), _compare),
     "Interval Test": of_parameters(_within),
     "Logic": _logic,
     "Switch": _switch,
     "Polyval": of_parameters(_polynomial),
-    "Quantizer": of_parameters(_quantized),
 }

@@ -5,18 +5,42 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import yaml
 
 from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.model_file import SCRIPT
-from simrob_drake.simulink.signals.arithmetic import MATH, OPERATORS, applied, chosen, compared, joined, table_of
-from simrob_drake.simulink.signals.forms import Form, Rule, Signal, SignalReader, Value, computed, flat, mapped, signal
-from simrob_drake.simulink.values.code import CodeRun, Files, functions_of, undefined
+from simrob_drake.simulink.signals.arithmetic import (
+    MATH,
+    OPERATORS,
+    applied,
+    chosen,
+    compared,
+    joined,
+    limited,
+    table_of,
+)
+from simrob_drake.simulink.signals.forms import (
+    TIME,
+    Form,
+    Rule,
+    Signal,
+    SignalReader,
+    Value,
+    computed,
+    fitted,
+    flat,
+    mapped,
+    signal,
+)
+from simrob_drake.simulink.values.code import CodeRun, Files, undefined
 from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, matrix
+from simrob_drake.simulink.values.script import functions_of
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
 _EQUALS = re.compile(r"(?<![=~<>!])=(?!=)")
@@ -298,4 +322,43 @@ def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return _understood(node, lambda: [_as_signal(run._value(text))])[0] if text else None
 
 
-MATLAB: dict[str, Rule] = {"S-Function": _matlab_function, **dict.fromkeys(("Fcn", "MATLABFcn"), _expression)}
+@cache
+def _formulas() -> dict[str, dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = yaml.safe_load((Path(__file__).parents[1] / "formulas.yaml").read_text("utf-8"))
+    return found
+
+
+_BLOCKS: dict[str, Callable[..., Value]] = {
+    **{kind: partial(limited, kind=kind) for kind in ("saturation", "dead_zone")},
+    "step": lambda time, before, after: computed("step", time=float(time), before=float(before), after=float(after)),
+}
+"""Functions of formulas that are blocks of a flow."""
+
+
+def _formula(reader: SignalReader, node: Node, _: int) -> Signal:
+    """Return what a block computes by its formula."""
+    text, *parameters = _formulas()[node.kind].items()
+    words = set(re.findall(r"[A-Za-z]\w*", text[1]))
+    given = {name: reader.input(node, place) for place, name in enumerate("uvw", start=1) if name in words}
+    if "t" in words:
+        given["t"] = reader.input(node) if node.text("TimeSource").startswith("Use external") else signal([TIME])
+    given |= {name: _parameter(node, default, others or [name]) for name, (default, *others) in parameters}
+    values = dict(zip(given, map(_columns, fitted(node, *given.values())), strict=True))
+    run = Translation(values)
+    run._algebra.functions.update({name: _on_symbols(None, function) for name, function in _BLOCKS.items()})
+    return _understood(node, lambda: [_as_signal(run._value(text[1]))])[0]
+
+
+def _parameter(node: Node, default: str, names: list[str]) -> Signal:
+    name = next((one for one in names if one in node.block.parameters), names[0])
+    unit = node.text(f"{name}_unit", "1")
+    factor = node.in_si(unit, name) * (2 * np.pi if "Hz" in unit else 1.0)  # in sines
+    return (node.matrix(name, default) * factor).reshape(-1, order="F").astype(object)
+
+
+FORMULAS: dict[str, Rule] = dict.fromkeys(_formulas(), _formula)
+MATLAB: dict[str, Rule] = {
+    **FORMULAS,
+    "S-Function": _matlab_function,
+    **dict.fromkeys(("Fcn", "MATLABFcn"), _expression),
+}

@@ -174,11 +174,6 @@ def _multiport_switch(reader: SignalReader, node: Node, _: int) -> Signal | None
     return chosen
 
 
-def _bias(reader: SignalReader, node: Node, _: int) -> Signal:
-    bias = node.matrix("Bias", "0").astype(object)
-    return mapped(lambda one, other: one + other, reader.input(node), bias.reshape(-1) if 1 in bias.shape else bias)
-
-
 PASSING = {
     "SignalConversion", "SignalSpecification", "DataTypeConversion", "RateTransition", "UnitConversion", "BusToVector",
     "Width Conversion", "IC", "Signal Copy",
@@ -199,7 +194,6 @@ ROUTING: dict[str, Rule] = {
     "BusSelector": _bus_selector,
     "ManualSwitch": lambda reader, node, _: reader.input(node, 1 if node.text("sw", "1") == "1" else 2),
     "MultiPortSwitch": _multiport_switch,
-    "Bias": _bias,
     "DataStoreRead": _stored,
 }
 

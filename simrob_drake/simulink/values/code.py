@@ -9,35 +9,34 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
 from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, evaluate, matrix
+from simrob_drake.simulink.values.script import (
+    KEYWORD,
+    OPENS,
+    ScriptFunction,
+    branches,
+    closing,
+    functions_of,
+    names_in,
+    split,
+    statements,
+)
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
 MOST_STEPS = 20_000  # statements of one piece of code
 
-_KEYWORD = re.compile(r"(if|elseif|else|end|for|while|switch|case|otherwise|try|catch|function|return|break)\b")
 _STEP = r"\.([A-Za-z]\w*)|\(((?:[^()=]|\([^()=]*\))*)\)"
 _ASSIGNMENT = re.compile(rf"([A-Za-z]\w*)((?:{_STEP})*)\s*=(?!=)\s*(.+)", re.DOTALL)
 _TARGETS = re.compile(r"(\[[^\]]*\]|[A-Za-z]\w*)(?:((?:\.[A-Za-z]\w*)+)\s*|[^=]*)=(?!=)")
 _NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
-_OPENS = "if", "for", "while", "switch", "try", "function"
-_SIGNATURE = re.compile(r"function(?:\s+|(?=\[))(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
 _SEVERAL = re.compile(r"\[([^\]=]+)\]\s*=(?!=)\s*(.+)", re.DOTALL)
 _CALL = re.compile(r"(\w+)\s*\((.*)\)\s*", re.DOTALL)
 _FILE = re.compile(r"""(?:(run|load)\b\s*\(?\s*["']?(?:[^"'()=]*[/\\])?)?([A-Za-z]\w*)(\.m(?:at)?)?["']?\s*\)?""")
 _MOST_CALLS = 50
-
-
-class ScriptFunction(NamedTuple):
-    """A function of a script: its name, its inputs and outputs by name, and its statements."""
-
-    name: str
-    inputs: list[str]
-    outputs: list[str]
-    body: list[str]
 
 
 class Files(Protocol):
@@ -158,8 +157,8 @@ class CodeRun:
 
     def _next(self, lines: list[str], place: int) -> int:
         self._count()
-        keyword = _KEYWORD.match(lines[place])
-        stop = _closing(lines, place) if keyword and keyword[1] in _OPENS else place + 1
+        keyword = KEYWORD.match(lines[place])
+        stop = closing(lines, place) if keyword and keyword[1] in OPENS else place + 1
         part = lines[place:stop]
         try:
             self._statement(keyword[1] if keyword else "", part)
@@ -318,7 +317,7 @@ class CodeRun:
                 self.incomplete.add(match[1])
                 self._drop(self.variables.get(match[1]), match[2].split(".")[1:])
                 continue
-            names = {name for name in _NAME.findall(match[1]) if not _KEYWORD.fullmatch(name)}
+            names = {name for name in _NAME.findall(match[1]) if not KEYWORD.fullmatch(name)}
             self.unknown |= names
             for name in names if match[0][len(match[1])] != "." else ():
                 self.variables.pop(name, None)
@@ -339,116 +338,3 @@ def _paired(words: list[str], array: Any) -> list[tuple[str, int]]:
     if len(words) != len(sizes):
         raise NotUnderstood("an index of this many dimensions")
     return list(zip(words, sizes, strict=True))
-
-
-def functions_of(code: str) -> dict[str, ScriptFunction]:
-    """Return the functions of a script by name, the first of them first; none of a script without."""
-    lines = statements(re.sub(r"(function[^\n(]*\([^)]*\))", r"\1\n", code)) if "function" in code else []
-    words = [match[1] if (match := _KEYWORD.match(line)) else "" for line in lines]
-    ended = words.count("end") == sum(word in _OPENS for word in words)  # whether functions have an end of their own
-    found: dict[str, ScriptFunction] = {}
-    around: list[
-        tuple[ScriptFunction, int]
-    ] = []  # the functions that a line is in, and how many sections each has open
-    for line, word in zip(lines, words, strict=True):
-        if word == "function" and (signature := _SIGNATURE.match(line)):
-            several, one, name, inputs = signature.groups()
-            function = ScriptFunction(name, split(inputs or ""), names_in(several or one or ""), [])
-            found[name] = function
-            around = [*(around if ended else ()), (function, 0)]
-        elif around:
-            function, depth = around.pop()
-            depth += (word in _OPENS) - (word == "end")
-            if depth >= 0:
-                function.body.append(line)
-                around.append((function, depth))
-    return found
-
-
-def names_in(text: str) -> list[str]:
-    """Return the names of a list."""
-    return [name for name in re.split(r"[\s,]+", text) if name]
-
-
-def split(text: str) -> list[str]:
-    """Split at commas outside brackets."""
-    parts, depth = [""], 0
-    for letter in text:
-        depth += (letter in "([{") - (letter in ")]}")
-        if letter == "," and not depth:
-            parts.append("")
-        else:
-            parts[-1] += letter
-    return [part.strip() for part in parts if part.strip()]
-
-
-def branches(lines: list[str], keywords: tuple[str, ...]) -> list[tuple[str, list[str]]]:
-    """Split a section at its own keywords, not at those of sections within."""
-    ways: list[tuple[str, list[str]]] = []
-    place = 0
-    while place < len(lines):
-        match = _KEYWORD.match(lines[place])
-        if match and match[1] in keywords and (not ways or match[1] != keywords[0]):
-            ways.append((lines[place], []))
-            place += 1
-            continue
-        stop = _closing(lines, place) if match and match[1] in _OPENS else place + 1
-        ways[-1][1].extend(lines[place:stop])
-        place = stop
-    return ways
-
-
-def _closing(lines: list[str], start: int) -> int:
-    """Return the place behind the ``end`` of the section that begins at a line."""
-    depth = 0
-    for place in range(start, len(lines)):
-        match = _KEYWORD.match(lines[place])
-        if match and match[1] in _OPENS:
-            depth += 1
-        elif match and match[1] == "end":
-            depth -= 1
-            if depth == 0:
-                return place + 1
-    return len(lines)
-
-
-def statements(code: str) -> list[str]:
-    """Split code into statements: at line ends, ``;`` and ``,`` outside brackets and texts; comments go."""
-    code = re.sub(r"\.\.\.[^\n]*\n", " ", code.replace("\r", ""))
-    code = re.sub(r"^[ \t]*%\{[ \t]*\n.*?^[ \t]*%\}[ \t]*$", "", code, flags=re.DOTALL | re.MULTILINE)
-    found: list[str] = []
-    current, depth, quote = "", 0, ""
-    last = ""
-    comment = False
-    for letter in code + "\n":
-        if comment and letter != "\n":
-            continue
-        comment = False
-        if quote:
-            quote = "" if letter in (quote, "\n") else quote
-        elif letter == '"' or (letter == "'" and not (last.isalnum() or last in ")]}'._")):
-            quote = letter
-        elif letter == "%":
-            comment = True
-            continue
-        elif letter in "([{":
-            depth += 1
-        elif letter in ")]}":
-            depth = max(0, depth - 1)
-        if letter == "\n" and depth and not quote:
-            current += ";" if current.rstrip()[-1:] not in (";", ",", "[", "(", "{") else " "
-        elif (letter == "\n" or letter in ";,") and not quote and not depth:
-            found.append(current.strip())
-            current = ""
-        else:
-            current += letter
-        last = letter
-    return [part for statement in found for part in _without_else(statement) if part]
-
-
-def _without_else(statement: str) -> list[str]:
-    """Split ``else x = 1``, which some write on one line."""
-    for keyword in ("else", "try", "otherwise"):
-        if statement.startswith(keyword + " "):
-            return [keyword, statement[len(keyword) :].strip()]
-    return [statement]
