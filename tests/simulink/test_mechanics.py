@@ -512,13 +512,19 @@ def test_a_grid_that_no_terrain_can_be_is_lost(tmp_path, wrong):
     assert imported.fidelity == "1 Grid Surface lost"
 
 
-def test_a_robot_may_stand_on_a_box(tmp_path):
-    """Four of the spheres in its corners carry it, with the spring of the model between them."""
+CYLINDER = {"CylinderRadius": "0.1", "CylinderLength": "0.1"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes", "told"),
+    [(BRICK, {"BrickDimensions": "[0.2 0.3 0.1]"}, "four"), (BRICK.replace("Brick", "Cylindrical"), CYLINDER, "eight")],
+)
+def test_a_robot_may_stand_on_a_box_or_a_cylinder(tmp_path, kind, sizes, told):
+    """Four spheres in the corners, or the eight of a rim, carry it, with the spring of the model between them."""
     level = Level()
     world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/6-DOF Joint", "Free",
         PzPositionTargetSpecify="on", PzPositionTargetValue="0.055")  # fmt: skip
-    foot = level.block(BRICK, "Foot", BrickDimensions="[0.2 0.3 0.1]", BasedOnType="Mass", Mass="2",
-                       ExportEntireGeometry="on")  # fmt: skip
+    foot = level.block(kind, "Foot", BasedOnType="Mass", Mass="2", ExportEntireGeometry="on", **sizes)
     hinge, arm = level.block(REVOLUTE, "Hinge"), level.block(INERTIA, "Arm", Mass="1", MomentsOfInertia="[1 1 1]")
     ground = level.block("sm_lib/Curves and Surfaces/Infinite Plane", "Ground")
     touch = level.block(TOUCH, "Touch", **FIGURES)
@@ -532,7 +538,8 @@ def test_a_robot_may_stand_on_a_box(tmp_path):
     sink = 3 * 9.80665 / 1e4
     assert result.pose("base")[-1, 2] == pytest.approx(0.05 - sink, abs=1e-4)
     assert result["distance.Touch"][-1] == pytest.approx(-sink, abs=1e-4)
-    assert any("in its corners" in entry.text for entry in imported.report.of("approximated"))
+    words = "in its corners" if told == "four" else "on its rims"
+    assert any(words in entry.text for entry in imported.report.of("approximated"))
 
 
 def test_gravity_to_the_side_turns_the_world(tmp_path):
