@@ -284,6 +284,8 @@ def test_units_that_do_not_fit(unit):
         ("figures; x = arm.mass;", "x", 1.5),
         ("run('some/where/figures.m'), x = arm.mass;", "x", 1.5),
         ("load data; x = k;", "x", 8),
+        ("x = 2./[1 4] + 3.*[1 1] + [1 2].^2 + 1.5;", "x", [[7.5, 9.0]]),
+        ("a = [1 2 4]; x = diff(a) * circshift(a, 1)(1:2)' + polyval([1 0 2], 3);", "x", 4 + 2 + 11),
         ('load("data.mat"); arm.mass = unknowable(1); arm.length = 2; x = arm.length;', "x", 2),
     ],
 )
@@ -300,6 +302,17 @@ def test_code_calls_functions_and_takes_scripts_and_variables_of_files(tmp_path,
     if "unknowable" in code:
         with pytest.raises(UndefinedVariable):
             level.value("arm.mass")
+
+
+def test_code_of_a_mask_may_ask_for_its_own_parameters():
+    texts = {"radius": "2*r", "side": "left"}
+    code = (
+        "x = get_param(gcb, 'value@radius'); y = strcmp(get_param(gcb, 'side'), 'left'); z = get_param('a/b', 'side');"
+    )
+    mask = Variables(code=code, texts=texts, pending={"radius": lambda: 6.0})
+    assert (mask.value("x"), mask.value("y")) == (6.0, 1.0)
+    with pytest.raises(UndefinedVariable):
+        mask.value("z")
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):

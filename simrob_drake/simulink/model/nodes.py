@@ -271,6 +271,7 @@ def _masked(name: str, mask: Mask, values: dict[str, str], outer: Variables) -> 
     for parameter in mask.parameters:
         text = values.get(parameter.name, parameter.value)
         workspace.pending[parameter.name] = _reader(parameter, text, outer)
+        workspace.texts[parameter.name] = text
     return workspace
 
 

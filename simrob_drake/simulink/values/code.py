@@ -6,7 +6,7 @@ What is outside the subset is passed over, and the names that it would have set 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from typing import Any, Protocol, Self
@@ -37,6 +37,7 @@ _SEVERAL = re.compile(r"\[([^\]=]+)\]\s*=(?!=)\s*(.+)", re.DOTALL)
 _CALL = re.compile(r"(\w+)\s*\((.*)\)\s*", re.DOTALL)
 _FILE = re.compile(r"""(?:(run|load)\b\s*\(?\s*["']?(?:[^"'()=]*[/\\])?)?([A-Za-z]\w*)(\.m(?:at)?)?["']?\s*\)?""")
 _MOST_CALLS = 50
+_HERE = "(this block)"
 
 
 class Files(Protocol):
@@ -70,18 +71,28 @@ class CodeRun:
         lookup: Callable[[str], Any] = undefined,
         files: Files | None = None,
         functions: dict[str, ScriptFunction] | None = None,
+        texts: Mapping[str, str] | None = None,
     ) -> None:
-        """Take the variables to begin with, what looks others up, and where functions and scripts are found."""
+        """Take what it begins with.
+
+        Args:
+            variables: by name.
+            lookup: looks others up.
+            files: where functions and scripts are found.
+            functions: that are known already.
+            texts: of the parameters of the block whose mask this is, as they are written.
+        """
         self.variables = variables
         self.unknown: set[str] = set()
         self.incomplete: set[str] = set()
         self.absent: set[str] = set()
-        self._outside, self._files = lookup, files
+        self._outside, self._files, self._texts = lookup, files, texts or {}
         self.functions = {} if functions is None else functions
         self._steps = self.depth = 0
         known = {name: partial(self._first_of, name) for name in self.functions}
         base = self._base()
-        self._algebra = Algebra(base.operators, {**base.functions, "exist": self._exists, **known})
+        own = {"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter}
+        self._algebra = Algebra(base.operators, {**base.functions, **own, **known})
 
     def _base(self) -> Algebra:
         """Return what expressions are computed with, before functions of files."""
@@ -120,6 +131,16 @@ class CodeRun:
             return float(self._lookup(name) is not None)
         except UndefinedVariable:
             return 0.0
+
+    def _parameter(self, block: Any, name: Any) -> Any:
+        """Return a parameter of the block whose mask this is: its text, or its value as ``value@name``."""
+        if block != _HERE or not isinstance(name, str):
+            raise NotUnderstood("get_param")
+        if name.startswith("value@"):
+            return self._lookup(name.removeprefix("value@"))
+        if name not in self._texts:
+            raise NotUnderstood(f"get_param of {name[:40]}")
+        return self._texts[name]
 
     def _first_of(self, name: str, *arguments: Any) -> Any:
         (first, *_) = self.called(name, list(arguments)) or [None]

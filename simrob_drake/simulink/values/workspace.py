@@ -97,6 +97,7 @@ class Variables:
     code: str = ""  # what sets further variables, once one is asked for that is not known
     octave: Octave | None = None  # what runs code outside the subset; that of the outer levels unless given
     files: Files | None = None  # what code may name; those of the outer levels unless given
+    texts: dict[str, str] = field(default_factory=dict)  # parameters of a mask, as they are written
     absent: set[str] = field(default_factory=set)  # files that code takes variables from, and that are not there
 
     def lookup(self, name: str) -> Any:
@@ -128,7 +129,7 @@ class Variables:
 
     def _run(self) -> None:
         code, self.code = self.code, ""
-        run = CodeRun(self.variables, self.lookup, self._of_all("files"))
+        run = CodeRun(self.variables, self.lookup, self._of_all("files"), texts=self.texts)
         run.run(code)
         self.unknown |= run.unknown
         self.absent |= run.absent
