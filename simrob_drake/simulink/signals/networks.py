@@ -243,7 +243,8 @@ def _echelon(rows: Any, columns: int) -> tuple[Any, Any]:
         pivot = left.pop(place)
         pivot = pivot / pivot[column]
         found = [row - row[column] * pivot if row[column] else row for row in found]
-        left = [row - row[column] * pivot if row[column] else row for row in left]
+        with np.errstate(invalid="ignore"):  # which some processors tell of fractions
+            left = [row - row[column] * pivot if row[column] else row for row in left]
         found.append(pivot)
     width = rows.shape[1]
     shaped = [np.array(one, dtype=object).reshape(len(one), width) for one in (found, left)]
