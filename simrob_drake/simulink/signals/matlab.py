@@ -77,7 +77,7 @@ class Translation(CodeRun):
     def _own_functions(self) -> dict[str, Callable[..., Any]]:
         each: dict[str, Callable[..., Value]] = {
             **{name: partial(self._applied, name) for name in FUNCTIONS if name not in ("min", "max", "pow")},
-            **{name: MATH[name] for name in ("mod", "rem", "hypot", "fix", "round")},
+            **MATH,
             **{f"{name}d": (lambda u, name=name: applied(name, u * (np.pi / 180))) for name in ("sin", "cos", "tan")},
             "power": lambda a, b: _power(self._guarded(a), b),
             "not": lambda u: joined("not", u),
@@ -335,18 +335,27 @@ _BLOCKS: dict[str, Callable[..., Value]] = {
 """Functions of formulas that are blocks of a flow."""
 
 
-def _formula(reader: SignalReader, node: Node, _: int) -> Signal:
-    """Return what a block computes by its formula."""
-    text, *parameters = _formulas()[node.kind].items()
-    words = set(re.findall(r"[A-Za-z]\w*", text[1]))
+_CHOICE = re.compile(r"\{(\w+)(?: or (\w+))?:(.+?)\}")
+
+
+def _formula(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    """Return what a block computes by its formula; None where that has no such choice."""
+    row = dict(_formulas()[node.kind])
+    text, choices = row.pop("is"), row.pop("choices", None)
+    if choice := _CHOICE.search(text):
+        chosen = node.text(choice[1], node.text(choice[2] or "")) or choice[3]
+        if (chosen := chosen if choices is None else choices.get(chosen.lower(), "")) == "":
+            return None
+        text = text[: choice.start()] + chosen + text[choice.end() :]
+    words = set(re.findall(r"[A-Za-z]\w*", text))
     given = {name: reader.input(node, place) for place, name in enumerate("uvw", start=1) if name in words}
     if "t" in words:
         given["t"] = reader.input(node) if node.text("TimeSource").startswith("Use external") else signal([TIME])
-    given |= {name: _parameter(node, default, others or [name]) for name, (default, *others) in parameters}
+    given |= {name: _parameter(node, default, others or [name]) for name, (default, *others) in row.items()}
     values = dict(zip(given, map(_columns, fitted(node, *given.values())), strict=True))
     run = Translation(values)
     run._algebra.functions.update({name: _on_symbols(None, function) for name, function in _BLOCKS.items()})
-    return _understood(node, lambda: [_as_signal(run._value(text[1]))])[0]
+    return _understood(node, lambda: [_as_signal(run._value(text))])[0]
 
 
 def _parameter(node: Node, default: str, names: list[str]) -> Signal:
