@@ -52,6 +52,7 @@ def outputs(tmp_path, kind, inputs, parameters):
         ("simulink/Logic/Compare To Zero", 1, {"relop": "<"}, lambda t: t < 0),
         ("Quantizer", 1, {"QuantizationInterval": "0.37"}, lambda t: 0.37 * np.round(t / 0.37)),
         ("Bias", 1, {"Bias": "[1 2]"}, lambda t: [t + 1, t + 2]),
+        ("DotProduct", 2, {}, lambda t: 0.7 * t),
         ("UnaryMinus", 1, {}, lambda t: -t),
         ("Saturate", 1, {"UpperLimit": "1.3", "LowerLimit": "[0.4; -inf]"},
          lambda t: [np.clip(t, 0.4, 1.3), np.minimum(t, 1.3)]),
@@ -86,3 +87,14 @@ def test_a_choice_that_is_not_known_leaves_the_block_open(tmp_path, kind, parame
         return
     with pytest.raises(InvalidModel, match=told):
         outputs(tmp_path, kind, 1, parameters)
+
+
+def test_vectors_are_multiplied_across(tmp_path):
+    level = Level()
+    for number, text in enumerate(("[1 2 3]", "[4 -5 7]"), start=1):
+        level.wire(f"{level.block('Constant', f'S{number}', Value=text)}#out:1", f"9#in:{number}")
+    level.first = 7
+    assert level.block("simulink/Vector/Cross Product", "B") == "9"
+    model = read_simulink(write_model(tmp_path / "a.slx", level))
+    (node,) = (node for node in model.expanded.nodes if node.block.name == "B")
+    np.testing.assert_allclose(flat(model.tracer.output(node)), np.cross([1, 2, 3], [4, -5, 7]))

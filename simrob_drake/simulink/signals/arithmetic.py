@@ -204,18 +204,6 @@ def _inverse(values: Signal) -> Signal | None:
     return mapped(lambda one: one / determinant, cofactors.T)
 
 
-def _dot_product(reader: SignalReader, node: Node, _: int) -> Signal:
-    first, second = fitted(node, reader.input(node), reader.input(node, 2))
-    return signal([sum((one * other for one, other in zip(flat(first), flat(second), strict=True)), start=0.0)])
-
-
-def _cross_product(reader: SignalReader, node: Node, _: int) -> Signal:
-    a, b = (flat(one) for one in fitted(node, reader.input(node), reader.input(node, 2)))
-    if len(a) != 3:
-        raise node.refusal(f"needs vectors of 3 elements, not {len(a)}")
-    return signal(a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3))
-
-
 def _truncated(value: Value) -> Value:
     return applied("sign", value) * applied("floor", applied("abs", value))
 
@@ -302,8 +290,6 @@ ARITHMETIC: dict[str, Rule] = {
     **dict.fromkeys(("Gain", "Slider Gain"), _gain),
     "Sum": _sum,
     "Product": _product,
-    "DotProduct": _dot_product,
-    "Cross Product": _cross_product,
     "MinMax": _extreme,
     **dict.fromkeys(("Lookup_n-D", "Lookup"), _lookup),
     "Interval Test": of_parameters(_within),
