@@ -286,7 +286,8 @@ def test_units_that_do_not_fit(unit):
         ("load data; x = k;", "x", 8),
         ("x = 2./[1 4] + 3.*[1 1] + [1 2].^2 + 1.5;", "x", [[7.5, 9.0]]),
         ("a = [1 2 4]; x = diff(a) * circshift(a, 1)(1:2)' + polyval([1 0 2], 3);", "x", 4 + 2 + 11),
-        ('load("data.mat"); arm.mass = unknowable(1); arm.length = 2; x = arm.length;', "x", 2),
+        ("arm.mass = 1; arm.mass = unknowable(1); arm.length = 2; x = arm.length;", "x", 2),
+        ("x = counted(1, 5, 6);", "x", 2),
     ],
 )
 def test_code_calls_functions_and_takes_scripts_and_variables_of_files(tmp_path, code, name, value):
@@ -296,6 +297,7 @@ def test_code_calls_functions_and_takes_scripts_and_variables_of_files(tmp_path,
         "function y = g(a, k)\ny = k + 2 + 0*a;\nend\n"
     )
     (tmp_path / "figures.m").write_text("arm.mass = 1.5; % kg\n")
+    (tmp_path / "counted.m").write_text("function n = counted(u, varargin)\nn = length(varargin);\n")
     savemat(tmp_path / "data.mat", {"k": 8.0})
     level = Variables(name="here", code=code, files=Libraries([tmp_path]))
     np.testing.assert_allclose(level.value(name), value)
