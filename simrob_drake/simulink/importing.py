@@ -7,8 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
-import yaml
-
 from simrob_drake.arguments import as_path
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.options import EntryKind, ImportReport
@@ -19,6 +17,7 @@ from simrob_drake.simulink.signals.forms import closure
 from simrob_drake.simulink.signals.networks import NETWORKS
 from simrob_drake.simulink.signals.tracing import RULES
 from simrob_drake.simulink.simulink_model import SimulinkModel, read_simulink, undefined_variables
+from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.writing.station import StationWriter
 from simrob_drake.simulink.writing.touching import StationFiles
 from simrob_drake.simulink.writing.urdf import plain
@@ -40,9 +39,8 @@ class BlockType(NamedTuple):
 @cache
 def block_types() -> dict[str, BlockType]:
     """Return the table, by type."""
-    content = yaml.safe_load(Path(__file__).with_name("block_types.yaml").read_text(encoding="utf-8"))
     rows = dict.fromkeys(NETWORKS, BlockType("mechanics", "exact"))
-    for domain, fates in content.items():
+    for domain, fates in table("block_types").items():
         for fate, types in fates.items():
             texts = types if isinstance(types, dict) else dict.fromkeys(types, "")
             rows |= {name: BlockType(domain, fate, text or "") for name, text in texts.items()}

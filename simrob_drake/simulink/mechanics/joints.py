@@ -160,10 +160,8 @@ def _sequence(node: Node, prefix: str) -> RotationMatrix:
 
 _ROTATIONS: dict[str, Callable[[Node, str], RotationMatrix]] = {
     "None": lambda *_: RotationMatrix(),
-    "StandardAxis": lambda node, prefix: _about(node, axis(node, f"{prefix}RotationStandardAxis"), prefix),
-    "ArbitraryAxis": lambda node, prefix: _about(
-        node, node.numbers(f"{prefix}RotationArbitraryAxis", "[0 0 1]", size=3), prefix
-    ),
+    "StandardAxis": lambda node, to: _about(node, axis(node, f"{to}RotationStandardAxis"), to),
+    "ArbitraryAxis": lambda node, to: _about(node, node.numbers(f"{to}RotationArbitraryAxis", "[0 0 1]", size=3), to),
     "AlignedAxes": _aligned,
     "RotationSequence": _sequence,
     "RotationMatrix": _matrix,
@@ -196,13 +194,9 @@ _COUNTS = {"High": 1e-2, "Low": 3e-4}
 """How much a target counts that a joint asks for, by its priority; what nobody asks for counts 1e-5."""
 
 _SENSED = (
-    ("SensePosition", "q"),
-    ("SenseVelocity", "w"),
-    ("SenseAcceleration", "a"),
-    ("SenseTorqueForce", "t"),
-    ("SenseLowerLimitTorqueForce", "lower"),
-    ("SenseUpperLimitTorqueForce", "upper"),
-)
+    ("SensePosition", "q"), ("SenseVelocity", "w"), ("SenseAcceleration", "a"), ("SenseTorqueForce", "t"),
+    ("SenseLowerLimitTorqueForce", "lower"), ("SenseUpperLimitTorqueForce", "upper"),
+)  # fmt: skip
 _SPHERE_SENSED = ("SensePosition", "SenseVelocityX", "SenseVelocityY", "SenseVelocityZ", "SenseVelocity",
                   "SenseAccelerationX", "SenseAccelerationY", "SenseAccelerationZ", "SenseAcceleration",
                   "SenseTorqueX", "SenseTorqueY", "SenseTorqueZ", "SenseTorqueForce",

@@ -255,6 +255,6 @@ class Libraries:
     @cached_property
     def _files(self) -> dict[str, Path]:
         """The files by name; of one name, that of the first folder."""
-        wanted = (*_SUFFIXES, ".m", ".mat")
-        files = [file for folder in self.folders for file in folder.iterdir() if file.suffix in wanted]
+        suffixes = (*_SUFFIXES, ".m", ".mat")
+        files = [file for folder in self.folders for file in folder.iterdir() if file.suffix in suffixes]
         return {file.name: file for file in reversed(files) if file.is_file()}

@@ -5,12 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache, partial
-from pathlib import Path
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
-import yaml
 
 from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
@@ -38,6 +36,7 @@ from simrob_drake.simulink.signals.forms import (
     mapped,
     signal,
 )
+from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import CodeRun, Files, undefined
 from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, matrix
 from simrob_drake.simulink.values.script import functions_of
@@ -55,10 +54,10 @@ class Translation(CodeRun):
     in the branch that is not taken gets 1 there.
     """
 
-    def __init__(self, *given: Any) -> None:
+    def __init__(self, *arguments: Any) -> None:
         """Take what :class:`CodeRun` takes."""
         self._guards: list[Value] = []
-        super().__init__(*given)
+        super().__init__(*arguments)
 
     def _base(self) -> Algebra:
         return Algebra(self._operators(), {**NUMBERS.functions, **self._own_functions()})
@@ -322,12 +321,6 @@ def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return _understood(node, lambda: [_as_signal(run._value(text))])[0] if text else None
 
 
-@cache
-def _formulas() -> dict[str, dict[str, Any]]:
-    found: dict[str, dict[str, Any]] = yaml.safe_load((Path(__file__).parents[1] / "formulas.yaml").read_text("utf-8"))
-    return found
-
-
 _BLOCKS: dict[str, Callable[..., Value]] = {
     **{kind: partial(limited, kind=kind) for kind in ("saturation", "dead_zone")},
     "step": lambda time, before, after: computed("step", time=float(time), before=float(before), after=float(after)),
@@ -340,7 +333,7 @@ _CHOICE = re.compile(r"\{(\w+)(?: or (\w+))?:(.+?)\}")
 
 def _formula(reader: SignalReader, node: Node, _: int) -> Signal | None:
     """Return what a block computes by its formula; None where that has no such choice."""
-    row = dict(_formulas()[node.kind])
+    row = dict(table("formulas")[node.kind])
     text, choices = row.pop("is"), row.pop("choices", None)
     if choice := _CHOICE.search(text):
         chosen = node.text(choice[1], node.text(choice[2] or "")) or choice[3]
@@ -348,12 +341,12 @@ def _formula(reader: SignalReader, node: Node, _: int) -> Signal | None:
             return None
         text = text[: choice.start()] + chosen + text[choice.end() :]
     words = set(re.findall(r"[A-Za-z]\w*", text))
-    given = {name: reader.input(node, place) for place, name in enumerate("uvw", start=1) if name in words}
+    values = {name: reader.input(node, place) for place, name in enumerate("uvw", start=1) if name in words}
     if "t" in words:
-        given["t"] = reader.input(node) if node.text("TimeSource").startswith("Use external") else signal([TIME])
-    given |= {name: _parameter(node, default, others or [name]) for name, (default, *others) in row.items()}
-    values = dict(zip(given, map(_columns, fitted(node, *given.values())), strict=True))
-    run = Translation(values)
+        values["t"] = reader.input(node) if node.text("TimeSource").startswith("Use external") else signal([TIME])
+    values |= {name: _parameter(node, default, others or [name]) for name, (default, *others) in row.items()}
+    columns = map(_columns, fitted(node, *values.values()))
+    run = Translation(dict(zip(values, columns, strict=True)))
     run._algebra.functions.update({name: _on_symbols(None, function) for name, function in _BLOCKS.items()})
     return _understood(node, lambda: [_as_signal(run._value(text))])[0]
 
@@ -365,7 +358,7 @@ def _parameter(node: Node, default: str, names: list[str]) -> Signal:
     return (node.matrix(name, default) * factor).reshape(-1, order="F").astype(object)
 
 
-FORMULAS: dict[str, Rule] = dict.fromkeys(_formulas(), _formula)
+FORMULAS: dict[str, Rule] = dict.fromkeys(table("formulas"), _formula)
 MATLAB: dict[str, Rule] = {
     **FORMULAS,
     "S-Function": _matlab_function,

@@ -13,11 +13,9 @@ import json
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
@@ -25,13 +23,14 @@ from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.dynamics import rate_of
 from simrob_drake.simulink.signals.forms import Primitive, Rule, Signal, SignalReader, Value, added, signal
+from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.evaluate import evaluate, matrix
 from simrob_drake.simulink.values.syntax import parse
 
 _AT_ONCE = 1e-4  # s
 
 
-class Element(NamedTuple):
+class NetworkBlock(NamedTuple):
     """What a block of a network is, as `networks.yaml` has it."""
 
     ports: str
@@ -40,13 +39,12 @@ class Element(NamedTuple):
 
 
 @cache
-def elements() -> dict[str, Element]:
+def elements() -> dict[str, NetworkBlock]:
     """Return the table, by type."""
-    content = (Path(__file__).parents[1] / "networks.yaml").read_text(encoding="utf-8")
-    return {kind: Element(*row) for kind, row in yaml.safe_load(content).items()}
+    return {kind: NetworkBlock(*row) for kind, row in table("networks").items()}
 
 
-_FIGURES = {"L": ("l",), "K": ("Ki", "Kv")}  # other names of figures
+_OTHER_NAMES = {"L": ("l",), "K": ("Ki", "Kv")}  # other names of figures
 _ASIDE = ("PMIOPort", "Solver Configuration", "Connection Port", "ConnectionLabel", "SimscapeBus", "Two-Way Connection")
 _AS_IS = {"parameterization": ("circuit_param", "1"), "lam_param": ("damping", "2"), "mech_orient": ("positive", "1")}
 """Choices that a block may have, and with which of them its figures are those of its equations."""
@@ -66,7 +64,7 @@ def ports_of(node: Node) -> dict[str, tuple[str, int]]:
     return {name: (side, place) for side, names in listed.items() for place, name in enumerate(names, start=1)}
 
 
-def told_by(node: Node) -> list[tuple[str, str, int]]:
+def outputs_of(node: Node) -> list[tuple[str, str, int]]:
     """Return the ports at which an element tells something: name, side and number."""
     ports = ports_of(node)
     names = [part.partition("=")[0].strip() for part in elements()[node.kind].equations.split(";") if "=" in part]
@@ -84,7 +82,7 @@ class _Equations:
     unknowns: dict[object, int] = field(default_factory=dict)
     signals: list[Value] = field(default_factory=lambda: [1.0])
     rows: list[Factors] = field(default_factory=list)
-    told: list[dict[int, float]] = field(default_factory=list)  # what ports tell
+    outputs: list[dict[int, float]] = field(default_factory=list)  # what ports tell
     flows: dict[int, dict[int, float]] = field(default_factory=dict)  # into each node
 
     def unknown(self, what: object) -> int:
@@ -108,14 +106,14 @@ class _Equations:
         if "dx" in element.equations:
             known |= {name: [(which, self.unknown((node, "x")), 1.0)] for name, which in (("x", 1), ("dx", 0))}
         for name, port in ports.items():
-            given = reader.physical(node, *port) if name in _driving(element) else None
-            if given is not None and given.size:
+            driver = reader.physical(node, *port) if name in _driving(element) else None
+            if driver is not None and driver.size:
                 known[name] = [(2, len(self.signals), 1.0)]
-                self.signals.append(given.ravel()[0])
+                self.signals.append(driver.ravel()[0])
         for part in element.equations.split(";"):
             name, _, text = part.rpartition("=")
             if name.strip() in ports:
-                self.told.append(_factors(node, text, known)[1])
+                self.outputs.append(_factors(node, text, known)[1])
             elif not name:
                 self.rows.append(_factors(node, text, known))
 
@@ -127,25 +125,25 @@ class _Equations:
         for number, parts in enumerate(rows):
             for whole, part, sign in zip(found, parts, (-1.0, 1.0, 1.0), strict=True):
                 whole[number, list(part)] = [sign * value for value in part.values()]
-        told = np.zeros((len(self.told), size))
-        for number, part in enumerate(self.told):
-            told[number, list(part)] = list(part.values())
-        return found[0], found[1], found[2], told
+        outputs = np.zeros((len(self.outputs), size))
+        for number, part in enumerate(self.outputs):
+            outputs[number, list(part)] = list(part.values())
+        return found[0], found[1], found[2], outputs
 
 
-def _driving(element: Element) -> list[str]:
+def _driving(element: NetworkBlock) -> list[str]:
     return [word for part in element.equations.split(";") if "=" not in part for word in part.split()]
 
 
 def _factors(node: Node, text: str, known: dict[str, list[tuple[int, int, float]]]) -> Factors:
     """Return the factors of a sum, which is linear in what is known: it is computed for each of these alone."""
-    figures: dict[str, float] = {}
+    parameters: dict[str, float] = {}
 
     def value(asked: str) -> float:
         def lookup(name: str) -> Any:
-            if name not in known and name not in figures:
-                figures[name] = _figure(node, name)
-            return matrix(figures.get(name, float(name == asked)))
+            if name not in known and name not in parameters:
+                parameters[name] = _figure(node, name)
+            return matrix(parameters.get(name, float(name == asked)))
 
         return float(evaluate(parse(text), lookup)[0, 0])
 
@@ -158,7 +156,7 @@ def _factors(node: Node, text: str, known: dict[str, list[tuple[int, int, float]
 
 
 def _figure(node: Node, name: str) -> float:
-    names = [one for one in (name, *_FIGURES.get(name, ())) if one in node.block.parameters]
+    names = [one for one in (name, *_OTHER_NAMES.get(name, ())) if one in node.block.parameters]
     if len(names) > 1 and node.text("emf_or_torque").rpartition(".")[2] not in ("ki", "2"):
         names.reverse()
     if not names:
@@ -289,15 +287,15 @@ def _solved(reader: SignalReader, members: list[Node]) -> list[Signal]:
     return [signal([one]) for one in _outputs(members[0], found, equations.signals)]
 
 
-def _outputs(node: Node, found: Reduced, given: list[Value]) -> list[Value]:
+def _outputs(node: Node, found: Reduced, inputs: list[Value]) -> list[Value]:
     states: list[Value] = []
     if size := len(found.a):
         matrices = {"A": found.a, "B": found.b, "C": np.eye(size), "D": np.zeros(found.b.shape)}
         parameters = {name: one.tolist() for name, one in matrices.items()}
-        states = Primitive("state_space", parameters, lambda: given, node, size, 0).outputs
-    parts = [(found.c, states), (found.d[0], given)]
+        states = Primitive("state_space", parameters, lambda: inputs, node, size, 0).outputs
+    parts = [(found.c, states), (found.d[0], inputs)]
     if found.d[1].any():
-        driven = zip(given, found.d[1].any(axis=0), strict=True)
+        driven = zip(inputs, found.d[1].any(axis=0), strict=True)
         parts.append((found.d[1], [rate_of(node, one) if counts else 0.0 for one, counts in driven]))
     return [
         added(*((float(own), value) for rows, values in parts for own, value in zip(rows[row], values, strict=True)))
@@ -311,7 +309,7 @@ def _element(reader: SignalReader, node: Node, number: int) -> Signal:
     values = reader.once(members[0], lambda: _solved(reader, members))
     if not values:
         raise node.refusal("its network is not read")
-    places = [(one, place) for one in members for place in range(len(told_by(one)))]
+    places = [(one, place) for one in members for place in range(len(outputs_of(one)))]
     return values[places.index((node, number - 1))]
 
 

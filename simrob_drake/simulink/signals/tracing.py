@@ -26,7 +26,7 @@ from simrob_drake.simulink.signals.forms import (
 )
 from simrob_drake.simulink.signals.frame_sensing import SENSOR, sensed
 from simrob_drake.simulink.signals.matlab import MATLAB
-from simrob_drake.simulink.signals.networks import NETWORKS, told_by
+from simrob_drake.simulink.signals.networks import NETWORKS, outputs_of
 from simrob_drake.simulink.signals.routing import ROUTING, conditional
 from simrob_drake.simulink.signals.sources import PHYSICAL, SOURCES, out_of_physics
 
@@ -69,7 +69,7 @@ class Tracer:
                     self._offer(node, number, give)
             elif node.kind in PHYSICAL:
                 self._offer(node, 1, partial(self.output, node))
-            for number, (_, side, port) in enumerate(told_by(node) if node.kind in NETWORKS else (), start=1):
+            for number, (_, side, port) in enumerate(outputs_of(node) if node.kind in NETWORKS else (), start=1):
                 self._offer(node, port, partial(self.output, node, number), side)
 
     def _offer_sensed(self, joint: Joint) -> None:

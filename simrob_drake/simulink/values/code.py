@@ -91,7 +91,7 @@ class CodeRun:
         self._steps = self.depth = 0
         known = {name: partial(self._first_of, name) for name in self.functions}
         base = self._base()
-        own = {"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter}
+        own: dict[str, Callable[..., Any]] = {"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter}
         self._algebra = Algebra(base.operators, {**base.functions, **own, **known})
 
     def _base(self) -> Algebra:
@@ -163,10 +163,10 @@ class CodeRun:
         function = self.functions[name]
         if self.depth > _MOST_CALLS:
             raise NotUnderstood(f"{function.name} calls itself")
-        given = {"nargin": matrix(len(arguments)), **dict(zip(function.inputs, arguments, strict=False))}
+        arguments_in = {"nargin": matrix(len(arguments)), **dict(zip(function.inputs, arguments, strict=False))}
         if function.inputs[-1:] == ["varargin"]:
-            given["varargin"] = arguments[len(function.inputs) - 1 :]
-        inner = self._inner(given)
+            arguments_in["varargin"] = arguments[len(function.inputs) - 1 :]
+        inner = self._inner(arguments_in)
         inner._block(function.body)
         self.absent |= inner.absent
         return [inner.variables.get(name) for name in function.outputs]

@@ -230,8 +230,8 @@ def evaluate(node: Expression, lookup: Lookup, algebra: Algebra | None = None) -
     try:
         return _Evaluation(lookup, algebra or NUMBERS).value(node)
     except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
-        told = problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
-        raise told from problem
+        raised = problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
+        raise raised from problem
 
 
 class _Evaluation:

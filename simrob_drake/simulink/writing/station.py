@@ -68,9 +68,8 @@ class StationWriter:
             self._report.add("dropped", name, "the station: everything stands fixed, so only pieces are written")
             return self._files
         self._files.content = self._station(name, pieces)
-        text = _as_yaml(self._files.content)
         header = f"# From the Simulink model {self._model.path.name}; report.json tells what became of each block.\n"
-        (self._folder / f"{name}.yaml").write_text(header + text, encoding="utf-8")
+        (self._folder / f"{name}.yaml").write_text(header + _as_yaml(self._files.content), encoding="utf-8")
         return self._files
 
     def _share_world(self, trees: list[Tree], homes: dict[Tree, str]) -> dict[Tree, list[SolidBody]]:
@@ -222,8 +221,7 @@ class StationWriter:
         feet = feet_of(robot, self._touching, self._gravity, self._report)
         if feet:
             described["feet"] = feet
-        text = _as_yaml(described)
-        (folder / ROBOT_FILE).write_text(text, encoding="utf-8")
+        (folder / ROBOT_FILE).write_text(_as_yaml(described), encoding="utf-8")
         start = self._starts(robot)
         entry: dict[str, Any] = {"model": f"{name}/{ROBOT_FILE}"}
         if robot.pushed:

@@ -187,8 +187,8 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
             touching.standing.add(node)
             _, radius, share = _spheres(shapes[0])
             if share > 1:
-                told = _TOUCHES[shapes[0].kind].format(f"spheres of {radius:.3g} m")
-                report.add("approximated", node.path, told)
+                message = _TOUCHES[shapes[0].kind].format(f"spheres of {radius:.3g} m")
+                report.add("approximated", node.path, message)
             surface = contact.surface
             for solid, shape in zip(solids, shapes, strict=True):
                 pose = robot.frames[body].inverse() @ solid.pose
