@@ -40,7 +40,8 @@ class BlockType(NamedTuple):
 def block_types() -> dict[str, BlockType]:
     """Return the table, by type."""
     rows = dict.fromkeys(NETWORKS, BlockType("mechanics", "exact"))
-    for domain, fates in table("block_types").items():
+    content: Any = table("block_types")
+    for domain, fates in content.items():
         for fate, types in fates.items():
             texts = types if isinstance(types, dict) else dict.fromkeys(types, "")
             rows |= {name: BlockType(domain, fate, text or "") for name, text in texts.items()}
