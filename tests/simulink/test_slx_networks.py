@@ -98,7 +98,7 @@ def test_a_network_with_what_is_not_linear_is_lost_by_name(tmp_path):
     level.connect("4#lconn:1", f"{diode}#lconn:1")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
     lost = {entry.element: entry.text for entry in imported.report.of("lost")}
-    assert "a Diode in a network: it is not linear, or not read" in lost["Motor"]
+    assert lost["Motor"] == "its network is not read: D: a Diode in a network: it is not linear, or not read"
     assert {"Motor", "Gear", "Face", "Source"} <= lost.keys()
     assert "1 drive" in imported.fidelity
     assert "DC Motor" in imported.fidelity

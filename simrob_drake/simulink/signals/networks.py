@@ -281,8 +281,9 @@ def _solved(reader: SignalReader, members: list[Node]) -> list[Signal]:
         if len(found.a) < whole:
             members[0].note("approximated", f"what settles within {_AT_ONCE:g} s in its network is where it comes to")
     except (InvalidModel, ArithmeticError) as problem:
+        file = f"{members[0].findings.report.source}: "
         for node in members:
-            node.note("lost", f"its network is not read: {problem}")
+            node.note("lost", f"its network is not read: {str(problem).removeprefix(file)}")
         return []
     return [signal([one]) for one in _outputs(members[0], found, equations.signals)]
 
