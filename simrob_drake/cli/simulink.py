@@ -97,17 +97,23 @@ def model_options(options: ImportOptions | None, reading: ModelReading, set_: li
     """
     chosen = options or ImportOptions()
     refuse_import("left out with a Simulink model", chosen.model_copy(update={"mesh_path": ()}))
+    from simrob_drake.simulink.reading.model_file import Libraries
     from simrob_drake.simulink.values.workspace import variables_of
 
-    settings = {}
+    read, settings = asdict(reading), dict[str, str]()
+    libraries, files = tuple(read.pop("library") or ()), read.pop("variables") or []
     for setting in set_ or []:
         name, equals, value = setting.partition("=")
         if not (equals and all(part.isidentifier() for part in name.strip().split("."))):
             raise InvalidParameter("--set", setting, "of the form NAME=VALUE, as q0=[0 0 0] or tool.mass=1")
         settings[name.strip()] = value
-    read = asdict(reading)
-    libraries, variables = tuple(read.pop("library") or ()), variables_of(settings, read.pop("variables") or [])
-    return {"libraries": libraries, "meshes": chosen.mesh_path, "variables": variables, **read}
+    places = Libraries([*(file.parent for file in files), *libraries])
+    return {
+        "libraries": libraries,
+        "meshes": chosen.mesh_path,
+        "variables": variables_of(settings, files, places),
+        **read,
+    }
 
 
 def import_model(

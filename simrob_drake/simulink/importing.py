@@ -7,8 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
-import yaml
-
 from simrob_drake.arguments import as_path
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.options import EntryKind, ImportReport
@@ -16,8 +14,10 @@ from simrob_drake.simulink.mechanics.bodies import BETWEEN, GEARS, ROD, SPRING
 from simrob_drake.simulink.mechanics.joints import JOINTS
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import closure
+from simrob_drake.simulink.signals.networks import NETWORKS
 from simrob_drake.simulink.signals.tracing import RULES
 from simrob_drake.simulink.simulink_model import SimulinkModel, read_simulink, undefined_variables
+from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.writing.station import StationWriter
 from simrob_drake.simulink.writing.touching import StationFiles
 from simrob_drake.simulink.writing.urdf import plain
@@ -39,8 +39,8 @@ class BlockType(NamedTuple):
 @cache
 def block_types() -> dict[str, BlockType]:
     """Return the table, by type."""
-    content = yaml.safe_load(Path(__file__).with_name("block_types.yaml").read_text(encoding="utf-8"))
-    rows: dict[str, BlockType] = {}
+    rows = dict.fromkeys(NETWORKS, BlockType("mechanics", "exact"))
+    content: Any = table("block_types")
     for domain, fates in content.items():
         for fate, types in fates.items():
             texts = types if isinstance(types, dict) else dict.fromkeys(types, "")
@@ -77,9 +77,8 @@ def outcomes(model: SimulinkModel) -> list[BlockOutcome]:
         if entry.kind in _BY_ENTRY:
             found.setdefault(entry.element, []).append((_BY_ENTRY[entry.kind], entry.text))
     undriven = _undriven(model)
-    left_out = [
-        BlockOutcome(path, kind, "structure", "ignored", why) for path, (kind, why) in model.expanded.left_out.items()
-    ]
+    left_out = [BlockOutcome(path, kind, "structure", "ignored", why) for path, (kind, why) in
+                model.expanded.left_out.items()]  # fmt: skip
     return [
         *(_outcome(model, node, found.get(node.path, []), undriven.get(node, "")) for node in model.expanded.nodes),
         *left_out,

@@ -18,8 +18,8 @@ from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.results.colours import RED
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.simulink.values.mat import contents_of_mat
 from simrob_drake.simulink.values.units import UnknownUnit, factor, plain_unit
-from simrob_drake.simulink.values.workspace import contents_of_mat
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 

@@ -30,7 +30,7 @@ from simrob_drake.simulink.signals.laws import (
     read_pushes,
 )
 from simrob_drake.simulink.signals.tracing import Tracer
-from simrob_drake.simulink.values.workspace import find_octave
+from simrob_drake.simulink.values.workspace import Variables, find_octave
 
 _LONGEST = 3600.0  # s
 
@@ -94,8 +94,9 @@ def read_simulink(
     model = read_cad_model(path) if path.suffix.lower() == ".xml" else read_model(path)
     for note in model.notes:
         report.add(*note)
-    runner = find_octave() if octave else None
-    expanded = expand(model, Libraries([path.parent, *libraries]), dict(variables or {}), findings, runner)
+    files = Libraries([path.parent, *libraries])
+    runner = find_octave(files.folders) if octave else None
+    expanded = expand(model, files, dict(variables or {}), findings, runner)
     network = Connections(expanded)
     bodies = read_bodies(network, MeshFiles([path.parent, *meshes]))
     world, trees = grow(bodies, cuttable)
@@ -156,9 +157,8 @@ def _stopping(tracer: Tracer, expanded: Expanded) -> tuple[list[Node], dict[Node
             continue
         source = tracer.network.source(node)
         compares = source is not None and source[0].kind in ("Compare To Zero", "Compare To Constant")
-        terms = (
-            [term for value in flat(tracer.input(source[0])) for term in terms_of(value)] if source and compares else []
-        )
+        values = flat(tracer.input(source[0])) if source and compares else []
+        terms = [term for value in values for term in terms_of(value)]
         contacts = [term.of for term in terms if term.kind == "distance" and isinstance(term.of, Node)]
         if contacts:
             found += contacts
@@ -184,4 +184,11 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
     for node, why in tracer.opened.items():
         report.add("open", node.path, f"{node.kind or 'block'}: left open{f'; {why}' if why else ''}")
     for name in expanded.model.callbacks:
-        report.add("read", name, "a callback with MATLAB code, which is not run; give its variables with --set")
+        report.add(
+            "read", name, "a callback: what it assigns is read where a block asks for it, and nothing else is done"
+        )
+    level: Variables | None = expanded.root.workspace
+    while level is not None:
+        for file in sorted(level.absent):
+            report.add("defaulted", level.name, f"takes variables from {file}, which lies in none of the folders")
+        level = level.outer

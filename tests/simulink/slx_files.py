@@ -66,16 +66,27 @@ def mask(code: str = "", **parameters: object) -> str:
     return f"<Mask><Initialization>{value(code)}</Initialization>{given}</Mask>"
 
 
+def _texts(given: dict[str, str]) -> str:
+    return "".join(f'<P Name="{name}">{value(text)}</P>' for name, text in given.items())
+
+
 def write_model(
-    path: Path, level: Level, *, workspace: str = "", kind: str = "Model", stop: str = "1", **parts: str
-) -> Path:
-    """Write an `.slx` file; further parts by name are systems of their own."""
-    code = f'<ModelWorkspace><P Name="WSMATLABCode">{value(workspace)}</P></ModelWorkspace>' if workspace else ""
+    path: Path, level: Level, *, workspace: str = "", kind: str = "Model", stop: str = "1", stored: bytes = b"",
+    source: dict[str, str] | None = None, callbacks: dict[str, str] | None = None, **parts: str,
+) -> Path:  # fmt: skip
+    """Write an `.slx` file; further parts by name are systems of their own.
+
+    Its workspace is code, the bytes ``stored``, or from where ``source`` says.
+    """
+    where = source or ({"WSMATLABCode": workspace} if workspace else {})
+    code = f"<ModelWorkspace>{_texts(where)}</ModelWorkspace>{_texts(callbacks or {})}"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("[Content_Types].xml", "<Types/>")
         archive.writestr("simulink/blockdiagram.xml", _DIAGRAM.format(kind=kind, workspace=code))
         archive.writestr("simulink/systems/system_root.xml", level.xml())
         archive.writestr("simulink/configSet0.xml", f'<ConfigSet><P Name="StopTime">{stop}</P></ConfigSet>')
+        if stored:
+            archive.writestr("simulink/modelWorkspace.mxarray", stored)
         for name, text in parts.items():
             archive.writestr(f"simulink/{name}.xml" if name == "modelMask" else f"simulink/systems/{name}.xml", text)
     return path

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from simrob_drake.simulink.signals.forms import TIME, flat, signal
-from simrob_drake.simulink.signals.matlab import Translation, functions_of
-from simrob_drake.simulink.values.evaluate import UndefinedVariable
+from simrob_drake.simulink.signals.matlab import Translation
+from simrob_drake.simulink.values.code import undefined
+from simrob_drake.simulink.values.script import functions_of
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.writing.references import over_time
 
@@ -13,14 +14,10 @@ TIMES = np.linspace(0, 2, 81)
 """The argument u runs over these, less 1."""
 
 
-def unknown(name):
-    raise UndefinedVariable(name)
-
-
 def translated(code):
     functions = functions_of(code)
     (main, *_) = functions.values()
-    outputs = Translation({}, unknown, functions).called(main, [signal([TIME - 1.0]).reshape(1, 1)])
+    outputs = Translation({}, undefined, None, functions).called(main.name, [signal([TIME - 1.0]).reshape(1, 1)])
     return over_time([value for output in outputs for value in flat(np.asarray(output, dtype=object))], TIMES)
 
 
@@ -45,6 +42,8 @@ def translated(code):
         ("function y = f(u)\nswitch sign(u)\ncase {1, 0}\n y = abs(u);\notherwise\n y = 7;\nend",
          lambda u: [np.where(u >= 0, u, 7.0)]),
         ("function[y] = f(u)\nu;\nu.^2 / 2;\nz = [0; u];\ny = atan(3/z(1)) + z(2);", lambda u: [np.pi / 2 + u]),
+        ("function y = f(u)\nn = 1;\nwhile n < 5\n n = 2*n;\nend\nfunction z = g(k)\n if k > 1\n  z = k;\n end\nend\n"
+         "y = g(n)*u;\nend", lambda u: [8 * u]),  # a function among the statements of another
         ("function y = f(u)\ny = mod(u, 0.31) + atan2(u, 2) + norm([u; 1]);",
          lambda u: [np.mod(u, 0.31) + np.arctan2(u, 2) + np.hypot(u, 1)]),
     ],

@@ -466,6 +466,15 @@ def test_a_contact_without_stiffness_is_lost(tmp_path):
     assert imported.fidelity == "1 Spatial Contact Force lost"
 
 
+def test_a_contact_without_lines_is_no_loss(tmp_path):
+    level = Level()
+    level.block(INERTIA, "Ball")
+    level.block("sm_lib/Forces and Torques/Spatial Contact Force", "Contact")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    assert [entry.text for entry in imported.report.of("dropped")] == ["the contact: it is not connected"]
+
+
 def grid_model(path, *, tilt="0", heights="[0.1 0.1 0.3 0.3]' * [1 1 1]"):
     """A grid over x = -1 ... 2 and y = 0 ... 2 of a frame 0.2 m up, a quarter turn round; three balls."""
     level = Level()
@@ -503,13 +512,19 @@ def test_a_grid_that_no_terrain_can_be_is_lost(tmp_path, wrong):
     assert imported.fidelity == "1 Grid Surface lost"
 
 
-def test_a_robot_may_stand_on_a_box(tmp_path):
-    """Four of the spheres in its corners carry it, with the spring of the model between them."""
+CYLINDER = {"CylinderRadius": "0.1", "CylinderLength": "0.1"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes", "told"),
+    [(BRICK, {"BrickDimensions": "[0.2 0.3 0.1]"}, "four"), (BRICK.replace("Brick", "Cylindrical"), CYLINDER, "eight")],
+)
+def test_a_robot_may_stand_on_a_box_or_a_cylinder(tmp_path, kind, sizes, told):
+    """Four spheres in the corners, or the eight of a rim, carry it, with the spring of the model between them."""
     level = Level()
     world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/6-DOF Joint", "Free",
         PzPositionTargetSpecify="on", PzPositionTargetValue="0.055")  # fmt: skip
-    foot = level.block(BRICK, "Foot", BrickDimensions="[0.2 0.3 0.1]", BasedOnType="Mass", Mass="2",
-                       ExportEntireGeometry="on")  # fmt: skip
+    foot = level.block(kind, "Foot", BasedOnType="Mass", Mass="2", ExportEntireGeometry="on", **sizes)
     hinge, arm = level.block(REVOLUTE, "Hinge"), level.block(INERTIA, "Arm", Mass="1", MomentsOfInertia="[1 1 1]")
     ground = level.block("sm_lib/Curves and Surfaces/Infinite Plane", "Ground")
     touch = level.block(TOUCH, "Touch", **FIGURES)
@@ -523,7 +538,8 @@ def test_a_robot_may_stand_on_a_box(tmp_path):
     sink = 3 * 9.80665 / 1e4
     assert result.pose("base")[-1, 2] == pytest.approx(0.05 - sink, abs=1e-4)
     assert result["distance.Touch"][-1] == pytest.approx(-sink, abs=1e-4)
-    assert any("in its corners" in entry.text for entry in imported.report.of("approximated"))
+    words = "in its corners" if told == "four" else "on its rims"
+    assert any(words in entry.text for entry in imported.report.of("approximated"))
 
 
 def test_gravity_to_the_side_turns_the_world(tmp_path):

@@ -300,3 +300,22 @@ def test_a_pid_with_a_filter_is_as_simulink_has_it(tmp_path, limited):
     )
     off = np.abs(result["q.A"][result.times > 0.1] - exact.y[0]).max()
     assert off < 2e-5, off
+
+
+def test_system_objects_are_the_transfer_functions_and_states_that_they_hold(tmp_path):
+    """The same filter as a block, as ``tf`` and as ``ss`` of the model's workspace: three equal torques."""
+    torques = []
+    for number, (kind, figures) in enumerate([
+        ("TransferFcn", {"Numerator": "[3 0]", "Denominator": "[1 2 4]"}),
+        ("cstblocks/LTI System", {"sys": "G", "IC": "[]"}),
+        ("cstblocks/LTI System", {"sys": "ss([-2 -4; 1 0], [1; 0], [3 0], 0)", "IC": "[]"}),
+    ]):  # fmt: skip
+        plant = Plant()
+        plant.wire(plant.chain(kind, "F", plant.chain("Step", "On", Time="0.1"), **figures), f"{plant.drives[0]}#in:1")
+        path = write_model(tmp_path / f"{number}.slx", plant, workspace="w = 2; G = tf([3 0], [1 w w^2]);")
+        imported = import_simulink(path, tmp_path / str(number))
+        assert imported.report.of("open") == []
+        torques.append(simulate(imported.station, duration=1.0, progress=False)["tau.A"])
+    assert np.ptp(torques[0]) > 0.5
+    np.testing.assert_allclose(torques[1], torques[0], atol=1e-12)
+    np.testing.assert_allclose(torques[2], torques[0], atol=1e-3)

@@ -280,3 +280,16 @@ def test_a_filter_begins_at_its_output(tmp_path):
     world = imported.model.world
     (solid,) = (one for one in world.solids if one.node.path.startswith("Rod"))
     assert solid.pose.rotation().ToAngleAxis().angle() == pytest.approx(0.2)
+
+
+def test_a_motion_that_is_given_heeds_no_limits(tmp_path):
+    """Beside a passive joint it was refused in the run: the limits of such a joint push at nothing."""
+    level = Level()
+    limits = {"LowerLimitSpecify": "on", "LowerLimitBound": "0.1", "UpperLimitSpecify": "on", "UpperLimitBound": "0.2"}
+    _, joints = hinges(level, {"MotionActuationMode": "InputMotion", **limits}, {})
+    move, into = level.block("Sin", "Move", Amplitude="0.5"), level.block(TO_PHYSICS, "In", Unit="rad")
+    level.wire(f"{move}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{joints[0]}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    result = simulate(imported.station, duration=0.5, progress=False)
+    np.testing.assert_allclose(result["q.A"], 0.5 * np.sin(result.times), atol=1e-4)

@@ -1,18 +1,23 @@
 """MATLAB expressions, code, workspaces and units."""
 
+import io
 import struct
 import zlib
 
 import numpy as np
 import pytest
 from scipy.io import savemat
+from slx_files import INERTIA, Level, write_model
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.simulink.values import workspace
+from simrob_drake.simulink.reading.model_file import Libraries
+from simrob_drake.simulink.simulink_model import read_simulink
+from simrob_drake.simulink.values import mat
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
+from simrob_drake.simulink.values.mat import variables_of_mat
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor
-from simrob_drake.simulink.values.workspace import Variables, variables_of, variables_of_mat
+from simrob_drake.simulink.values.workspace import Variables, variables_of
 
 VARIABLES = {
     "L": 3.0,
@@ -70,7 +75,8 @@ def test_texts_and_structures():
 
 @pytest.mark.parametrize(
     "text",
-    ["1 +", "[1 2", "(1", "1)", "{1}", "@sin", "v(0)", "v(4)", "v(1.5)", "[1 2]+[1 2 3]", "ones(1e4,1e4)", "1:1e9",
+    ["1 +", "[1 2", "(1", "1)", "{1", "{1}+1",
+     "@sin", "v(0)", "v(4)", "v(1.5)", "[1 2]+[1 2 3]", "ones(1e4,1e4)", "1:1e9",
      "tool+1", "'a'*2", "__import__('os')", "system('ls')(", "(" * 200 + "1" + ")" * 200, "eye(-1)"],
 )  # fmt: skip
 def test_what_is_no_expression_is_refused(text):
@@ -214,7 +220,7 @@ def test_structures_of_several_elements(tmp_path, kind):
 )
 def test_mat_files_that_grow_beyond_bounds_are_refused(tmp_path, monkeypatch, content, words):
     """The first one ended the process, the second took 4 GB and half a minute."""
-    monkeypatch.setattr(workspace, "_MOST_ELEMENTS", 6000)
+    monkeypatch.setattr(mat, "_MOST_ELEMENTS", 6000)
     file = tmp_path / "bomb.mat"
     bomb = packed(300_000_000) if content is None else content
     file.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + bomb)
@@ -264,3 +270,81 @@ def test_units(unit, like, expected):
 def test_units_that_do_not_fit(unit):
     with pytest.raises(UnknownUnit):
         factor(unit, "m")
+
+
+@pytest.mark.parametrize(
+    ("code", "name", "value"),
+    [
+        ("n = 1; while n < 20, n = 3*n; end", "n", 27),
+        ("c = {2, 'a', [3 4]}; x = c{3}(2) + length(c);", "x", 7),
+        ("s = struct('P', 4, 'kind', 'b'); x = s.P + strcmp(s.kind, \"b\");", "x", 5),
+        ("if ~exist('y', 'var'), y = 2; end, x = y;", "x", 2),
+        ("[a, b] = twice(3); x = a + b;", "x", 9 + 10 + 2),
+        ("x = twice(3);", "x", 9),
+        ("figures; x = arm.mass;", "x", 1.5),
+        ("run('some/where/figures.m'), x = arm.mass;", "x", 1.5),
+        ("load data; x = k;", "x", 8),
+        ("x = 2./[1 4] + 3.*[1 1] + [1 2].^2 + 1.5;", "x", [[7.5, 9.0]]),
+        ("a = [1 2 4]; x = diff(a) * circshift(a, 1)(1:2)' + polyval([1 0 2], 3);", "x", 4 + 2 + 11),
+        ("arm.mass = 1; arm.mass = unknowable(1); arm.length = 2; x = arm.length;", "x", 2),
+        ("x = counted(1, 5, 6);", "x", 2),
+    ],
+)
+def test_code_calls_functions_and_takes_scripts_and_variables_of_files(tmp_path, code, name, value):
+    """What a function sets stays in it; a field that is not understood leaves the others."""
+    (tmp_path / "twice.m").write_text(
+        "function [a, b] = twice(u, k)\nif nargin < 2, k = 10; end\na = u^2; x = 7;\nb = g(a, k);\nend\n"
+        "function y = g(a, k)\ny = k + 2 + 0*a;\nend\n"
+    )
+    (tmp_path / "figures.m").write_text("arm.mass = 1.5; % kg\n")
+    (tmp_path / "counted.m").write_text("function n = counted(u, varargin)\nn = length(varargin);\n")
+    savemat(tmp_path / "data.mat", {"k": 8.0})
+    level = Variables(name="here", code=code, files=Libraries([tmp_path]))
+    np.testing.assert_allclose(level.value(name), value)
+    if "unknowable" in code:
+        with pytest.raises(UndefinedVariable):
+            level.value("arm.mass")
+
+
+def test_code_of_a_mask_may_ask_for_its_own_parameters():
+    texts = {"radius": "2*r", "side": "left"}
+    code = (
+        "x = get_param(gcb, 'value@radius'); y = strcmp(get_param(gcb, 'side'), 'left'); z = get_param('a/b', 'side');"
+    )
+    mask = Variables(code=code, texts=texts, pending={"radius": lambda: 6.0})
+    assert (mask.value("x"), mask.value("y")) == (6.0, 1.0)
+    with pytest.raises(UndefinedVariable):
+        mask.value("z")
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    level = Variables(name="callbacks", code="x = 1; load other.mat; run nothing.m", files=Libraries([tmp_path]))
+    assert level.value("x") == 1
+    with pytest.raises(UndefinedVariable) as problem:
+        level.value("y")
+    assert problem.value.why == "'callbacks' takes variables from nothing.m, other.mat, which is not there"
+
+
+def test_a_model_takes_variables_from_where_it_keeps_them(tmp_path):
+    """From callbacks, a script or a `.mat` file, the model file itself; what a user gives comes first."""
+
+    def value(name, given=None, **where):
+        level = Level()
+        level.block(INERTIA, "Rod", Mass=name)
+        read = read_simulink(write_model(tmp_path / "a.slx", level, **where), variables=given)
+        return read.bodies.bodies[0].solids[0].weight.mass, [entry.text for entry in read.report.of("defaulted")]
+
+    (tmp_path / "figures.m").write_text("k = 3;")
+    savemat(tmp_path / "kept.mat", {"k": 4.0})
+    assert value("k", callbacks={"PreLoadFcn": "figures", "InitFcn": "k = 2*k;"}) == (6.0, [])
+    assert value("k", {"k": np.array([[9.0]])}, callbacks={"PreLoadFcn": "figures"}) == (9.0, [])
+    assert value("k", {"half": np.array([[9.0]])}, callbacks={"InitFcn": "k = 2*half;"}) == (18.0, [])
+    assert value("k", source={"WSDataSource": "MATLAB File", "WSSourceFileName": "C:\\at home\\figures.m"}) == (3.0, [])
+    assert value("k", source={"WSDataSource": "MAT-File", "WSSourceFileName": "kept.mat"}) == (4.0, [])
+    whole = io.BytesIO()
+    savemat(whole, {"w": {"k": 5.0, "name": "a"}})
+    data = bytearray(whole.getvalue())
+    data[168:176] = struct.pack("<II", 1, 0)  # a model file holds it without a name, and most of the header
+    assert value("k", stored=bytes(data[124:128]) + bytes(4) + bytes(data[128:])) == (5.0, [])
+    assert value("k", stored=b"damaged", callbacks={"InitFcn": "k = 2; load('gone.mat')"}) == (
+        2.0, ["takes variables from gone.mat, which lies in none of the folders"])  # fmt: skip

@@ -119,7 +119,7 @@ def _add_units(definitions: Element, units: Iterable[str]) -> None:
     for unit in sorted(units):
         defined = SubElement(definitions, "Unit", name=unit_name(unit))
         try:
-            factor, (kg, m, s) = parse_unit(plain_unit(unit))
+            factor, (kg, m, s, _) = parse_unit(plain_unit(unit))
         except UnknownUnit:
             continue
         above, _, below = unit.partition("/")

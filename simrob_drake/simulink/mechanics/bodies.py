@@ -282,6 +282,9 @@ def read_contacts(network: Connections) -> list[ContactPair]:
             continue
         ends = [geometry.get(network.net(node, side)) for side in ("lconn", "rconn")]
         if ends[0] is None or ends[1] is None:
+            if not any(network.on(network.net(node, side)) for side in ("lconn", "rconn")):
+                node.note("dropped", "the contact: it is not connected")
+                continue
             node.note("lost", "the contact: one of its ends is no solid or plane")
             continue
         sensed = _DISTANCE_AFTER if node.is_on("SenseSeparationDistance") else 0
@@ -300,14 +303,11 @@ def _geometry_ports(node: Node) -> Iterator[tuple[str, int]]:
 
 
 def _surface(node: Node) -> ContactParameters:
-    report = node.findings.report
     if node.text("NormalForceType", "SmoothSpringDamper") != "SmoothSpringDamper":
-        report.add(
-            "approximated", node.path, "its normal force comes from a signal: the figures of the block are taken"
-        )
+        node.note("approximated", "its normal force comes from a signal: the figures of the block are taken")
     friction = node.text("FrictionType", "SmoothStickSlip")
     if friction not in ("SmoothStickSlip", "None"):
-        report.add("approximated", node.path, "its friction comes from a signal: the figures of the block are taken")
+        node.note("approximated", "its friction comes from a signal: the figures of the block are taken")
     without = friction == "None"
     static = 0.0 if without else node.number("CoefficientOfStaticFriction", "0.5")
     dynamic = 0.0 if without else node.number("CoefficientOfDynamicFriction", "0.3")
@@ -316,11 +316,10 @@ def _surface(node: Node) -> ContactParameters:
     if stiffness <= 0 or damping < 0 or min(static, dynamic) < 0:
         raise node.refusal("has a stiffness that is not positive, or a negative damping or friction")
     if dynamic > static:
-        report.add("repaired", node.path, f"dynamic friction {dynamic:g} above static {static:g}: both {dynamic:g}")
+        node.note("repaired", f"dynamic friction {dynamic:g} above static {static:g}: both {dynamic:g}")
         static = dynamic
-    return ContactParameters(
-        stiffness, damping, static, dynamic, node.number("FrictionalCriticalVelocity", "1e-3", unit="m/s") or 1e-3
-    )
+    speed = node.number("FrictionalCriticalVelocity", "1e-3", unit="m/s") or 1e-3
+    return ContactParameters(stiffness, damping, static, dynamic, speed)
 
 
 def dissipation(surface: ContactParameters, weight_carried: float) -> float:

@@ -160,10 +160,8 @@ def _sequence(node: Node, prefix: str) -> RotationMatrix:
 
 _ROTATIONS: dict[str, Callable[[Node, str], RotationMatrix]] = {
     "None": lambda *_: RotationMatrix(),
-    "StandardAxis": lambda node, prefix: _about(node, axis(node, f"{prefix}RotationStandardAxis"), prefix),
-    "ArbitraryAxis": lambda node, prefix: _about(
-        node, node.numbers(f"{prefix}RotationArbitraryAxis", "[0 0 1]", size=3), prefix
-    ),
+    "StandardAxis": lambda node, to: _about(node, axis(node, f"{to}RotationStandardAxis"), to),
+    "ArbitraryAxis": lambda node, to: _about(node, node.numbers(f"{to}RotationArbitraryAxis", "[0 0 1]", size=3), to),
     "AlignedAxes": _aligned,
     "RotationSequence": _sequence,
     "RotationMatrix": _matrix,
@@ -196,13 +194,9 @@ _COUNTS = {"High": 1e-2, "Low": 3e-4}
 """How much a target counts that a joint asks for, by its priority; what nobody asks for counts 1e-5."""
 
 _SENSED = (
-    ("SensePosition", "q"),
-    ("SenseVelocity", "w"),
-    ("SenseAcceleration", "a"),
-    ("SenseTorqueForce", "t"),
-    ("SenseLowerLimitTorqueForce", "lower"),
-    ("SenseUpperLimitTorqueForce", "upper"),
-)
+    ("SensePosition", "q"), ("SenseVelocity", "w"), ("SenseAcceleration", "a"), ("SenseTorqueForce", "t"),
+    ("SenseLowerLimitTorqueForce", "lower"), ("SenseUpperLimitTorqueForce", "upper"),
+)  # fmt: skip
 _SPHERE_SENSED = ("SensePosition", "SenseVelocityX", "SenseVelocityY", "SenseVelocityZ", "SenseVelocity",
                   "SenseAccelerationX", "SenseAccelerationY", "SenseAccelerationZ", "SenseAcceleration",
                   "SenseTorqueX", "SenseTorqueY", "SenseTorqueZ", "SenseTorqueForce",
@@ -266,6 +260,16 @@ def read_joint(node: Node) -> Joint:
     if node.kind == "6-DOF Joint" and not moved:
         _read_floating(node, joint)
         return joint
+    _read_primitives(node, joint, kinds)
+    for freedom in (one for one in joint.freedoms if one.driven == "motion"):
+        freedom.lower, freedom.upper, freedom.stop = -inf, inf, None  # limits push nothing whose motion is given
+    if node.kind == "Lead Screw Joint":
+        _read_screw(node, joint)
+    return joint
+
+
+def _read_primitives(node: Node, joint: Joint, kinds: tuple[str, ...]) -> None:
+    """Read what each primitive of a joint lets free, and number its ports."""
     left, right = 2, 2
     for kind in kinds:
         prefix = "" if len(kinds) == 1 else kind
@@ -285,9 +289,6 @@ def read_joint(node: Node) -> Joint:
             if node.is_on(f"{prefix}{sensed}"):
                 joint.outputs[right] = (freedom, what)
                 right += 1
-    if node.kind == "Lead Screw Joint":
-        _read_screw(node, joint)
-    return joint
 
 
 def _read_screw(node: Node, joint: Joint) -> None:
@@ -333,9 +334,7 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
             stops.append((stiffness, damping))
     freedom.stop = max(stops, default=None)
     if len(set(stops)) > 1:
-        node.findings.report.add(
-            "approximated", freedom.name, "its stops differ: both get the figures of the stiffer one"
-        )
+        node.note("approximated", "its stops differ: both get the figures of the stiffer one")
     if freedom.lower >= freedom.upper and node.findings.assume and node.findings.undefined:
         freedom.lower, freedom.upper, freedom.stop = -inf, inf, None
         node.note("defaulted", "its limits are unknown: none are taken")

@@ -105,9 +105,8 @@ def cylinder(node: Node) -> tuple[Shape, Weight]:
     (radius,), (length,) = positive(node, "CylinderRadius", "1", 1), positive(node, "CylinderLength", "1", 1)
     mass = np.pi * radius**2 * length
     across = mass * (3 * radius**2 + length**2) / 12
-    return Shape("cylinder", (radius, length)), Weight(
-        mass, np.zeros(3), np.diag([across, across, mass * radius**2 / 2])
-    )
+    inertia = np.diag([across, across, mass * radius**2 / 2])
+    return Shape("cylinder", (radius, length)), Weight(mass, np.zeros(3), inertia)
 
 
 def sphere(node: Node) -> tuple[Shape, Weight]:

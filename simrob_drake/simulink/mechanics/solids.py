@@ -202,11 +202,7 @@ class SolidPort(NamedTuple):
 
 
 def solid_ports(node: Node) -> list[SolidPort]:
-    """Return the ports of a Solid, Inertia or Graphic block.
-
-    Raises:
-        InvalidModel: its frames cannot be read.
-    """
+    """Return the ports of a Solid, Inertia or Graphic block (raises InvalidModel: its frames cannot be read)."""
     order: list[str | Element | None] = list(_frames(node))
     if node.is_on("ExportEntireGeometry") or node.is_on("ExportConvexHullGeometry"):
         order.append(GEOMETRY)

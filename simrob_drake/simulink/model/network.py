@@ -1,6 +1,7 @@
 """What is connected with what: physical nodes over all levels, and where each signal comes from."""
 
 from collections.abc import Iterator
+from functools import cached_property
 
 from simrob_drake.simulink.model.nodes import Expanded, Node, chosen_variant
 from simrob_drake.simulink.reading.graph import Port
@@ -36,6 +37,18 @@ class Connections:
         """
         self._read.add((id(node), side, number))
         return self._find((id(node), side, number))
+
+    def on(self, place: Place) -> list[Node]:
+        """Return the blocks with a port on a physical node."""
+        return self._on.get(self._find(place), [])
+
+    @cached_property
+    def _on(self) -> dict[Place, list[Node]]:
+        found: dict[Place, list[Node]] = {}
+        for node, places in self._wired.items():
+            for place in dict.fromkeys(map(self._find, places)):
+                found.setdefault(place, []).append(node)
+        return found
 
     def unread(self, node: Node) -> list[Place]:
         """Return the physical ports of a block that lines lead to and that nothing has asked for."""

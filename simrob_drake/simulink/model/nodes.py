@@ -14,6 +14,7 @@ from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Mask, MaskParameter, Model, SimulinkBlock, System
 from simrob_drake.simulink.reading.model_file import BUILT_IN, Libraries
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
+from simrob_drake.simulink.values.mat import stored_workspace
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor
 from simrob_drake.simulink.values.workspace import Octave, Variables
@@ -74,7 +75,8 @@ class Node:
         try:
             return self.workspace.value(text)
         except UndefinedVariable as problem:
-            self.findings.missing(problem, f"{self.path}: {name}")
+            if not name.startswith("Graphic"):  # looks move nothing
+                self.findings.missing(problem, f"{self.path}: {name}")
             if self.findings.assume:
                 taken = unknown or default
                 self.note("defaulted", f"{name} = {text} is unknown: {taken} is taken")
@@ -105,11 +107,7 @@ class Node:
         return np.asarray(array * self.unit(name, unit))
 
     def matrix(self, name: str, default: str, unknown: str | None = None) -> Vector:
-        """Return a parameter as a matrix, as it is written.
-
-        Raises:
-            InvalidModel: it is none.
-        """
+        """Return a parameter as a matrix, as it is written (raises InvalidModel: it is none)."""
         try:
             return matrix(self.value(name, default, unknown))
         except (NotUnderstood, TypeError, ValueError) as problem:
@@ -238,7 +236,10 @@ def expand(
     Raises:
         InvalidModel: it has no end, or a library cannot be read.
     """
-    written = Variables(name=model.name, code=model.code, octave=octave)
+    code = "\n".join(model.callbacks.values())
+    called = Variables(name="callbacks", variables=dict(variables), code=code, octave=octave, files=libraries)
+    stored = stored_workspace(model.stored) or {}
+    written = Variables(name=model.name, variables=stored, code=model.code, outer=called)
     workspace = Variables(name="given", variables=variables, outer=written)
     root = Node(
         "",
@@ -270,6 +271,7 @@ def _masked(name: str, mask: Mask, values: dict[str, str], outer: Variables) -> 
     for parameter in mask.parameters:
         text = values.get(parameter.name, parameter.value)
         workspace.pending[parameter.name] = _reader(parameter, text, outer)
+        workspace.texts[parameter.name] = text
     return workspace
 
 

@@ -69,11 +69,7 @@ _CONNECTION = re.compile(r"([LR])Conn(\d+)")
 
 
 def parse_mdl(content: bytes) -> Element:
-    """Return the elements of an old model text.
-
-    Raises:
-        Unreadable: it is no such text.
-    """
+    """Return the elements of an old model text (raises Unreadable: it is no such text)."""
     text = content.decode("utf-8", "replace")
     tokens = _tokens(text)
     root = Element("ModelInformation")
@@ -217,7 +213,8 @@ class Model:
     kind: str  # ``Model``, ``Library`` or ``Subsystem``
     system: System  # its outermost level
     mask: Mask | None = None  # of a subsystem file as a whole
-    code: str = ""  # of the model workspace, MATLAB assignments
+    code: str = ""  # of the model workspace, MATLAB assignments, or which file it is from
+    stored: bytes = b""  # of the model workspace, variables as MATLAB keeps them
     callbacks: dict[str, str] = field(default_factory=dict)  # names of callbacks that MATLAB would run, with their code
     stop_time: str = "10"  # when a run ends, an expression [s]
     notes: list[tuple[EntryKind, str, str]] = field(default_factory=list)
@@ -254,11 +251,7 @@ class SystemReader:
         self._blocks = 0
 
     def system(self, element: Element, depth: int = 0) -> System:
-        """Return a system.
-
-        Raises:
-            TooManyElements: it has no end.
-        """
+        """Return a system (raises TooManyElements: it has no end)."""
         if depth > DEEPEST:
             raise TooManyElements(f"nests subsystems more than {DEEPEST} deep")
         reference = element.get("Ref")

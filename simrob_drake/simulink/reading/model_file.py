@@ -8,10 +8,12 @@ import re
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import Element
 
-from simrob_drake.errors import InvalidModel
+from simrob_drake.errors import InvalidModel, InvalidParameter
 from simrob_drake.files import NotRead, content_of
 from simrob_drake.simulink.reading.graph import (
     Model,
@@ -26,11 +28,13 @@ from simrob_drake.simulink.reading.graph import (
     read_defaults,
     read_mask,
 )
+from simrob_drake.simulink.values.mat import variables_of_mat
 
 MOST_PARTS = 20_000
 LARGEST_PART = 64 * 2**20  # bytes
 LARGEST_MODEL = 256 * 2**20  # bytes of all parts that are read
 
+_STORED = "simulink/modelWorkspace.mxarray"
 _TEXT_PACKAGE = b"__MWOPC_PACKAGE_BEGIN__"
 _TEXT_PART = re.compile(rb"^__MWOPC_PART_BEGIN__ (\S.*?)\s*$\n", re.MULTILINE)
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError, ValueError)
@@ -41,16 +45,12 @@ class Package:
 
     Attributes:
         path: the file.
-        parts: the XML parts; empty for the old `.mdl` text without parts, which ``text`` then holds.
+        parts: the XML parts, and a workspace; empty for the old `.mdl` text without parts, which ``text`` then holds.
         text: the whole of an old `.mdl` file.
     """
 
     def __init__(self, path: Path) -> None:
-        """Read a file.
-
-        Raises:
-            InvalidModel: it is missing, protected, damaged or too large.
-        """
+        """Read a file (raises InvalidModel: it is missing, protected, damaged or too large)."""
         self.path = path
         self.parts: dict[str, bytes] = {}
         self.text = b""
@@ -75,7 +75,7 @@ class Package:
                     raise InvalidModel(self.path, "", f"has {len(entries)} parts; at most {MOST_PARTS} are read")
                 for entry in entries:
                     name = entry.filename.lstrip("/")
-                    if name.startswith("simulink/") and name.endswith(".xml"):
+                    if (name.startswith("simulink/") and name.endswith(".xml")) or name == _STORED:
                         with archive.open(entry) as part:
                             self._keep(name, part.read(LARGEST_PART + 1))
         except _DAMAGE as problem:
@@ -141,14 +141,18 @@ def read_model(path: Path) -> Model:
         kind=top.tag,
         system=system,
         mask=read_mask(_element(package, _MASK)) if _MASK in package.parts else None,
-        code=""
-        if workspace is None
-        else "".join(
-            parameter.text or "" for parameter in workspace.iterfind("P") if parameter.get("Name") == "WSMATLABCode"
-        ),
+        code="" if workspace is None else _workspace_code(workspace),
+        stored=package.parts.get(_STORED, b""),
         stop_time=_stop_time(package, texts),
         callbacks={name: text for name, text in texts.items() if _CALLBACK.fullmatch(name) and text.strip()},
     )
+
+
+def _workspace_code(workspace: Element) -> str:
+    """Return the code of a model's workspace, or what takes its variables from the file in which they are."""
+    texts = {parameter.get("Name", ""): parameter.text or "" for parameter in workspace.iterfind("P")}
+    command = {"MATLAB File": "run", "MAT-File": "load"}.get(texts.get("WSDataSource", ""))
+    return f"{command}('{texts.get('WSSourceFileName', '')}')" if command else texts.get("WSMATLABCode", "")
 
 
 def _add_scripts(package: Package, system: System) -> None:
@@ -189,7 +193,7 @@ def _parsed(path: Path, name: str, parse: Callable[[bytes], Element], content: b
 BUILT_IN = {
     "sm_lib", "nesl_utility", "simulink", "slpidlib", "fl_lib", "fl_ps_legacy_lib", "simulink_extras", "robotcorelib",
     "robotmaniplib", "robotalgslib", "ee_lib", "sdl_lib", "batteryecm_lib", "SignalEditorBlockLib", "eml_lib", "sflib",
-    "dspsrcs4", "dspsigops", "simscape", "sl3dlib", "sim3dlib", "uavlib", "autolibshared", "aerolibsixdof",
+    "dspsrcs4", "dspsigops", "simscape", "sl3dlib", "sim3dlib", "uavlib", "autolibshared", "aerolibsixdof", "cstblocks",
 }  # fmt: skip
 """Libraries of MATLAB: their blocks are known by name, or not at all."""
 
@@ -198,28 +202,20 @@ _MOST_FOLDERS = 500
 
 
 class Libraries:
-    """Model files by name, each read once, from the folders that the user names.
-
-    Attributes:
-        missing: names of files that were asked for and lie in none of the folders.
-    """
+    """Model files, `.m` and `.mat` files by name, each read once, from the folders that the user names."""
 
     def __init__(self, folders: Iterable[Path]) -> None:
-        self._folders = list(folders)
+        self.folders: list[Path] = []
+        for folder in folders:
+            if folder.is_dir():
+                self.folders += [folder, *sorted(child for child in folder.iterdir() if child.is_dir())[:_MOST_FOLDERS]]
         self._models: dict[str, Model | None] = {}
-        self.missing: set[str] = set()
 
     def model(self, name: str) -> Model | None:
-        """Return a file's model, or None where it lies in no folder.
-
-        Raises:
-            InvalidModel: the file cannot be read.
-        """
+        """Return a file's model, or None where it lies in no folder (raises InvalidModel: the file cannot be read)."""
         if name not in self._models:
             file = self._find(name)
             self._models[name] = None if file is None else read_model(file)
-        if self._models[name] is None:
-            self.missing.add(name)
         return self._models[name]
 
     def block(self, place: str) -> SimulinkBlock | None:
@@ -238,22 +234,27 @@ class Libraries:
         return found
 
     def script(self, name: str) -> str:
-        """Return the text of a function's own file, ``name.m``; empty where it lies in no folder."""
+        """Return the text of a function's or script's own file, ``name.m``; empty where it lies in no folder."""
         file = self._find(name, (".m",))
         try:
             return "" if file is None else content_of(file, LARGEST_PART).decode("utf-8", "replace")
         except NotRead:
             return ""
 
-    def _find(self, name: str, suffixes: tuple[str, ...] = _SUFFIXES) -> Path | None:
-        if "/" in name or "\\" in name or name.startswith("."):
+    def variables(self, name: str) -> dict[str, Any] | None:
+        """Return the variables of ``name.mat``; None where it lies in no folder, or cannot be read."""
+        file = self._find(name, (".mat",))
+        try:
+            return None if file is None else variables_of_mat(file)
+        except InvalidParameter:
             return None
-        for folder in self._folders:
-            below = (
-                sorted(child for child in folder.iterdir() if child.is_dir())[:_MOST_FOLDERS] if folder.is_dir() else []
-            )
-            for place in (folder, *below):
-                for suffix in suffixes:
-                    if (place / f"{name}{suffix}").is_file():
-                        return place / f"{name}{suffix}"
-        return None
+
+    def _find(self, name: str, suffixes: tuple[str, ...] = _SUFFIXES) -> Path | None:
+        return self._files.get(next((name + suffix for suffix in suffixes if name + suffix in self._files), ""))
+
+    @cached_property
+    def _files(self) -> dict[str, Path]:
+        """The files by name; of one name, that of the first folder."""
+        suffixes = (*_SUFFIXES, ".m", ".mat")
+        files = [file for folder in self.folders for file in folder.iterdir() if file.suffix in suffixes]
+        return {file.name: file for file in reversed(files) if file.is_file()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -203,75 +204,26 @@ def _inverse(values: Signal) -> Signal | None:
     return mapped(lambda one: one / determinant, cofactors.T)
 
 
-def _dot_product(reader: SignalReader, node: Node, _: int) -> Signal:
-    first, second = fitted(node, reader.input(node), reader.input(node, 2))
-    return signal([sum((one * other for one, other in zip(flat(first), flat(second), strict=True)), start=0.0)])
-
-
-def _cross_product(reader: SignalReader, node: Node, _: int) -> Signal:
-    a, b = (flat(one) for one in fitted(node, reader.input(node), reader.input(node, 2)))
-    if len(a) != 3:
-        raise node.refusal(f"needs vectors of 3 elements, not {len(a)}")
-    return signal(a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3))
-
-
 def _truncated(value: Value) -> Value:
     return applied("sign", value) * applied("floor", applied("abs", value))
 
 
-_DEFAULTS = {"Abs": "abs", "Signum": "sign", "Sqrt": "sqrt", "Trigonometry": "sin", "Math": "exp", "MinMax": "min",
-             "Rounding": "floor"}  # fmt: skip
 MATH: dict[str, Callable[..., Value]] = {
-    "square": lambda u: u * u,
-    "magnitude^2": lambda u: u * u,
-    "reciprocal": lambda u: 1.0 / u if isinstance(u, Form) or u else math.inf,
-    "10^u": lambda u: applied("pow", 10.0, u),
-    "log10": lambda u: applied("log", u) * (1 / math.log(10)),
     "hypot": lambda u, v: applied("sqrt", u * u + v * v),
     "mod": lambda u, v: u - v * applied("floor", u / v),
     "rem": lambda u, v: u - v * _truncated(u / v),
     "round": lambda u: applied("sign", u) * applied("floor", applied("abs", u) + 0.5),
     "fix": _truncated,
-    "signedsqrt": lambda u: applied("sign", u) * applied("sqrt", applied("abs", u)),
-    "rsqrt": lambda u: 1.0 / applied("sqrt", u),
-    "conj": lambda u: u,
-    "real": lambda u: u,
 }
-_TWO = ("atan2", "pow", "mod", "rem", "hypot")
+"""Functions of MATLAB that are not those of a flow's blocks."""
 
 
-def _function(reader: SignalReader, node: Node, _: int) -> Signal | None:
-    default = _DEFAULTS[node.kind]
-    name = default if node.kind in ("Abs", "Signum") else (node.text("Operator", node.text("Function")) or default)
-    name = name.lower()
-    if name in ("transpose", "hermitian"):
-        values = reader.input(node)
-        return values.T if values.ndim == 2 else values.reshape(1, -1)
-    if node.kind == "MinMax":
-        signals = inputs_of(reader, node, "1")
-        signals = [signal([value]) for value in flat(signals[0])] if len(signals) == 1 else fitted(node, *signals)
-    else:
-        signals = fitted(node, *(reader.input(node, place) for place in ((1, 2) if name in _TWO else (1,))))
-    if name in ("min", "max"):
-        found = signals[0]
-        for other in signals[1:]:
-            found = mapped(lambda one, next_: applied(name, one, next_), found, other)
-        return found
-    if name in MATH:
-        return mapped(MATH[name], *signals)
-    return mapped(lambda *values: applied(name, *values), *signals) if name in FUNCTIONS else None
-
-
-def _limits(kind: str, lower: tuple[str, str], upper: tuple[str, str]) -> Rule:
-    """Return the rule of a block with limits, whose parameters are these, by default these."""
-
-    def rule(reader: SignalReader, node: Node, _: int) -> Signal:
-        bounds = [node.matrix(*named).reshape(-1, order="F").astype(object) for named in (lower, upper)]
-        return mapped(
-            lambda value, low, high: limited(value, low, high, kind), *fitted(node, reader.input(node), *bounds)
-        )
-
-    return rule
+def _extreme(reader: SignalReader, node: Node, _: int) -> Signal:
+    signals = inputs_of(reader, node, "1")
+    found, *others = [signal([value]) for value in flat(signals[0])] if len(signals) == 1 else fitted(node, *signals)
+    for other in others:
+        found = mapped(partial(applied, (node.text("Operator", node.text("Function")) or "min").lower()), found, other)
+    return found
 
 
 def table_of(points: Any, values: Any, *, clip: bool) -> dict[str, Any]:
@@ -294,17 +246,6 @@ def _lookup(reader: SignalReader, node: Node, _: int) -> Signal | None:
         first, step = (node.number(f"BreakpointsForDimension1{what}", "1") for what in ("FirstPoint", "Spacing"))
         parameters = table_of(first + step * np.arange(heights.size), heights, clip=clip)
     return mapped(lambda value: computed("lookup", value, **parameters), reader.input(node))
-
-
-def _compare(reader: SignalReader, node: Node, _: int) -> Signal:
-    first = reader.input(node)
-    operator = OPERATORS.get(node.text("relop", node.text("Operator", "<=")), "<=")
-    if node.kind == "RelationalOperator":
-        second = reader.input(node, 2)
-    else:
-        text = node.matrix("const", "3") if node.kind == "Compare To Constant" else np.zeros((1, 1))
-        second = text.reshape(-1, order="F").astype(object)
-    return mapped(lambda one, other: compared(operator, one, other), *fitted(node, first, second))
 
 
 def _within(node: Node) -> Callable[[Value], Value]:
@@ -345,34 +286,14 @@ def _polynomial(node: Node) -> Callable[[Value], Value]:
     return value_at
 
 
-def _quantized(node: Node) -> Callable[[Value], Value]:
-    step = node.number("QuantizationInterval", "0.5")
-    return lambda u: step * applied("floor", u * (1 / step) + 0.5)
-
-
-def times(factor: float) -> Rule:
-    """Return the rule of a block that multiplies."""
-    return lambda reader, node, _: scaled(reader.input(node), factor)
-
-
 ARITHMETIC: dict[str, Rule] = {
     **dict.fromkeys(("Gain", "Slider Gain"), _gain),
     "Sum": _sum,
     "Product": _product,
-    "DotProduct": _dot_product,
-    "Cross Product": _cross_product,
-    "UnaryMinus": times(-1.0),
-    "Degrees to Radians": times(math.pi / 180),
-    "Radians to Degrees": times(180 / math.pi),
-    **dict.fromkeys(_DEFAULTS, _function),
-    "Saturate": _limits("saturation", ("LowerLimit", "-0.5"), ("UpperLimit", "0.5")),
-    "DeadZone": _limits("dead_zone", ("LowerValue", "-0.5"), ("UpperValue", "0.5")),
-    "Saturation Dynamic": elementwise(lambda up, x, low: applied("max", low, applied("min", x, up)), 3),
+    "MinMax": _extreme,
     **dict.fromkeys(("Lookup_n-D", "Lookup"), _lookup),
-    **dict.fromkeys(("RelationalOperator", "Compare To Constant", "Compare To Zero"), _compare),
     "Interval Test": of_parameters(_within),
     "Logic": _logic,
     "Switch": _switch,
     "Polyval": of_parameters(_polynomial),
-    "Quantizer": of_parameters(_quantized),
 }

@@ -169,11 +169,25 @@ def _transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | Non
         if node.kind in ("DiscreteFilter", "DiscreteFir"):  # powers of 1/z
             size = max(numerator.size, denominator.size)
             numerator, denominator = (np.append(one, np.zeros(size - one.size)) for one in (numerator, denominator))
+    return _rational(reader, node, numerator, denominator, sampled)
+
+
+def _rational(reader: SignalReader, node: Node, numerator: Vector, denominator: Vector, sampled: Parameters) -> Signal:
     parameters = {"numerator": _listed(numerator), "denominator": _listed(denominator), **sampled}
     if np.trim_zeros(numerator, "f").size < denominator.size:
         return with_states(reader, node, "transfer_function", parameters)
     values = reader.input(node)
     return _each(node, "transfer_function", [parameters] * values.size, values)
+
+
+def _lti(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    """Return what a system object makes of its input, where it is ``tf`` or ``ss`` of matrices, and begins at rest."""
+    system = node.value("sys", "tf(1, [1 1])")
+    if not isinstance(system, dict) or node.numbers("IC", "[]").any():
+        return None
+    if "numerator" in system:
+        return _rational(reader, node, system["numerator"].reshape(-1), system["denominator"].reshape(-1), {})
+    return _states(reader, node, {name: system[name].tolist() for name in "ABCD"}) if "A" in system else None
 
 
 def _begun_transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | None:
@@ -196,16 +210,19 @@ def _state_space(reader: SignalReader, node: Node, _: int) -> Signal | None:
         return None
     parameters: Parameters = {name: node.matrix(name, "1").tolist() for name in "ABCD"}
     start = node.numbers("X0" if "X0" in node.block.parameters else "InitialCondition", "0")
-    states, outputs = len(parameters["A"]), len(parameters["C"])
     if start.any():
-        parameters["initial"] = _listed(np.resize(start, states) if start.size == 1 else start)
+        parameters["initial"] = _listed(np.resize(start, len(parameters["A"])) if start.size == 1 else start)
+    return _states(reader, node, parameters | sampled)
+
+
+def _states(reader: SignalReader, node: Node, parameters: Parameters) -> Signal:
     through = any(map(any, parameters["D"]))
     known = reader.input(node) if through else None
 
     def inputs() -> list[Value]:
         return flat(reader.input(node) if known is None else known)
 
-    return signal(Primitive("state_space", parameters | sampled, inputs, node, outputs, 0).outputs)
+    return signal(Primitive("state_space", parameters, inputs, node, len(parameters["C"]), 0).outputs)
 
 
 def _delay(reader: SignalReader, node: Node, _: int) -> Signal:
@@ -219,9 +236,8 @@ def _delay(reader: SignalReader, node: Node, _: int) -> Signal:
         return reader.input(node)
     name = next((name for name in ("InitialCondition", "vinit", "X0") if name in node.block.parameters), "")
     starts = node.numbers(name, "0") if name else np.zeros(1)
-    parameters = [
-        {"period": period, **({"steps": steps} if steps > 1 else {}), "initial": float(one)} for one in starts
-    ]
+    shared = {"period": period, **({"steps": steps} if steps > 1 else {})}
+    parameters = [shared | {"initial": float(one)} for one in starts]
     return with_states(reader, node, "delay", *parameters)
 
 
@@ -344,6 +360,7 @@ DYNAMICS: dict[str, Rule] = {
     ),
     "Transfer Fcn (with initial outputs)": _begun_transfer_function,
     **dict.fromkeys(("StateSpace", "DiscreteStateSpace"), _state_space),
+    "LTI System": _lti,
     **dict.fromkeys(("UnitDelay", "Delay", "Memory"), _delay),
     "ZeroOrderHold": _hold,
     "TransportDelay": _transport_delay,

@@ -196,11 +196,7 @@ Rule: TypeAlias = Callable[[SignalReader, Node, int], Signal | None]
 
 
 def fitted(node: Node, *signals: Signal) -> list[Signal]:
-    """Spread scalars over the shape of the others.
-
-    Raises:
-        InvalidModel: shapes that do not fit.
-    """
+    """Spread scalars over the shape of the others (raises InvalidModel: shapes that do not fit)."""
     largest = max(signals, key=lambda one: (one.size, one.ndim))
     if any(one.size not in (1, largest.size) for one in signals):
         lengths = ", ".join(str(one.size) for one in signals)

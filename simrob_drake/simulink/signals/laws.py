@@ -60,6 +60,7 @@ class Law:
     ki: float = 0.0
     kd: float = 0.0
     limit: float = inf
+    rotor: float = 0.0  # the inertia of a motor's rotor as the joint feels it [kg m², or kg]
 
     @property
     def is_idle(self) -> bool:
@@ -81,7 +82,11 @@ def read_laws(tracer: Tracer, joints: list[Joint], *, servos: bool = False) -> d
             if how == "motion":
                 laws[freedom] = Law(reference=value)
             else:
+                rotor = -terms_of(value).get(Term("a", freedom), 0.0)
+                if rotor > 0:
+                    value = added((1.0, value), (rotor, Form({Term("a", freedom): 1.0})))
                 laws[freedom] = (servos and _servo(value, freedom)) or Law(net=value)
+                laws[freedom].rotor = max(rotor, 0.0)
     for term, (freedom, factor) in commanded([law.net for law in laws.values()]).items():
         if freedom in laws:
             laws[freedom].reference = Form({term: factor})

@@ -4,28 +4,45 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import partial
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, Self
 
 import numpy as np
 
 from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.reading.model_file import SCRIPT, Libraries
-from simrob_drake.simulink.signals.arithmetic import MATH, OPERATORS, applied, chosen, compared, joined, table_of
-from simrob_drake.simulink.signals.forms import Form, Rule, Signal, SignalReader, Value, computed, flat, mapped, signal
-from simrob_drake.simulink.values.code import CodeRun, statements
-from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, evaluate, matrix
+from simrob_drake.simulink.reading.model_file import SCRIPT
+from simrob_drake.simulink.signals.arithmetic import (
+    MATH,
+    OPERATORS,
+    applied,
+    chosen,
+    compared,
+    joined,
+    limited,
+    table_of,
+)
+from simrob_drake.simulink.signals.forms import (
+    TIME,
+    Form,
+    Rule,
+    Signal,
+    SignalReader,
+    Value,
+    computed,
+    fitted,
+    flat,
+    mapped,
+    signal,
+)
+from simrob_drake.simulink.tables import table
+from simrob_drake.simulink.values.code import CodeRun, Files, undefined
+from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, matrix
+from simrob_drake.simulink.values.script import functions_of
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
-_SIGNATURE = re.compile(r"function(?:\s+|(?=\[))(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
-_SEVERAL = re.compile(r"\[([^\]=]+)\]\s*=(?!=)\s*(.+)", re.DOTALL)
 _EQUALS = re.compile(r"(?<![=~<>!])=(?!=)")
-_CALL = re.compile(r"(\w+)\s*\((.*)\)\s*", re.DOTALL)
-_CALLED = re.compile(r"\b([A-Za-z]\w*)\s*\(")
-_MOST_CALLS = 50
 _ENDED = "return"  # where it is kept whether a function has returned
 _PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number
 
@@ -37,13 +54,13 @@ class Translation(CodeRun):
     in the branch that is not taken gets 1 there.
     """
 
-    def __init__(
-        self, variables: dict[str, Any], lookup: Callable[[str], Any], functions: Mapping[str, ScriptFunction]
-    ) -> None:
-        super().__init__(variables, lookup)
-        self._functions, self._guards, self.depth = functions, list[Value](), 0
-        own = {name: partial(self._first_of, function) for name, function in functions.items()}
-        self._algebra = Algebra(self._operators(), {**NUMBERS.functions, **self._own_functions(), **own})
+    def __init__(self, *arguments: Any) -> None:
+        """Take what :class:`CodeRun` takes."""
+        self._guards: list[Value] = []
+        super().__init__(*arguments)
+
+    def _base(self) -> Algebra:
+        return Algebra(self._operators(), {**NUMBERS.functions, **self._own_functions()})
 
     def _operators(self) -> dict[str, Callable[..., Any]]:
         each: dict[str, Callable[..., Value]] = {
@@ -59,7 +76,7 @@ class Translation(CodeRun):
     def _own_functions(self) -> dict[str, Callable[..., Any]]:
         each: dict[str, Callable[..., Value]] = {
             **{name: partial(self._applied, name) for name in FUNCTIONS if name not in ("min", "max", "pow")},
-            **{name: MATH[name] for name in ("mod", "rem", "hypot", "fix", "round")},
+            **MATH,
             **{f"{name}d": (lambda u, name=name: applied(name, u * (np.pi / 180))) for name in ("sin", "cos", "tan")},
             "power": lambda a, b: _power(self._guarded(a), b),
             "not": lambda u: joined("not", u),
@@ -83,9 +100,6 @@ class Translation(CodeRun):
 
     def _applied(self, name: str, *values: Value) -> Value:
         return applied(name, *(map(self._guarded, values) if name in _PARTIAL else values))
-
-    def _value(self, text: str) -> Any:
-        return evaluate(parse(text), self._lookup, self._algebra)
 
     def _pass_over(self, part: list[str], problem: Exception) -> None:
         raise problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"{part[0][:60]}: {problem}")
@@ -112,38 +126,30 @@ class Translation(CodeRun):
         super()._statement(keyword, part)
 
     def assign(self, text: str) -> None:
-        """Do an assignment, of several outputs of a function, too."""
-        several = _SEVERAL.fullmatch(text)
-        call = _CALL.fullmatch(several[2]) if several else None
-        if several is None and not _EQUALS.search(text):
-            with suppress(NotUnderstood):
-                parse(text)
-                return  # an expression alone changes nothing
-            raise NotUnderstood(text[:60])
-        if several is None:
+        """Do an assignment; an expression alone changes nothing."""
+        if _EQUALS.search(text):
             super().assign(text)
-        elif call is None or call[1] not in self._functions:
-            raise NotUnderstood(text[:60])
-        else:
-            arguments = [self._value(argument) for argument in _split(call[2])]
-            for name, value in zip(_names(several[1]), self.called(self._functions[call[1]], arguments), strict=False):
-                if name != "~":
-                    self.variables[name] = value
+            return
+        try:
+            parse(text)
+        except NotUnderstood:
+            raise NotUnderstood(text[:60]) from None
 
-    def _first_of(self, function: ScriptFunction, *arguments: Any) -> Any:
-        return self.called(function, list(arguments))[0]
+    def _took_file(self, text: str) -> bool:
+        return False
 
-    def called(self, function: ScriptFunction, arguments: list[Any]) -> list[Any]:
-        """Return the outputs of a function of the script."""
-        if self.depth > _MOST_CALLS:
-            raise NotUnderstood(f"{function.name} calls itself")
-        inner = Translation(dict(zip(function.inputs, arguments, strict=False)), self._outside, self._functions)
-        inner._guards, inner.depth = self._guards, self.depth + 1
-        inner._block(function.body)
-        missing = [name for name in function.outputs if name not in inner.variables]
-        if missing:
-            raise NotUnderstood(f"{function.name} gives no {missing[0]}")
-        return [inner.variables[name] for name in function.outputs]
+    def _inner(self, variables: dict[str, Any]) -> Self:
+        inner = super()._inner(variables)
+        inner._guards = self._guards
+        return inner
+
+    def called(self, name: str, arguments: list[Any]) -> list[Any]:
+        """Return the outputs of a function; errors as of expressions, where one is not known, too."""
+        found = super().called(name, arguments)
+        for output, value in zip(self.functions[name].outputs, found, strict=True):
+            if value is None:
+                raise NotUnderstood(f"{name} gives no {output}")
+        return found
 
     def _condition(self, text: str) -> Value:
         condition: Value = 1.0
@@ -177,48 +183,6 @@ class Translation(CodeRun):
         self._guards.append(condition)
         yield
         self._guards.pop()
-
-
-class ScriptFunction(NamedTuple):
-    """A function of a script: its name, its inputs and outputs by name, and its statements."""
-
-    name: str
-    inputs: list[str]
-    outputs: list[str]
-    body: list[str]
-
-
-def functions_of(code: str) -> dict[str, ScriptFunction]:
-    """Return the functions of a script by name, the first of them first; none of a script without."""
-    lines = statements(re.sub(r"(function[^\n(]*\([^)]*\))", r"\1\n", code))
-    starts = [place for place, line in enumerate(lines) if _SIGNATURE.match(line) and line.startswith("function")]
-    found: dict[str, ScriptFunction] = {}
-    for begin, end in pairwise([*starts, len(lines)]):
-        signature = _SIGNATURE.match(lines[begin])
-        assert signature is not None
-        body = lines[begin + 1 : end]
-        opened = sum(bool(re.match(r"(if|for|while|switch|try)\b", line)) for line in body)
-        if sum(bool(re.match(r"end\b", line)) for line in body) > opened:
-            del body[max(place for place, line in enumerate(body) if re.match(r"end\b", line)) :]
-        several, one, name, inputs = signature.groups()
-        found[name] = ScriptFunction(name, _split(inputs or ""), _names(several or one or ""), body)
-    return found
-
-
-def _with_files(functions: dict[str, ScriptFunction], libraries: Libraries) -> dict[str, ScriptFunction]:
-    """Return functions with those that they call of files of their own."""
-    found, waiting = dict(functions), list(functions.values())
-    while waiting:
-        for name in dict.fromkeys(_CALLED.findall("\n".join(waiting.pop().body))):
-            if name not in found and name not in NUMBERS.functions and len(found) < _MOST_CALLS:
-                own = functions_of(libraries.script(name))
-                found = {**own, **found}
-                waiting += own.values()
-    return {**functions, **found}
-
-
-def _names(text: str) -> list[str]:
-    return [name for name in re.split(r"[\s,]+", text) if name]
 
 
 def _both(operator: str, first: Value, second: Value) -> Value:
@@ -289,17 +253,6 @@ def _merged(condition: Value, yes: Any, no: Any) -> Any:
     return mapped(partial(chosen, condition), first.astype(object), second.astype(object))
 
 
-def _split(text: str) -> list[str]:
-    parts, depth = [""], 0
-    for letter in text:
-        depth += (letter in "([{") - (letter in ")]}")
-        if letter == "," and not depth:
-            parts.append("")
-        else:
-            parts[-1] += letter
-    return [part.strip() for part in parts if part.strip()]
-
-
 def _columns(values: Signal) -> Any:
     return values.reshape(-1, 1) if values.ndim == 1 else values
 
@@ -317,7 +270,7 @@ def _matlab_function(reader: SignalReader, node: Node, number: int) -> Signal | 
         return None
 
     def translated() -> list[Signal]:
-        functions = _with_files(functions_of(code), reader.network.expanded.libraries)
+        functions = functions_of(code)
         (main, *_) = functions.values()
         inports = [child for child in block.children.values() if child.kind == "Inport"]
         ports = {child.block.name: int(child.text("Port", "1") or "1") for child in inports}
@@ -325,14 +278,11 @@ def _matlab_function(reader: SignalReader, node: Node, number: int) -> Signal | 
             _columns(reader.input(node, ports[name])) if name in ports else block.workspace.lookup(name)
             for name in main.inputs
         ]
-        return [_as_signal(value) for value in Translation({}, _unknown, functions).called(main, arguments)]
+        run = Translation({}, undefined, reader.network.expanded.libraries, functions)
+        return [_as_signal(value) for value in run.called(main.name, arguments)]
 
     outputs = _understood(block, lambda: reader.once(node, translated))
     return outputs[number - 2] if 0 <= number - 2 < len(outputs) else None
-
-
-def _unknown(name: str) -> Any:
-    raise UndefinedVariable(name)
 
 
 def _understood(node: Node, translate: Callable[[], list[Signal]]) -> list[Signal]:
@@ -354,11 +304,9 @@ def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Valu
     return flat(_understood(node, lambda: [signal([run._condition(text)])])[0])[0]
 
 
-def _over(
-    node: Node, variables: Mapping[str, Signal], functions: Mapping[str, ScriptFunction] | None = None
-) -> Translation:
+def _over(node: Node, variables: Mapping[str, Signal], files: Files | None = None) -> Translation:
     known = {name: _columns(values) for name, values in variables.items()}
-    return Translation(known, node.workspace.lookup, functions or {})
+    return Translation(known, node.workspace.lookup, files)
 
 
 def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
@@ -367,12 +315,52 @@ def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
     values = reader.input(node)
     if node.kind == "Fcn":
         text = text.replace("[", "(").replace("]", ")")
-    own = ScriptFunction("", [], [], [f"{text}(u)" if text.isidentifier() else text])
-    functions = _with_files({"": own}, reader.network.expanded.libraries)
-    if text in FUNCTIONS or text in functions:
+    run = _over(node, {"u": values}, reader.network.expanded.libraries)
+    if text in FUNCTIONS or (text.isidentifier() and run.find(text)):
         text = f"{text}(u)"
-    run = _over(node, {"u": values}, functions)
     return _understood(node, lambda: [_as_signal(run._value(text))])[0] if text else None
 
 
-MATLAB: dict[str, Rule] = {"S-Function": _matlab_function, **dict.fromkeys(("Fcn", "MATLABFcn"), _expression)}
+_BLOCKS: dict[str, Callable[..., Value]] = {
+    **{kind: partial(limited, kind=kind) for kind in ("saturation", "dead_zone")},
+    "step": lambda time, before, after: computed("step", time=float(time), before=float(before), after=float(after)),
+}
+"""Functions of formulas that are blocks of a flow."""
+
+
+_CHOICE = re.compile(r"\{(\w+)(?: or (\w+))?:(.+?)\}")
+
+
+def _formula(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    """Return what a block computes by its formula; None where that has no such choice."""
+    row = dict(table("formulas")[node.kind])
+    text, choices = row.pop("is"), row.pop("choices", None)
+    if choice := _CHOICE.search(text):
+        chosen = node.text(choice[1], node.text(choice[2] or "")) or choice[3]
+        if (chosen := chosen if choices is None else choices.get(chosen.lower(), "")) == "":
+            return None
+        text = text[: choice.start()] + chosen + text[choice.end() :]
+    words = set(re.findall(r"[A-Za-z]\w*", text))
+    values = {name: reader.input(node, place) for place, name in enumerate("uvw", start=1) if name in words}
+    if "t" in words:
+        values["t"] = reader.input(node) if node.text("TimeSource").startswith("Use external") else signal([TIME])
+    values |= {name: _parameter(node, default, others or [name]) for name, (default, *others) in row.items()}
+    columns = map(_columns, fitted(node, *values.values()))
+    run = Translation(dict(zip(values, columns, strict=True)))
+    run._algebra.functions.update({name: _on_symbols(None, function) for name, function in _BLOCKS.items()})
+    return _understood(node, lambda: [_as_signal(run._value(text))])[0]
+
+
+def _parameter(node: Node, default: str, names: list[str]) -> Signal:
+    name = next((one for one in names if one in node.block.parameters), names[0])
+    unit = node.text(f"{name}_unit", "1")
+    factor = node.in_si(unit, name) * (2 * np.pi if "Hz" in unit else 1.0)  # in sines
+    return (node.matrix(name, default) * factor).reshape(-1, order="F").astype(object)
+
+
+FORMULAS: dict[str, Rule] = dict.fromkeys(table("formulas"), _formula)
+MATLAB: dict[str, Rule] = {
+    **FORMULAS,
+    "S-Function": _matlab_function,
+    **dict.fromkeys(("Fcn", "MATLABFcn"), _expression),
+}

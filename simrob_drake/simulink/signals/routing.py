@@ -90,9 +90,7 @@ def _selector(reader: SignalReader, node: Node, _: int) -> Signal | None:
         ]
     except (UndefinedVariable, NotUnderstood, ValueError, TypeError, IndexError):
         return None
-    if any(
-        one.max(initial=0) >= size or one.min(initial=0) < 0 for one, size in zip(chosen, values.shape, strict=True)
-    ):
+    if any(not 0 <= index < size for one, size in zip(chosen, values.shape, strict=True) for index in one):
         return None
     return np.asarray(values[np.ix_(*chosen)], dtype=object)
 
@@ -114,9 +112,8 @@ def _reshape(reader: SignalReader, node: Node, _: int) -> Signal:
 
 def _bus_selector(reader: SignalReader, node: Node, number: int) -> Signal | None:
     names = [name.strip() for name in node.text("OutputSignals").split(",")]
-    sources = [
-        _selected(reader, node, name) for name in (names if node.is_on("OutputAsBus") else names[number - 1 : number])
-    ]
+    asked = names if node.is_on("OutputAsBus") else names[number - 1 : number]
+    sources = [_selected(reader, node, name) for name in asked]
     if None in sources or not sources:
         return None
     return signal(value for source in sources if source is not None for value in flat(reader.output(*source)))
@@ -177,11 +174,6 @@ def _multiport_switch(reader: SignalReader, node: Node, _: int) -> Signal | None
     return chosen
 
 
-def _bias(reader: SignalReader, node: Node, _: int) -> Signal:
-    bias = node.matrix("Bias", "0").astype(object)
-    return mapped(lambda one, other: one + other, reader.input(node), bias.reshape(-1) if 1 in bias.shape else bias)
-
-
 PASSING = {
     "SignalConversion", "SignalSpecification", "DataTypeConversion", "RateTransition", "UnitConversion", "BusToVector",
     "Width Conversion", "IC", "Signal Copy",
@@ -202,7 +194,6 @@ ROUTING: dict[str, Rule] = {
     "BusSelector": _bus_selector,
     "ManualSwitch": lambda reader, node, _: reader.input(node, 1 if node.text("sw", "1") == "1" else 2),
     "MultiPortSwitch": _multiport_switch,
-    "Bias": _bias,
     "DataStoreRead": _stored,
 }
 

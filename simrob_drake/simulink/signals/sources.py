@@ -15,9 +15,7 @@ from simrob_drake.simulink.signals.arithmetic import (
     applied,
     chosen,
     compared,
-    elementwise,
     joined,
-    limited,
     of_parameters,
     switched,
     table_of,
@@ -36,6 +34,7 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     terms_of,
 )
+from simrob_drake.simulink.signals.matlab import FORMULAS
 from simrob_drake.simulink.values.evaluate import matrix
 
 
@@ -48,28 +47,6 @@ def _by_element(node: Node, make: Callable[..., Value], *names: tuple[str, str])
     """Return a value for each element of a block's parameters, of which scalars are spread."""
     columns = np.broadcast_arrays(*(node.numbers(*name) for name in names))
     return signal(make(*(float(one) for one in row)) for row in zip(*columns, strict=True))
-
-
-def _step(_: SignalReader, node: Node, __: int) -> Signal:
-    parameters = ("Time", "1"), ("Before", "0"), ("After", "1")
-    return _by_element(node, lambda t, before, after: computed("step", time=t, before=before, after=after), *parameters)
-
-
-def _ramp(_: SignalReader, node: Node, __: int) -> Signal:
-    start = "InitialOutput" if "InitialOutput" in node.block.parameters else "X0"
-    return _by_element(
-        node, lambda slope, begin, at: slope * limited(TIME - begin, 0.0, math.inf) + at,
-        ("slope", "1"), ("start", "0"), (start, "0"),
-    )  # fmt: skip
-
-
-def _sine(reader: SignalReader, node: Node, _: int) -> Signal:
-    external = node.text("TimeSource", "Use simulation time").startswith("Use external")
-    time: Value = reader.input(node).ravel()[0] if external else TIME
-    return _by_element(
-        node, lambda size, rate, phase, bias: size * applied("sin", rate * time + phase) + bias,
-        ("Amplitude", "1"), ("Frequency", "1"), ("Phase", "0"), ("Bias", "0"),
-    )  # fmt: skip
 
 
 def _pulses(_: SignalReader, node: Node, __: int) -> Signal:
@@ -101,11 +78,6 @@ def _generator(_: SignalReader, node: Node, __: int) -> Signal:
     if wave not in made:
         node.note("approximated", f"its {wave} noise is 0, its mean")
     return signal([node.number("Amplitude", "1") * made.get(wave, 0.0)])
-
-
-def _chirp(_: SignalReader, node: Node, __: int) -> Signal:
-    first, last, at = node.number("f1", "0.1"), node.number("f2", "1"), node.number("T", "100")
-    return signal([applied("sin", 2 * math.pi * TIME * (first + (last - first) / (2 * at) * TIME))])
 
 
 def repeated(times: Any, values: Any, time: Value = TIME, *, stairs: bool = False) -> Value:
@@ -183,16 +155,11 @@ def _digital_clock(_: SignalReader, node: Node, __: int) -> Signal:
 SOURCES: dict[str, Rule] = {
     "Constant": _constant,
     "Ground": lambda *_: signal([0.0]),
-    "Step": _step,
-    "Ramp": _ramp,
-    **dict.fromkeys(("Sin", "Sine Wave"), _sine),
     "DiscretePulseGenerator": _pulses,
     "SignalGenerator": _generator,
-    "Chirp Signal": _chirp,
     **dict.fromkeys(("Repeating Sequence", "Repeating Sequence Interpolated", "Repeating Sequence Stair"), _repeating),
     "FromWorkspace": _workspace,
     **dict.fromkeys(("Band-Limited White Noise", "UniformRandomNumber", "RandomNumber"), _noise),
-    "Clock": lambda *_: signal([TIME]),
     "DigitalClock": _digital_clock,
 }
 
@@ -238,11 +205,6 @@ def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
     return switched(node, yes, by, no, ">=", _figure(node, "Threshold", "threshold", default="0.5"))
 
 
-def _limited(node: Node, kind: str) -> Callable[[Value], Value]:
-    lower, upper = (_figure(node, f"{side}_limit", default=one) for side, one in (("lower", "-0.5"), ("upper", "0.5")))
-    return partial(limited, lower=lower, upper=upper, kind=kind)
-
-
 def _lookup(node: Node) -> Callable[[Value], Value]:
     parameters = table_of(node.numbers("x_t", "[1 2 3]"), node.numbers("y_t", "[1 2 3]"),
                        clip=node.text("extrap_method", "") not in ("1", "linear"))  # fmt: skip
@@ -254,43 +216,12 @@ def _math(node: Node) -> Callable[..., Value]:
     return partial(applied, name if name in FUNCTIONS else "sin")
 
 
-def _ps_ramp(_: SignalReader, node: Node, __: int) -> Signal:
-    begin = _figure(node, "start_time", default="0")
-    rising = _figure(node, "slope") * limited(TIME - begin, 0.0, math.inf)
-    return signal([rising + _figure(node, "initial_output", default="0")])
-
-
-def _ps_step(_: SignalReader, node: Node, __: int) -> Signal:
-    before, after = _figure(node, "initial_output", default="0"), _figure(node, "final_output")
-    return signal([computed("step", time=_figure(node, "step_time", default="1"), before=before, after=after)])
-
-
-def _ps_sine(_: SignalReader, node: Node, __: int) -> Signal:
-    rate = _figure(node, "frequency") * (2 * math.pi if "Hz" in node.text("frequency_unit", "Hz") else 1.0)
-    angle = rate * TIME + _figure(node, "phase", "phase_shift", default="0")
-    return signal([_figure(node, "amplitude") * applied("sin", angle) + _figure(node, "bias", "center", default="0")])
-
-
 PHYSICAL: dict[str, Rule] = {
     "Simulink-PS Converter": _into_physics,
-    "PS Constant": lambda _, node, __: signal(
-        float(value) * _unit(node, "constant") for value in node.numbers("constant", "1")
-    ),
-    "PS Gain": lambda reader, node, _: scaled(reader.input(node), _figure(node, "gain")),
-    "PS Add": elementwise(lambda u, v: u + v, 2),
-    "PS Subtract": elementwise(lambda u, v: u - v, 2),
-    "PS Product": elementwise(lambda u, v: u * v, 2),
-    "PS Divide": elementwise(lambda u, v: u / v, 2),
-    **{f"PS {name}": elementwise(partial(applied, name.lower()), 2) for name in ("Min", "Max")},
-    **{f"PS {name}": elementwise(partial(applied, own)) for name, own in (("Abs", "abs"), ("Signum", "sign"))},
+    **{kind: rule for kind, rule in FORMULAS.items() if kind.startswith("PS ")},
     "PS Math Function": of_parameters(_math),
-    "PS Saturation": of_parameters(partial(_limited, kind="saturation")),
-    "PS Dead Zone": of_parameters(partial(_limited, kind="dead_zone")),
     "PS Lookup Table (1D)": of_parameters(_lookup),
     "PS Switch": _switch,
-    "PS Ramp": _ps_ramp,
-    "PS Step": _ps_step,
-    "PS Sine Wave": _ps_sine,
     "PS Integrator": lambda reader, node, _: with_states(
         reader, node, "integrator", {"initial": _figure(node, "x0", "x", default="0")}
     ),

@@ -26,11 +26,12 @@ from simrob_drake.simulink.signals.forms import (
 )
 from simrob_drake.simulink.signals.frame_sensing import SENSOR, sensed
 from simrob_drake.simulink.signals.matlab import MATLAB
+from simrob_drake.simulink.signals.networks import NETWORKS, outputs_of
 from simrob_drake.simulink.signals.routing import ROUTING, conditional
 from simrob_drake.simulink.signals.sources import PHYSICAL, SOURCES, out_of_physics
 
 RULES: dict[str, Rule] = {
-    **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **MATLAB, **PHYSICAL,
+    **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **MATLAB, **PHYSICAL, **NETWORKS,
     "PS-Simulink Converter": out_of_physics,
 }  # fmt: skip
 """What each type of block gives."""
@@ -58,16 +59,7 @@ class Tracer:
         self._guesses: dict[tuple[Node, int], tuple[int, ...]] | None = None
         self._physical: dict[Place, Callable[[], Signal]] = {}
         for joint in joints:
-            for number, (freedom, what) in joint.outputs.items():
-                term = (
-                    Term(_SENSED[what], freedom)
-                    if what in _SENSED
-                    else Term("open", joint.node, (number - 1) * MOST_ELEMENTS)
-                )
-                self._offer(joint.node, number, partial(_one, term))
-            for number, parts in joint.senses.items():
-                terms = [Term("sensed", joint.node, part) for part in parts]
-                self._offer(joint.node, number, partial(_each, terms or [Term("open", joint.node, number)]))
+            self._offer_sensed(joint)
         for contact in contacts:
             if contact.senses_distance:
                 self._offer(contact.node, contact.senses_distance, partial(_one, Term("distance", contact.node)))
@@ -77,9 +69,23 @@ class Tracer:
                     self._offer(node, number, give)
             elif node.kind in PHYSICAL:
                 self._offer(node, 1, partial(self.output, node))
+            for number, (_, side, port) in enumerate(outputs_of(node) if node.kind in NETWORKS else (), start=1):
+                self._offer(node, port, partial(self.output, node, number), side)
 
-    def _offer(self, node: Node, number: int, give: Callable[[], Signal]) -> None:
-        self._physical[self.network.net(node, "rconn", number)] = give
+    def _offer_sensed(self, joint: Joint) -> None:
+        for number, (freedom, what) in joint.outputs.items():
+            term = (
+                Term(_SENSED[what], freedom)
+                if what in _SENSED
+                else Term("open", joint.node, (number - 1) * MOST_ELEMENTS)
+            )
+            self._offer(joint.node, number, partial(_one, term))
+        for number, parts in joint.senses.items():
+            terms = [Term("sensed", joint.node, part) for part in parts]
+            self._offer(joint.node, number, partial(_each, terms or [Term("open", joint.node, number)]))
+
+    def _offer(self, node: Node, number: int, give: Callable[[], Signal], side: str = "rconn") -> None:
+        self._physical[self.network.net(node, side, number)] = give
 
     def physical(self, node: Node, side: str, number: int) -> Signal | None:
         """Return the physical signal at a port, in SI; None where nothing drives it."""

@@ -139,11 +139,7 @@ def parameters_of(config: StationConfig) -> dict[str, Parameter]:
 
 
 def with_parameters(config: StationConfig, values: Mapping[Parameter, float]) -> StationConfig:
-    """Return a station with other values of some parameters.
-
-    Raises:
-        InvalidConfig: a value that cannot be.
-    """
+    """Return a station with other values of some parameters (raises InvalidConfig: a value that cannot be)."""
     settings: dict[str, Any] = {}
     for parameter, value in values.items():
         match parameter.way:

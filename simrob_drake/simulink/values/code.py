@@ -1,27 +1,58 @@
-"""MATLAB code as masks and model workspaces have it: assignments, ``if``, ``switch`` and ``for`` of the subset.
+"""MATLAB code as masks, callbacks and scripts have it: assignments, ``if``, ``switch``, ``for``, functions of files.
 
 What is outside the subset is passed over, and the names that it would have set are remembered as unknown.
 """
 
+from __future__ import annotations
+
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Any
+from typing import Any, Protocol, Self
 
 import numpy as np
 
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate, matrix
+from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, evaluate, matrix
+from simrob_drake.simulink.values.script import (
+    KEYWORD,
+    OPENS,
+    ScriptFunction,
+    branches,
+    closing,
+    functions_of,
+    names_in,
+    split,
+    statements,
+)
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
 MOST_STEPS = 20_000  # statements of one piece of code
 
-_KEYWORD = re.compile(r"(if|elseif|else|end|for|while|switch|case|otherwise|try|catch|function|return|break)\b")
 _STEP = r"\.([A-Za-z]\w*)|\(((?:[^()=]|\([^()=]*\))*)\)"
 _ASSIGNMENT = re.compile(rf"([A-Za-z]\w*)((?:{_STEP})*)\s*=(?!=)\s*(.+)", re.DOTALL)
-_TARGETS = re.compile(r"(\[[^\]]*\]|[A-Za-z]\w*)[^=]*=(?!=)")
+_TARGETS = re.compile(r"(\[[^\]]*\]|[A-Za-z]\w*)(?:((?:\.[A-Za-z]\w*)+)\s*|[^=]*)=(?!=)")
 _NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
-_OPENS = "if", "for", "while", "switch", "try", "function"
+_SEVERAL = re.compile(r"\[([^\]=]+)\]\s*=(?!=)\s*(.+)", re.DOTALL)
+_CALL = re.compile(r"(\w+)\s*\((.*)\)\s*", re.DOTALL)
+_FILE = re.compile(r"""(?:(run|load)\b\s*\(?\s*["']?(?:[^"'()=]*[/\\])?)?([A-Za-z]\w*)(\.m(?:at)?)?["']?\s*\)?""")
+_MOST_CALLS = 50
+_HERE = "(this block)"
+
+
+class Files(Protocol):
+    """The `.m` and `.mat` files that code may name."""
+
+    def script(self, name: str) -> str:
+        """Return the text of ``name.m``; empty where there is none."""
+
+    def variables(self, name: str) -> dict[str, Any] | None:
+        """Return what is in ``name.mat``; None where there is none."""
+
+
+def undefined(name: str) -> Any:
+    """Look a variable up where there is none."""
+    raise UndefinedVariable(name)
 
 
 class CodeRun:
@@ -30,13 +61,42 @@ class CodeRun:
     Attributes:
         variables: what it sets, on top of those it began with.
         unknown: names that a passed-over statement would have set.
+        incomplete: structures of which it would have set a field.
+        absent: files that it takes variables from, and that are not there.
     """
 
-    def __init__(self, variables: dict[str, Any], lookup: Callable[[str], Any]) -> None:
+    def __init__(
+        self,
+        variables: dict[str, Any],
+        lookup: Callable[[str], Any] = undefined,
+        files: Files | None = None,
+        functions: dict[str, ScriptFunction] | None = None,
+        texts: Mapping[str, str] | None = None,
+    ) -> None:
+        """Take what it begins with.
+
+        Args:
+            variables: by name.
+            lookup: looks others up.
+            files: where functions and scripts are found.
+            functions: that are known already.
+            texts: of the parameters of the block whose mask this is, as they are written.
+        """
         self.variables = variables
         self.unknown: set[str] = set()
-        self._outside = lookup
-        self._steps = 0
+        self.incomplete: set[str] = set()
+        self.absent: set[str] = set()
+        self._outside, self._files, self._texts = lookup, files, texts or {}
+        self.functions = {} if functions is None else functions
+        self._steps = self.depth = 0
+        known = {name: partial(self._first_of, name) for name in self.functions}
+        base = self._base()
+        own: dict[str, Callable[..., Any]] = {"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter}
+        self._algebra = Algebra(base.operators, {**base.functions, **own, **known})
+
+    def _base(self) -> Algebra:
+        """Return what expressions are computed with, before functions of files."""
+        return NUMBERS
 
     def run(self, code: str) -> None:
         """Run code."""
@@ -48,7 +108,68 @@ class CodeRun:
         return self.variables[name] if name in self.variables else self._outside(name)
 
     def _value(self, text: str) -> Any:
-        return evaluate(parse(text), self._lookup)
+        while True:
+            try:
+                return evaluate(parse(text), self._lookup, self._algebra)
+            except UndefinedVariable as problem:
+                if problem.name in self.unknown or not self.find(problem.name):
+                    raise
+
+    def find(self, name: str) -> bool:
+        """Take in the functions of a file of this name, unless they are there."""
+        if self._files is None or name in self.functions or len(self.functions) > _MOST_CALLS:
+            return False
+        for own, function in functions_of(self._files.script(name)).items():
+            self.functions.setdefault(own, function)
+            self._algebra.functions.setdefault(own, partial(self._first_of, own))
+        return name in self.functions
+
+    def _exists(self, name: Any, *_: Any) -> float:
+        if name in self.unknown:
+            raise UndefinedVariable(name)
+        try:
+            return float(self._lookup(name) is not None)
+        except UndefinedVariable:
+            return 0.0
+
+    def _parameter(self, block: Any, name: Any) -> Any:
+        """Return a parameter of the block whose mask this is: its text, or its value as ``value@name``."""
+        if block != _HERE or not isinstance(name, str):
+            raise NotUnderstood("get_param")
+        if name.startswith("value@"):
+            return self._lookup(name.removeprefix("value@"))
+        if name not in self._texts:
+            raise NotUnderstood(f"get_param of {name[:40]}")
+        return self._texts[name]
+
+    def _first_of(self, name: str, *arguments: Any) -> Any:
+        (first, *_) = self.called(name, list(arguments)) or [None]
+        if first is None:
+            raise NotUnderstood(f"calls {name}, whose output is not known")
+        return first
+
+    def _inner(self, variables: dict[str, Any]) -> Self:
+        """Return a run of a function's statements."""
+        inner = type(self)(variables, undefined, self._files, self.functions)
+        inner.depth = self.depth + 1
+        return inner
+
+    def called(self, name: str, arguments: list[Any]) -> list[Any]:
+        """Return the outputs of a function; None in place of those that are not known.
+
+        Raises:
+            NotUnderstood: it calls itself.
+        """
+        function = self.functions[name]
+        if self.depth > _MOST_CALLS:
+            raise NotUnderstood(f"{function.name} calls itself")
+        arguments_in = {"nargin": matrix(len(arguments)), **dict(zip(function.inputs, arguments, strict=False))}
+        if function.inputs[-1:] == ["varargin"]:
+            arguments_in["varargin"] = arguments[len(function.inputs) - 1 :]
+        inner = self._inner(arguments_in)
+        inner._block(function.body)
+        self.absent |= inner.absent
+        return [inner.variables.get(name) for name in function.outputs]
 
     def _block(self, lines: list[str]) -> None:
         place = 0
@@ -56,11 +177,9 @@ class CodeRun:
             place = self._next(lines, place)
 
     def _next(self, lines: list[str], place: int) -> int:
-        self._steps += 1
-        if self._steps > MOST_STEPS:
-            raise NotUnderstood(f"runs for more than {MOST_STEPS} statements")
-        keyword = _KEYWORD.match(lines[place])
-        stop = _closing(lines, place) if keyword and keyword[1] in _OPENS else place + 1
+        self._count()
+        keyword = KEYWORD.match(lines[place])
+        stop = closing(lines, place) if keyword and keyword[1] in OPENS else place + 1
         part = lines[place:stop]
         try:
             self._statement(keyword[1] if keyword else "", part)
@@ -68,25 +187,70 @@ class CodeRun:
             self._pass_over(part, problem)
         return stop
 
+    def _count(self) -> None:
+        self._steps += 1
+        if self._steps > MOST_STEPS:
+            raise NotUnderstood(f"runs for more than {MOST_STEPS} statements")
+
     def _statement(self, keyword: str, part: list[str]) -> None:
         if keyword == "if":
             self._choose(branches(part[:-1], ("if", "elseif", "else")))
         elif keyword == "switch":
             self._switch(part)
-        elif keyword == "for":
-            name, _, values = part[0].removeprefix("for").strip().partition("=")
-            for column in matrix(self._value(values.strip().removesuffix(","))).T:
-                self.variables[name.strip(" (")] = matrix(column).T
-                self._block(part[1:-1])
+        elif keyword in ("for", "while"):
+            self._loop(keyword, part)
         elif keyword in ("return", "end") or not part[0]:
             return
         elif keyword:
             raise NotUnderstood(keyword)
-        else:
+        elif not self._took_file(part[0]):
             self.assign(part[0])
 
+    def _loop(self, keyword: str, part: list[str]) -> None:
+        head, body = part[0].removeprefix(keyword).strip(), part[1:-1]
+        if keyword == "for":
+            name, _, values = head.partition("=")
+            for column in matrix(self._value(values.strip().removesuffix(","))).T:
+                self.variables[name.strip(" (")] = matrix(column).T
+                self._block(body)
+            return
+        while met := self._condition(head):
+            if not isinstance(met, bool | float):
+                raise NotUnderstood(part[0])
+            self._block(body)
+            self._count()
+
+    def _took_file(self, text: str) -> bool:
+        """Run a script of a file, or load its variables, where a statement is that."""
+        match = _FILE.fullmatch(text) if self._files is not None else None
+        if match is None or self._files is None:
+            return False
+        command, name, suffix = match.groups()
+        if command == "load":
+            found = self._files.variables(name)
+            self.variables |= found or {}
+            self.unknown -= (found or {}).keys()
+            self.absent |= set() if found is not None else {f"{name}.mat"}
+        elif script := self._files.script(name):
+            self._block([] if functions_of(script) else statements(script))
+        elif command or suffix:
+            self.absent.add(f"{name}.m")
+        return True
+
     def assign(self, text: str) -> None:
-        """Do an assignment, of a field or element, too."""
+        """Do an assignment, of a field or element or of several outputs of a function, too."""
+        if several := _SEVERAL.fullmatch(text):
+            call = _CALL.fullmatch(several[2])
+            if call is None or not (call[1] in self.functions or self.find(call[1])):
+                raise NotUnderstood(text[:60])
+            arguments = [self._value(argument) for argument in split(call[2])]
+            for name, value in zip(names_in(several[1]), self.called(call[1], arguments), strict=False):
+                if value is None:
+                    self._pass_over([f"{name} ="], NotUnderstood(f"{call[1]} gives no {name}"))
+                elif name != "~":
+                    self.variables[name] = value
+                    self.unknown.discard(name)
+            return
         match = _ASSIGNMENT.fullmatch(text)
         if match is None:
             raise NotUnderstood(text)
@@ -170,10 +334,20 @@ class CodeRun:
 
     def _pass_over(self, part: list[str], _: Exception) -> None:
         for match in filter(None, map(_TARGETS.match, part)):
-            names = {name for name in _NAME.findall(match[1]) if not _KEYWORD.fullmatch(name)}
+            if match[2]:  # a field: others stay as they are
+                self.incomplete.add(match[1])
+                self._drop(self.variables.get(match[1]), match[2].split(".")[1:])
+                continue
+            names = {name for name in _NAME.findall(match[1]) if not KEYWORD.fullmatch(name)}
             self.unknown |= names
-            for name in names if match[0][len(match[1])] != "." else ():  # other fields stay as they are
+            for name in names if match[0][len(match[1])] != "." else ():
                 self.variables.pop(name, None)
+
+    def _drop(self, known: Any, fields: list[str]) -> None:
+        if isinstance(known, dict) and len(fields) > 1:
+            self._drop(known.get(fields[0]), fields[1:])
+        elif isinstance(known, dict):
+            known.pop(fields[0], None)
 
 
 def _both(array: Any, value: Any) -> Any:
@@ -185,75 +359,3 @@ def _paired(words: list[str], array: Any) -> list[tuple[str, int]]:
     if len(words) != len(sizes):
         raise NotUnderstood("an index of this many dimensions")
     return list(zip(words, sizes, strict=True))
-
-
-def branches(lines: list[str], keywords: tuple[str, ...]) -> list[tuple[str, list[str]]]:
-    """Split a section at its own keywords, not at those of sections within."""
-    ways: list[tuple[str, list[str]]] = []
-    place = 0
-    while place < len(lines):
-        match = _KEYWORD.match(lines[place])
-        if match and match[1] in keywords and (not ways or match[1] != keywords[0]):
-            ways.append((lines[place], []))
-            place += 1
-            continue
-        stop = _closing(lines, place) if match and match[1] in _OPENS else place + 1
-        ways[-1][1].extend(lines[place:stop])
-        place = stop
-    return ways
-
-
-def _closing(lines: list[str], start: int) -> int:
-    """Return the place behind the ``end`` of the section that begins at a line."""
-    depth = 0
-    for place in range(start, len(lines)):
-        match = _KEYWORD.match(lines[place])
-        if match and match[1] in _OPENS:
-            depth += 1
-        elif match and match[1] == "end":
-            depth -= 1
-            if depth == 0:
-                return place + 1
-    return len(lines)
-
-
-def statements(code: str) -> list[str]:
-    """Split code into statements: at line ends, ``;`` and ``,`` outside brackets and texts; comments go."""
-    code = re.sub(r"\.\.\.[^\n]*\n", " ", code.replace("\r", ""))
-    code = re.sub(r"^[ \t]*%\{[ \t]*\n.*?^[ \t]*%\}[ \t]*$", "", code, flags=re.DOTALL | re.MULTILINE)
-    found: list[str] = []
-    current, depth, quote = "", 0, ""
-    last = ""
-    comment = False
-    for letter in code + "\n":
-        if comment and letter != "\n":
-            continue
-        comment = False
-        if quote:
-            quote = "" if letter in (quote, "\n") else quote
-        elif letter == '"' or (letter == "'" and not (last.isalnum() or last in ")]}'._")):
-            quote = letter
-        elif letter == "%":
-            comment = True
-            continue
-        elif letter in "([{":
-            depth += 1
-        elif letter in ")]}":
-            depth = max(0, depth - 1)
-        if letter == "\n" and depth and not quote:
-            current += ";" if current.rstrip()[-1:] not in (";", ",", "[", "(", "{") else " "
-        elif (letter == "\n" or letter in ";,") and not quote and not depth:
-            found.append(current.strip())
-            current = ""
-        else:
-            current += letter
-        last = letter
-    return [part for statement in found for part in _without_else(statement) if part]
-
-
-def _without_else(statement: str) -> list[str]:
-    """Split ``else x = 1``, which some write on one line."""
-    for keyword in ("else", "try", "otherwise"):
-        if statement.startswith(keyword + " "):
-            return [keyword, statement[len(keyword) :].strip()]
-    return [statement]

@@ -17,11 +17,7 @@ LARGEST = 1_000_000  # elements of a matrix
 
 
 def matrix(value: Any) -> Vector:
-    """Return a value as a matrix of shape (r, c).
-
-    Raises:
-        NotUnderstood: it is no number, or too large.
-    """
+    """Return a value as a matrix of shape (r, c) (raises NotUnderstood: it is no number, or too large)."""
     if isinstance(value, str):
         raise NotUnderstood(f"uses the text '{value[:20]}' as a number")
     if isinstance(value, dict | list):
@@ -87,6 +83,14 @@ def _repmat(value: Any, *times: Any) -> Vector:
     return np.tile(array, (rows, columns))
 
 
+def _unique(value: Any, rows: Any = None) -> Vector:
+    array = matrix(value)
+    if rows == "rows":
+        return np.unique(array, axis=0)
+    found = np.unique(array)
+    return matrix(found if array.shape[0] == 1 else found[:, None])
+
+
 def _size(value: Any, axis: Any = None) -> Vector:
     shape = matrix(value).shape
     return matrix(shape if axis is None else shape[count(axis) - 1])
@@ -150,6 +154,10 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "all": _along(np.all),
     "min": _extreme(np.minimum, np.min),
     "max": _extreme(np.maximum, np.max),
+    "diff": lambda value: np.diff(matrix(value), axis=1 if matrix(value).shape[0] == 1 else 0),
+    "unwrap": lambda value: np.unwrap(matrix(value), axis=1 if matrix(value).shape[0] == 1 else 0),
+    "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), int(matrix(value).shape[0] == 1)),
+    "polyval": lambda coefficients, at: np.polyval(matrix(coefficients).reshape(-1), matrix(at)),
     "cumsum": lambda value: np.cumsum(matrix(value), axis=1 if matrix(value).shape[0] == 1 else 0),
     "norm": lambda value: np.linalg.norm(matrix(value), None if 1 in matrix(value).shape else 2),
     "dot": lambda a, b: np.dot(matrix(a).reshape(-1), matrix(b).reshape(-1)),
@@ -160,16 +168,28 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "trace": lambda value: np.trace(matrix(value)),
     "transpose": lambda value: matrix(value).T,
     "linspace": lambda start, stop, number=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(number)),
+    "unique": _unique,
     "repmat": _repmat,
     "reshape": lambda value, *sizes: matrix(value).reshape(_shape(sizes), order="F"),
     "size": _size,
-    "numel": lambda value: matrix(value).size,
-    "length": lambda value: max(matrix(value).shape) if matrix(value).size else 0,
-    "isempty": lambda value: float(matrix(value).size == 0),
+    "numel": lambda value: len(value) if isinstance(value, list) else matrix(value).size,
+    "length": lambda value: (
+        len(value) if isinstance(value, list) else max(matrix(value).shape) if matrix(value).size else 0
+    ),
+    "isempty": lambda value: float(not (len(value) if isinstance(value, str | dict | list) else matrix(value).size)),
+    "isnumeric": lambda value: float(not isinstance(value, str | dict | list)),
+    **{
+        name: lambda value, kind=kind: float(isinstance(value, kind))
+        for name, kind in (("ischar", str), ("isstruct", dict), ("iscell", list))
+    },
     "fliplr": lambda value: matrix(value)[:, ::-1],
     "flipud": lambda value: matrix(value)[::-1],
     "horzcat": _joined(1),
     "vertcat": _joined(0),
+    "tf": lambda numerator, denominator: {"numerator": matrix(numerator), "denominator": matrix(denominator)},
+    "ss": lambda a, b, c, d: dict(zip("ABCD", map(matrix, (a, b, c, d)), strict=True)),
+    "struct": lambda *parts: dict(zip(parts[::2], parts[1::2], strict=True)),
+    "isfield": lambda value, name: float(isinstance(value, dict) and name in value),
     "strcmp": lambda first, second: float(isinstance(first, str) and first == second),
     "strcmpi": lambda first, second: float(str(first).lower() == str(second).lower()),
 }
@@ -184,7 +204,7 @@ class Algebra:
     """What an expression is computed with."""
 
     operators: Mapping[str, Callable[[Vector, Vector], Any]]  # elementwise, on two matrices
-    functions: Mapping[str, Callable[..., Any]]  # by name, on matrices
+    functions: dict[str, Callable[..., Any]]  # by name, on matrices
 
 
 class UndefinedVariable(LookupError):
@@ -210,9 +230,8 @@ def evaluate(node: Expression, lookup: Lookup, algebra: Algebra | None = None) -
     try:
         return _Evaluation(lookup, algebra or NUMBERS).value(node)
     except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
-        raise (
-            problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
-        ) from problem
+        raised = problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
+        raise raised from problem
 
 
 class _Evaluation:
@@ -314,6 +333,9 @@ class _Evaluation:
         parts = [[matrix(value) for value in row if matrix(value).size] for row in values]
         lines = [np.concatenate(row, axis=1) for row in parts if row]
         return np.concatenate(lines, axis=0) if lines else np.zeros((0, 0))
+
+    def _cell(self, rows: tuple[tuple[Expression, ...], ...]) -> list[Any]:
+        return [self.value(node) for row in rows for node in row]
 
     def _unary(self, operator: str, operand: Expression) -> Vector:
         value = matrix(self.value(operand))

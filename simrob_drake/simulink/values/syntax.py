@@ -16,14 +16,14 @@ class Expression(NamedTuple):
 
     # what it is, and what of: ``number`` and ``text`` (value), ``name`` (name), ``call`` (target, arguments) for an
     # index or a function, ``field`` (target, name), ``unary`` (operator, operand) with ``'`` behind it, ``binary``
-    # (operator, left, right), ``range`` (start, step or None, stop), ``matrix`` (rows), ``colon`` for a lone one, all
-    # of a dimension, and ``end`` in an index
+    # (operator, left, right), ``range`` (start, step or None, stop), ``matrix`` and ``cell`` (rows), ``colon`` for a
+    # lone one, all of a dimension, and ``end`` in an index
     kind: str
     parts: tuple[Any, ...] = ()
 
 
 _TOKEN = re.compile(
-    r"(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)"
+    r"(?P<number>(?:\d+(?:\.(?![*/\\^'])\d*)?|\.\d+)(?:[eEdD][-+]?\d+)?)"
     r"|(?P<name>[A-Za-z]\w*)"
     r"|(?P<operator>\.\^|\.\*|\./|\.'|==|~=|<=|>=|&&|\|\||[-+*/\\^<>=&|~!:;,.()\[\]{}'])"
 )
@@ -69,27 +69,23 @@ def _tokens_of(text: str) -> list[_Token]:
         else:
             raise NotUnderstood(f"has '{text[place]}', which stands in no expression")
         place = match.end()
-        begins = token.kind != "operator" or token.text in ("(", "[", "~", "!") or (
+        begins = token.kind != "operator" or token.text in ("(", "[", "{", "~", "!") or (
             token.text in ("+", "-") and not _SPACE.match(text, place))  # fmt: skip
-        if brackets[-1:] == "[" and spaced and after_value and begins:
+        if brackets[-1:] in ("[", "{") and spaced and after_value and begins:
             tokens.append(_Token("operator", ","))
         if token in _BRACKETS:
-            brackets = brackets + token.text if token.text in "([" else brackets[:-1]
+            brackets = brackets + token.text if token.text in "([{" else brackets[:-1]
         tokens.append(token)
         spaced = False
     return tokens
 
 
-_BRACKETS = {_Token("operator", bracket) for bracket in "()[]"}
+_BRACKETS = {_Token("operator", bracket) for bracket in "()[]{}"}
 _END = _Token("end", "")
 
 
 def parse(text: str) -> Expression:
-    """Return the tree of an expression.
-
-    Raises:
-        NotUnderstood: it is outside the subset.
-    """
+    """Return the tree of an expression (raises NotUnderstood: it is outside the subset)."""
     parser = _Parser([*_tokens_of(text.strip()), _END])
     node = parser.expression()
     if parser.here is not _END:
@@ -127,7 +123,7 @@ class _Parser:
         return left
 
     def _is_lone_colon(self) -> bool:
-        return self._stands(":") and self._tokens[self._place + 1].text in (",", ")", "")
+        return self._stands(":") and self._tokens[self._place + 1].text in (",", ")", "}", "")
 
     def _operand(self) -> Expression:
         """Return a value with its signs before it, and its indices, fields and ``'`` behind it."""
@@ -139,8 +135,8 @@ class _Parser:
             node = Expression("unary", ("~" if sign == "!" else sign, self.expression(_BINDS["unary"])))
         else:
             node = self._atom()
-            while self._stands("(", "'", ".'", "."):
-                if self.here.text == "(":
+            while self._stands("(", "'", ".'", ".") or self._opens_cell(node):
+                if self.here.text in ("(", "{"):
                     node = Expression("call", (node, self._arguments()))
                 elif self._next().text != ".":
                     node = Expression("unary", ("'", node))
@@ -150,6 +146,9 @@ class _Parser:
                     node = Expression("field", (node, self._next().text))
         self._depth -= 1
         return node
+
+    def _opens_cell(self, node: Expression) -> bool:
+        return self._stands("{") and node.kind in ("name", "call", "field")
 
     def _atom(self) -> Expression:
         token = self._next()
@@ -165,14 +164,15 @@ class _Parser:
             node = self.expression()
             self._close(")")
             return node
-        if token.text == "[":
-            return self._matrix()
+        if token.text in ("[", "{"):
+            kind, closing = ("matrix", "]") if token.text == "[" else ("cell", "}")
+            return Expression(kind, (self._rows(closing),))
         raise NotUnderstood(f"has '{token.text}' where a value should stand")
 
     def _arguments(self) -> tuple[Expression, ...]:
-        self._next()
+        closing = ")" if self._next().text == "(" else "}"
         found: list[Expression] = []
-        while not self._stands(")"):
+        while not self._stands(closing):
             if self._is_lone_colon():
                 self._next()
                 found.append(Expression("colon"))
@@ -180,20 +180,20 @@ class _Parser:
                 found.append(self.expression())
             if self._stands(","):
                 self._next()
-            elif not self._stands(")"):
+            elif not self._stands(closing):
                 raise NotUnderstood("lacks a closing bracket")
-        self._close(")")
+        self._close(closing)
         return tuple(found)
 
-    def _matrix(self) -> Expression:
+    def _rows(self, closing: str) -> tuple[tuple[Expression, ...], ...]:
         rows: list[list[Expression]] = [[]]
-        while not self._stands("]"):
+        while not self._stands(closing):
             if self._stands(";", ","):
                 rows += [[]] if self._next().text == ";" else []
             else:
                 rows[-1].append(self.expression())
-        self._close("]")
-        return Expression("matrix", (tuple(tuple(row) for row in rows if row),))
+        self._close(closing)
+        return tuple(tuple(row) for row in rows if row)
 
     def _close(self, bracket: str) -> None:
         if not self._stands(bracket):

@@ -68,11 +68,8 @@ class StationWriter:
             self._report.add("dropped", name, "the station: everything stands fixed, so only pieces are written")
             return self._files
         self._files.content = self._station(name, pieces)
-        text = yaml.safe_dump(
-            self._files.content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
-        )
         header = f"# From the Simulink model {self._model.path.name}; report.json tells what became of each block.\n"
-        (self._folder / f"{name}.yaml").write_text(header + text, encoding="utf-8")
+        (self._folder / f"{name}.yaml").write_text(header + _as_yaml(self._files.content), encoding="utf-8")
         return self._files
 
     def _share_world(self, trees: list[Tree], homes: dict[Tree, str]) -> dict[Tree, list[SolidBody]]:
@@ -156,9 +153,7 @@ class StationWriter:
         if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
             content["inputs"] = self._pushes()
         for push in self._model.pushes if kinematic else ():
-            self._report.add(
-                "dropped", push.node.path, "a force, in a station without forces: what moves is prescribed"
-            )
+            push.node.note("dropped", "a force, in a station without forces: what moves is prescribed")
         content |= coupling_sections(model, self._files, self._turn, self._names, kinematic=kinematic)
         content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}), measured)
         content["duration"] = duration
@@ -219,14 +214,14 @@ class StationWriter:
             "base": "floating" if floating else "fixed",
             "root": robot.links[robot.tree.root],
             "axes": list(robot.axes.values()),
+            **self._drives(robot),
         }
         if robot.tools:
             described["tools"] = robot.tools
         feet = feet_of(robot, self._touching, self._gravity, self._report)
         if feet:
             described["feet"] = feet
-        text = yaml.safe_dump(described, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
-        (folder / ROBOT_FILE).write_text(text, encoding="utf-8")
+        (folder / ROBOT_FILE).write_text(_as_yaml(described), encoding="utf-8")
         start = self._starts(robot)
         entry: dict[str, Any] = {"model": f"{name}/{ROBOT_FILE}"}
         if robot.pushed:
@@ -251,6 +246,10 @@ class StationWriter:
         if kinematic and any(freedom.start_speed for freedom in robot.axes):
             self._report.add("dropped", name, "speeds at the start: what moves it is its reference")
         return entry
+
+    def _drives(self, robot: RobotFile) -> dict[str, Any]:
+        rotors = {axis: float(f"{self._law(freedom).rotor:.12g}") for freedom, axis in robot.axes.items()}
+        return {"drives": {"rotor_inertia": rotors}} if any(rotors.values()) else {}
 
     def _prescribed(self) -> dict[str, Any]:
         """Return the motions that are inputs of joints, beside which all else moves by forces."""
@@ -315,6 +314,10 @@ class StationWriter:
         if any(not robot.tree.root.grounded and _is_moved(robot) for robot in self._files.robots.values()):
             return _SOLVERS["walkers"]
         return _SOLVERS["feet"] if self._touching.ends else _SOLVERS["arm"]
+
+
+def _as_yaml(content: dict[str, Any]) -> str:
+    return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None))
 
 
 def _home(tree: Tree) -> str:

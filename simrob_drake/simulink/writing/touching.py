@@ -32,6 +32,9 @@ from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames
 
 _PLANE = "Infinite Plane"
 _POINT, _MOST_POINTS = 1e-3, 100
+_RIM = 8  # spheres on each rim of a cylinder
+_TOUCHES = {"sphere": "", "box": "a box that touches: {} in its corners",
+            "cylinder": "a cylinder that touches: {} on its rims, on eight of which it stands"}  # fmt: skip
 """Radius of a sphere that stands for a point of a cloud [m], and how many of them touch at most."""
 MOST_DISSIPATION = 50.0  # s/m: a contact that damps more does not bounce either way, and is hard to integrate
 
@@ -130,9 +133,8 @@ def _field(node: Node, pose: RigidTransform) -> HeightField:
         size *= 1.05
     corners = surface(tuple(np.meshgrid(along - size / 2, across - size / 2, indexing="ij")))
     off = float(np.nanmax(np.abs(corners - tiles), initial=0.0))
-    node.note(
-        "approximated", f"level tiles of {size:.3g} m, off by up to {off:.2g} m; around it the ground is at z = 0"
-    )
+    message = f"level tiles of {size:.3g} m, off by up to {off:.2g} m; around it the ground is at z = 0"
+    node.note("approximated", message)
     section = {"kind": "grid", "size": size, "start": float(x[0] + x0)}
     heading = float(np.rad2deg(np.arctan2(turn[1, 0], turn[0, 0])))
     return HeightField(section | ({"heading_deg": heading} if heading else {}), tiles)
@@ -165,7 +167,7 @@ def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
 def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: ImportReport) -> dict[str, Any] | None:
     """Return the feet of a robot as its `robot.yaml` has them: spheres of one radius, or None.
 
-    A box stands on small spheres in its corners, which share its spring and damper by four.
+    Of the small spheres in the corners of a box four share its spring and damper; of those of a cylinder a rim does.
     """
     points: dict[str, list[list[float]]] = {}
     radii: list[float] = []
@@ -177,15 +179,16 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
                 continue
             seen.add(node)
             solids = [solid for solid in body.solids if solid.node is node]
-            shapes = [solid.shape for solid in solids if solid.shape and solid.shape.kind in ("sphere", "box")]
+            shapes = [solid.shape for solid in solids if solid.shape and solid.shape.kind in _TOUCHES]
             if not shapes:
-                message = f"contact of {node.path}: only spheres and boxes of robots touch"
+                message = f"contact of {node.path}: only spheres, boxes and cylinders of robots touch"
                 report.add("lost", contact.node.path, message)
                 continue
             touching.standing.add(node)
             _, radius, share = _spheres(shapes[0])
             if share > 1:
-                report.add("approximated", node.path, f"a box that touches: spheres of {radius:.3g} m in its corners")
+                message = _TOUCHES[shapes[0].kind].format(f"spheres of {radius:.3g} m")
+                report.add("approximated", node.path, message)
             surface = contact.surface
             for solid, shape in zip(solids, shapes, strict=True):
                 pose = robot.frames[body].inverse() @ solid.pose
@@ -212,9 +215,15 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
 
 
 def _spheres(shape: Shape) -> tuple[list[Vector], float, int]:
-    """Return the spheres that a sphere or a box touches with: middles, radius, and how many of them carry it."""
+    """Return the spheres that a shape touches with: middles, radius, and how many of them carry it."""
     if shape.kind == "sphere":
         return [np.zeros(3)], shape.size[0], 1
+    if shape.kind == "cylinder":  # rims: it stands on eight, and lies and rolls on few
+        reach, end = shape.size[0], shape.size[1] / 2
+        radius = min(reach, end) / 5
+        turns = 2 * np.pi * np.arange(_RIM) / _RIM
+        rim = (reach - radius) * np.column_stack([np.cos(turns), np.sin(turns)])
+        return [np.array([x, y, z]) for z in (radius - end, end - radius) for x, y in rim], radius, _RIM
     half = np.array(shape.size) / 2
     radius = float(half.min() / 5)
     return [np.array(signs) * (half - radius) for signs in product((-1, 1), repeat=3)], radius, 4

@@ -1,0 +1,100 @@
+"""Blocks by formulas, each against the same function in Python, over time."""
+
+import numpy as np
+import pytest
+from slx_files import Level, write_model
+
+from simrob_drake.errors import InvalidModel
+from simrob_drake.simulink.signals.forms import flat
+from simrob_drake.simulink.simulink_model import read_simulink
+from simrob_drake.simulink.writing.references import over_time
+
+TIMES = np.linspace(0.02, 2, 34)
+
+
+def outputs(tmp_path, kind, inputs, parameters):
+    """Return the outputs, (n, t), of a block whose inputs are the time and 0.7."""
+    level = Level()
+    sid = level.block(kind, "B", **parameters)
+    for number, source in enumerate((("Clock", {}), ("Constant", {"Value": "0.7"}))[:inputs], start=1):
+        level.wire(f"{level.block(source[0], f'S{number}', **source[1])}#out:1", f"{sid}#in:{number}")
+    model = read_simulink(write_model(tmp_path / "a.slx", level))
+    (node,) = (node for node in model.expanded.nodes if node.block.name == "B")
+    values = flat(model.tracer.output(node))
+    if node in model.tracer.opened:
+        raise InvalidModel(tmp_path, "B", model.tracer.opened[node] or "open")
+    return over_time(values, TIMES)
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs", "parameters", "function"),
+    [
+        ("Math", 1, {"Operator": "10^u"}, lambda t: 10**t),
+        ("Math", 1, {"Operator": "reciprocal"}, lambda t: 1 / t),
+        ("Math", 1, {}, np.exp),
+        ("Math", 1, {"Operator": "log10"}, np.log10),
+        ("Math", 2, {"Operator": "mod"}, lambda t: np.mod(t, 0.7)),
+        ("Math", 2, {"Operator": "rem"}, lambda t: np.fmod(t, 0.7)),
+        ("Math", 2, {"Operator": "hypot"}, lambda t: np.hypot(t, 0.7)),
+        ("Math", 2, {"Operator": "pow"}, lambda t: t**0.7),
+        ("Sqrt", 1, {"Operator": "signedSqrt"}, np.sqrt),
+        ("Sqrt", 1, {"Function": "rSqrt"}, lambda t: 1 / np.sqrt(t)),
+        ("Trigonometry", 2, {"Operator": "atan2"}, lambda t: np.arctan2(t, 0.7)),
+        ("Trigonometry", 1, {"Function": "cos"}, np.cos),
+        ("Rounding", 1, {"Operator": "ceil"}, np.ceil),
+        ("Rounding", 1, {"Operator": "round"}, lambda t: np.floor(t + 0.5)),
+        ("Abs", 1, {}, np.abs),
+        ("MinMax", 2, {"Function": "max", "Inputs": "2"}, lambda t: np.maximum(t, 0.7)),
+        ("MinMax", 2, {"Inputs": "2"}, lambda t: np.minimum(t, 0.7)),
+        ("RelationalOperator", 2, {"Operator": "~="}, lambda t: t != 0.7),
+        ("RelationalOperator", 2, {}, lambda t: t <= 0.7),
+        ("simulink/Logic/Compare To Constant", 1, {"relop": ">", "const": "1.1"}, lambda t: t > 1.1),
+        ("simulink/Logic/Compare To Zero", 1, {"relop": "<"}, lambda t: t < 0),
+        ("Quantizer", 1, {"QuantizationInterval": "0.37"}, lambda t: 0.37 * np.round(t / 0.37)),
+        ("Bias", 1, {"Bias": "[1 2]"}, lambda t: [t + 1, t + 2]),
+        ("DotProduct", 2, {}, lambda t: 0.7 * t),
+        ("UnaryMinus", 1, {}, lambda t: -t),
+        ("Saturate", 1, {"UpperLimit": "1.3", "LowerLimit": "[0.4; -inf]"},
+         lambda t: [np.clip(t, 0.4, 1.3), np.minimum(t, 1.3)]),
+        ("DeadZone", 1, {"LowerValue": "0", "UpperValue": "0.5"}, lambda t: np.maximum(t - 0.5, 0)),
+        ("Step", 0, {"Time": "1", "Before": "[2 3]", "After": "5"},
+         lambda t: [np.where(t < 1, 2, 5), np.where(t < 1, 3, 5)]),
+        ("simulink/Sources/Ramp", 0, {"slope": "2", "start": "0.5", "InitialOutput": "1"},
+         lambda t: 1 + 2 * np.maximum(t - 0.5, 0)),
+        ("Sin", 0, {"Amplitude": "[1 2]", "Frequency": "3", "Phase": "0.2", "Bias": "1"},
+         lambda t: [np.sin(3 * t + 0.2) + 1, 2 * np.sin(3 * t + 0.2) + 1]),
+        ("Sin", 1, {"TimeSource": "Use external signal"}, np.sin),
+        ("fl_lib/PS/PS Sine Wave", 0, {"amplitude": "2", "frequency": "3", "frequency_unit": "Hz", "phase": "90",
+                                       "phase_unit": "deg", "bias": "1"},
+         lambda t: 2 * np.sin(6 * np.pi * t + np.pi / 2) + 1),
+        ("fl_lib/PS/PS Constant", 0, {"constant": "[5 7]", "constant_unit": "cm"},
+         lambda t: [0 * t + 0.05, 0 * t + 0.07]),
+    ],
+)  # fmt: skip
+def test_a_block_computes_its_formula(tmp_path, kind, inputs, parameters, function):
+    expected = np.atleast_2d(np.asarray(function(TIMES), dtype=float))
+    np.testing.assert_allclose(outputs(tmp_path, kind, inputs, parameters), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "told"),
+    [("Trigonometry", {"Operator": "sincos"}, "open"), ("RelationalOperator", {"Operator": "isNaN"}, "not plain"),
+     ("Bias", {"Bias": "unknown_"}, None), ("Saturate", {"UpperLimit": "'a'"}, "UpperLimit")],
+)  # fmt: skip
+def test_a_choice_that_is_not_known_leaves_the_block_open(tmp_path, kind, parameters, told):
+    if told is None:  # the default, and the variable is named
+        assert np.allclose(outputs(tmp_path, kind, 1, parameters), TIMES)
+        return
+    with pytest.raises(InvalidModel, match=told):
+        outputs(tmp_path, kind, 1, parameters)
+
+
+def test_vectors_are_multiplied_across(tmp_path):
+    level = Level()
+    for number, text in enumerate(("[1 2 3]", "[4 -5 7]"), start=1):
+        level.wire(f"{level.block('Constant', f'S{number}', Value=text)}#out:1", f"9#in:{number}")
+    level.first = 7
+    assert level.block("simulink/Vector/Cross Product", "B") == "9"
+    model = read_simulink(write_model(tmp_path / "a.slx", level))
+    (node,) = (node for node in model.expanded.nodes if node.block.name == "B")
+    np.testing.assert_allclose(flat(model.tracer.output(node)), np.cross([1, 2, 3], [4, -5, 7]))

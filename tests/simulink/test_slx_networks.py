@@ -1,0 +1,124 @@
+"""Networks of motors, gear boxes and circuits, against their equations."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from slx_files import INERTIA, MECHANISM, REVOLUTE, TO_PHYSICS, WORLD, Level, write_model
+
+from simrob_drake import load_station, simulate
+from simrob_drake.simulink.importing import import_simulink
+from simrob_drake.simulink.signals.networks import reduced, without_fast
+
+ELECTRICAL = "fl_lib/Electrical/Electrical Elements/"
+TIGHT = {"solver.accuracy": 1e-7, "solver.max_step": 0.002}
+
+
+def motor_on_a_joint(level, torque, speed, *, swap=False, **figures):
+    """A voltage source, a DC motor and a gear box of 5 between a joint's speed and its torque; return the source."""
+    ports = {"Left": [{"id": "C"}, {"id": "t"}], "Right": [{"id": "R"}, {"id": "w"}]}
+    told = {"InternalSimscapePortConfiguration": json.dumps(ports)} if swap else {}
+    source = level.block("fl_lib/Electrical/Electrical Sources/Controlled Voltage Source", "Source")
+    ground = level.block(f"{ELECTRICAL}Electrical Reference", "Ground")
+    held = level.block("fl_lib/Mechanical/Rotational Elements/Mechanical Rotational Reference", "Held")
+    figures = {"Ra": "2", "La": "0.02", "Kv": "7", "Ki": "0.3", "J": "40", "J_unit": "g*cm^2", "lam": "0.001",
+               "emf_or_torque": "ee.enum.emf_or_torque.ki", **figures}  # fmt: skip
+    motor = level.block("ee_lib/Electromechanical/Brushed Motors/DC Motor", "Motor", **figures)
+    gear = level.block("fl_lib/Mechanical/Mechanisms/Gear Box", "Gear", ratio="5", ratio_unit="1")
+    face = level.block("fl_lib/Mechanical/Multibody Interfaces/Rotational Multibody Interface", "Face", **told)
+    t, c, w, r = ("lconn:2", "lconn:1", "rconn:2", "rconn:1") if swap else ("lconn:1", "lconn:2", "rconn:1", "rconn:2")
+    level.connect(f"{source}#lconn:1", f"{motor}#lconn:1")
+    level.connect(f"{source}#rconn:2", f"{motor}#rconn:1", f"{ground}#lconn:1")
+    level.connect(f"{motor}#lconn:2", f"{gear}#lconn:1")
+    level.connect(f"{motor}#rconn:2", f"{held}#lconn:1", f"{face}#{c}")
+    level.connect(f"{gear}#rconn:1", f"{face}#{r}")
+    level.connect(f"{face}#{t}", torque)
+    level.connect(f"{face}#{w}", speed)
+    return f"{source}#rconn:1"
+
+
+def driven(tmp_path, **options):
+    """A hinge of 0.5 kg m² without gravity, driven by 12 V."""
+    level = Level()
+    world, joint = level.block(WORLD, "World"), level.block(
+        REVOLUTE, "J", TorqueActuationMode="InputTorque", SenseVelocity="on")  # fmt: skip
+    level.block(MECHANISM, "Nothing", UniformGravity="None")
+    body = level.block(INERTIA, "Wheel", Mass="1", MomentsOfInertia="[0.5 0.5 0.5]")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
+    volts, into = level.block("Constant", "Volts", Value="12"), level.block(TO_PHYSICS, "In", Unit="1")
+    level.wire(f"{volts}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", motor_on_a_joint(level, f"{joint}#lconn:2", f"{joint}#rconn:2", **options))
+    return import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out", force=True)
+
+
+def speeds(times, inertia=0.5, resistance=2.0, inductance=0.02):
+    """R i + L i' + K 5 w = 12, (I + 25 J) w' = 5 (K i - b 5 w)."""
+
+    def rates(_, state):
+        current, speed = state
+        return [(12 - resistance * current - 1.5 * speed) / inductance,
+                (1.5 * current - 0.025 * speed) / (inertia + 25 * 4e-6)]  # fmt: skip
+
+    return solve_ivp(rates, (0, times[-1]), [0, 0], t_eval=times, rtol=1e-10, atol=1e-12, method="Radau").y[1]
+
+
+@pytest.mark.parametrize("swap", [False, True], ids=["by default", "as the file tells"])
+def test_a_motor_turns_a_joint(tmp_path, swap):
+    imported = driven(tmp_path, swap=swap)
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
+    np.testing.assert_allclose(result["v.J"], speeds(result.times), atol=2e-5)
+
+
+def test_a_rotor_is_felt_as_inertia(tmp_path):
+    """40 g cm² behind a gear of 5 are 1e-4 kg m² at the joint, exactly: no filtered acceleration."""
+    imported = driven(tmp_path)
+    assert "rotor_inertia: {J: 0.0001}" in (imported.station.parent / "a" / "robot.yaml").read_text()
+    assert imported.report.of("approximated") == []
+
+
+def test_what_settles_at_once_is_where_it_comes_to(tmp_path):
+    imported = driven(tmp_path, La="1e-5")
+    assert "settles within 0.0001 s" in imported.report.of("approximated")[0].text
+    result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
+    np.testing.assert_allclose(result["v.J"], speeds(result.times, inductance=1e-5), atol=2e-4)
+    assert "state_space" not in imported.station.read_text()
+
+
+def test_a_network_with_what_is_not_linear_is_lost_by_name(tmp_path):
+    level = Level()
+    world, body = level.block(WORLD, "World"), level.block(INERTIA, "Wheel")
+    joint = level.block(REVOLUTE, "J", TorqueActuationMode="InputTorque", SenseVelocity="on")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
+    motor_on_a_joint(level, f"{joint}#lconn:2", f"{joint}#rconn:2")
+    diode = level.block("fl_lib/Electrical/Electrical Elements/Diode", "D")
+    level.connect("4#lconn:1", f"{diode}#lconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    lost = {entry.element: entry.text for entry in imported.report.of("lost")}
+    assert lost["Motor"] == "its network is not read: D: a Diode in a network: it is not linear, or not read"
+    assert {"Motor", "Gear", "Face", "Source"} <= lost.keys()
+    assert "1 drive" in imported.fidelity
+    assert "DC Motor" in imported.fidelity
+
+
+def test_rows_that_do_not_determine_what_is_told_are_none():
+    """x' = u is told, and a sum of two unknowns is not; what follows from a rate of a rate is not, either."""
+    one, zero = np.eye(1), np.zeros((1, 1))
+    assert reduced(one, zero, one, one).b.tolist() == [[1.0]]
+    assert reduced(np.zeros((1, 2)), np.ones((1, 2)), one, np.ones((1, 2))) is None
+    # x1 = u, x2 = x1', x3 = x2'
+    rates = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    assert reduced(rates, np.eye(3), np.array([[-1.0], [0], [0]]), np.array([[0.0, 1, 0]])).d[1].tolist() == [[1.0]]
+    assert reduced(rates, np.eye(3), np.array([[-1.0], [0], [0]]), np.array([[0.0, 0, 1]])) is None
+
+
+def test_fast_states_are_left_out_and_slow_ones_stay():
+    """x1' = -x1 + u and x2' = -1e6 (x2 - x1 - u): y = x1 + x2 is 2 x1 + u."""
+    full = reduced(np.eye(2), np.array([[-1.0, 0], [1e6, -1e6]]), np.array([[1.0], [1e6]]), np.ones((1, 2)))
+    slow = without_fast(full)
+    assert slow.a == pytest.approx(np.array([[-1.0]]), rel=1e-5)
+    assert (slow.c @ slow.b)[0, 0] == pytest.approx(2.0, rel=1e-5)
+    assert slow.d[0][0, 0] == pytest.approx(1.0, rel=1e-5)
