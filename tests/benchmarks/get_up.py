@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ DRAWS, SEEDS = 20, range(1000, 1200)  # the postures were set by others
 SIDES = ("belly", "back")
 LOOPS = Path(__file__).parents[2] / "examples" / "loops"
 GUARDS, ON = read_yaml(LOOPS / "fall_guards.yaml"), read_yaml(LOOPS / "get_up.yaml")
-LONG = 40.0  # of a walk that goes on [s]
+LONG = 30.0  # of a walk that goes on [s]
 
 
 def drawn(name: str, seed: int) -> tuple[dict[str, Any], float, bool]:
@@ -68,8 +69,10 @@ def walks_on(name: str, seed: int) -> bool | None:
     if not len(rises):
         return None
     last = result.times > LONG - WATCHED
-    way = np.hypot(*(np.ptp(result[f"base.{axis}"][last]) for axis in "xy")) if last.any() else 0.0
-    return result.ending == "completed" and rises[-1] < np.argmax(last) and bool(way > 0.5 * SPEED[name] * WATCHED)
+    ways = [np.ptp(result[f"base.{axis}"][last]) if last.any() else 0.0 for axis in "xy"]
+    return (
+        result.ending == "completed" and rises[-1] < np.argmax(last) and math.hypot(*ways) > 0.5 * SPEED[name] * WATCHED
+    )
 
 
 def side(robot: LeggedRobot) -> str | None:
@@ -89,7 +92,8 @@ def main(words: list[str]) -> None:
     """Let them fall and get up, and print; or, by the word `on`, walk on."""
     if "on" in words:
         for name in FELLS:
-            fell = [went for seed in SEEDS[: 2 * DRAWS] if (went := walks_on(name, seed)) is not None][:DRAWS]
+            went = (walks_on(name, seed) for seed in SEEDS)
+            fell = list(islice((each for each in went if each is not None), DRAWS))
             print(f"{name} walks on after {sum(fell)} of {len(fell)} falls", flush=True)
         return
     names = [word for word in words if word in FELLS] or list(FELLS)

@@ -84,7 +84,7 @@ class Rising(SampledBlock):
 
         Args:
             section: its parameters.
-            ways: from the belly and from the back: postures, and their angles, shape (n,) [rad].
+            ways: from the belly at odd and at even attempts, then from the back: postures, and their angles (n,) [rad].
             height: of the root from which the robot stands [m].
             facing: where the robot looks in the axes of its root, counterclockwise from x [rad].
             ground: beneath it.
@@ -94,9 +94,9 @@ class Rising(SampledBlock):
         self._ahead = math.cos(facing), math.sin(facing)
         zero = np.zeros(len(ways[0][0][1]))
         outputs: dict[str, Vector | float] = {"target": zero, "active": 0.0, "offset_velocity": zero, "attempt": 0.0}
-        # where the way to a posture begins, and which way: 1 from the back; how long it has been in this stage, and
+        # where the way to a posture begins; which of the ways; how long it has been in this stage, and
         # without a break at rest, or standing [s]
-        memory = {**outputs, "stage": _UP, "origin": zero, "side": 0.0, "elapsed": 0.0, "well": 0.0}
+        memory = {**outputs, "stage": _UP, "origin": zero, "way": 0.0, "elapsed": 0.0, "well": 0.0}
         reads = {"base_pose": 7, "base_velocity": 6, ASKED: len(zero)}
         super().__init__(period=1 / section.rate, reads=reads, memory=memory, gives=tuple(outputs))
 
@@ -109,7 +109,7 @@ class Rising(SampledBlock):
         if stage == _DOWN:
             still = bool(np.abs(read["base_velocity"]).max() < _SLOW)
             return self._lying(memory, elapsed, self._lasting(memory, well=still), ahead)
-        way = self._ways[int(memory["side"][0])]
+        way = self._ways[int(memory["way"][0])]
         if stage - _FIRST < len(way):
             return self._rising(memory, elapsed, *way[int(stage - _FIRST)], math.degrees(ahead))
         return self._standing(memory, elapsed, self._lasting(memory, well=lean < _UPRIGHT and height > self._height))
@@ -131,7 +131,8 @@ class Rising(SampledBlock):
         """Wait until it lies still, and begin by how it lies."""
         if well < _REST and elapsed < _PATIENCE:
             return {"elapsed": elapsed, "well": well}
-        return {"attempt": memory["attempt"] + 1, "side": float(ahead < 0), **_begin(_FIRST, memory["target"])}
+        even = memory["attempt"][0] % 2  # the one that begins
+        return {"attempt": memory["attempt"] + 1, "way": 2.0 * (ahead < 0) + even, **_begin(_FIRST, memory["target"])}
 
     def _rising(self, memory: Named, elapsed: float, posture: RisingPosture, goal: Vector, ahead_deg: float) -> Changes:
         """Go on to a posture, and from there to the next if the trunk lies as it should."""
