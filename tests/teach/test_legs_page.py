@@ -19,7 +19,7 @@ from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.load import load_station, loops_known
-from simrob_drake.teach.pages import legs, plots
+from simrob_drake.teach.pages import joints, legs, plots
 from simrob_drake.teach.pages.phrases import Phrases, matches
 from simrob_drake.teach.pages.words import languages, texts_of, words
 from simrob_drake.teach.run import EndedRun, TaughtRun
@@ -279,6 +279,22 @@ def test_the_key_enter_in_a_field_tests():
         user.find(kind=ui.number).trigger("keydown.enter")
 
     assert ("test", {"left_elbow": 30.0}, 1.0) in shown(script).calls
+
+
+def test_a_page_begins_no_task_once_its_server_has_ended(monkeypatch):
+    """A task that lives longer than its loop would be awaited for ever by the next server of this process."""
+    session, begun = LegsSession(), []
+
+    async def run():
+        async with user_simulation(lambda: legs.build(session, words("en"))) as user:
+            await user.open("/")
+            begun.clear()
+        session.told("program", "phase", "tick")
+        await heard()
+
+    monkeypatch.setattr(joints.Marks, "_ask", lambda _: begun.append(True))
+    asyncio.run(run())
+    assert not begun
 
 
 def test_joints_that_are_not_set_show_what_the_robot_is_asked_for():

@@ -239,8 +239,8 @@ def follow(session: Any, update: Callable[[], object], *topics: str) -> None:
     def look() -> None:
         nonlocal waiting
         waiting = False
-        if client.is_deleted or place.is_deleted:
-            forget()
+        if client.is_deleted or place.is_deleted or not core.app.is_started:
+            forget()  # a task begun after the server's last would never end: its loop is about to close
             return
         with place:
             try:
