@@ -18,6 +18,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.simulation import pace
 from simrob_drake.simulation.stepping import Stepper
+from simrob_drake.teach import run_pacer
 from simrob_drake.teach.run import shortfall
 from simrob_drake.teach.session import Session
 
@@ -107,6 +108,32 @@ def test_the_script_gives_the_signals_of_the_page(teach):
     heard(session, run.call("play", program=unchanged.text()))
     calm = table(heard(session, session.exports.csv()))[1]
     assert np.abs(calm - page[1][: len(calm)]).max() > 1e-3  # they were felt
+
+
+def test_a_walk_is_driven_added_and_repeated_without_a_hand(teach, monkeypatch):
+    monkeypatch.setattr(run_pacer, "PATIENCE", 60.0)
+    session, run = teach("roid1")
+    ahead, turning = {"ahead": 0.1, "sideways": 0, "turn_deg": 0}, {"ahead": 0.1, "sideways": 0, "turn_deg": 15}
+    run.at = {0.2: [("steer", ahead)], 0.6: [("steer", turning)], 1.0: [("steer", ahead)], 1.8: [("stop", {})]}
+    assert heard(session, session.driving.begin("tab"))["ending"] == "stopped"
+    (walk,), (change,) = session.book.pending, session.book.changes
+    assert walk == {"go": {"duration": 1.8}}
+    assert change.drive.commands == ((0.0, 0.1, 0.0, 0.0), (0.4, 0.1, 0.0, 15.0), (0.8, 0.1, 0.0, 0.0))
+    page = table(heard(session, session.exports.csv()))
+    session.add()
+    assert heard(session, session.simulate())["ending"] == "completed"
+    np.testing.assert_array_equal(table(heard(session, session.exports.csv()))[1], page[1])
+    check_script(session, page)
+    assert session.driving.driver is None
+
+
+def test_a_walk_that_nobody_holds_on_to_stands(teach, monkeypatch):
+    """A tab that was closed, or a line that is cut, says nothing more: the walk does not go on without it."""
+    monkeypatch.setattr(run_pacer, "PATIENCE", 0.0)
+    session, run = teach("roid1")
+    run.at = {0.2: [("steer", {"ahead": 0.1, "sideways": 0, "turn_deg": 0})], 0.4: [("stop", {})]}
+    heard(session, session.driving.begin("tab"))
+    assert [change.drive.commands for change in session.book.changes] == [((0.0, 0.0, 0.0, 0.0),)]
 
 
 def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it(teach, monkeypatch):

@@ -123,6 +123,8 @@ class Phrases:
         elif change.drag is not None:
             seconds = figure(len(change.drag.targets) * grid)
             what = t("legs.told_drag", at=change.drag.at or t("legs.robot"), seconds=seconds)
+        elif change.drive is not None:
+            what = t("legs.told_drive", at=change.drive.at or t("legs.robot"), count=len(change.drive.commands))
         else:
             what = ", ".join(f"{key} = {as_text(value)}" for key, value in (change.set or {}).items())
         return t("legs.told_at", time=figure(change.time), what=what)
