@@ -76,7 +76,7 @@ class Jogging:
             ]
         for one, name in zip(self._pose, (*_WAYS, *_TURNS), strict=True):
             set_label(one.field, f"{name}: {t('arm.pose')}")  # else it would be called as the slider above
-            one.field.classes("w-24 tabular-nums").on("keydown.enter", self._go)
+            one.field.classes("grow tabular-nums").style("flex: 1 1 30%").on("keydown.enter", self._go)
 
     def _range(self) -> None:
         for number, dial in enumerate(self._dials):
