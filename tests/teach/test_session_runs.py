@@ -10,9 +10,10 @@ from zipfile import ZipFile
 
 import numpy as np
 import pytest
+import yaml
 from fake_runs import TICK, BenchRun
 
-from simrob_drake import Program
+from simrob_drake import Program, load_station
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import SimrobError
 from simrob_drake.programs.gaits.registry import load_gaits
@@ -108,6 +109,30 @@ def test_the_script_gives_the_signals_of_the_page(teach):
     heard(session, run.call("play", program=unchanged.text()))
     calm = table(heard(session, session.exports.csv()))[1]
     assert np.abs(calm - page[1][: len(calm)]).max() > 1e-3  # they were felt
+
+
+LEAN = """
+from pydrake.systems.primitives import ConstantVectorSource
+
+
+class Lean(ConstantVectorSource):
+    def __init__(self, *, by: float) -> None:
+        super().__init__([by])
+"""
+
+
+def test_the_script_of_a_station_with_a_block_of_ones_own_takes_its_file_along(teach, tmp_path):
+    (tmp_path / "lean.py").write_text(LEAN)
+    own = {"kind": "own", "class": "lean.py:Lean", "parameters": {"by": 0.5}}
+    station = {"robot": {"model": "double_pendulum"}, "controllers": {"mine": own}, "duration": 1}
+    (tmp_path / "leaning.yaml").write_text(yaml.safe_dump(station))
+    session, _ = teach(tmp_path / "leaning.yaml", allow_code=True)
+    packed = heard(session, session.exports.script())
+    (tmp_path / "lean.py").unlink()
+    with ZipFile(packed) as files:
+        files.extractall(tmp_path / "elsewhere")
+    (file,) = (tmp_path / "elsewhere").rglob("*-station.yaml")
+    assert load_station(file, allow_code=True).controllers["mine"].block("mine").get_output_port().size() == 1
 
 
 def test_a_walk_is_driven_added_and_repeated_without_a_hand(teach, monkeypatch):
