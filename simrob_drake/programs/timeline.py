@@ -1,4 +1,4 @@
-"""What happens to a station at moments of its own, whatever its robots are told: settings, pushes, drags.
+"""What happens to a station at moments of its own, whatever its robots are told: settings, pushes, drags, drives.
 
 Runs are cut at a grid of time, and where something happens, so that each can be repeated from any moment of it to the
 last bit.
@@ -8,17 +8,20 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
+from math import radians
 from typing import Annotated, Any, Protocol, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from simrob_drake.blocks.references import Reference, later
+from simrob_drake.errors import one_of
 from simrob_drake.parts.forces import Drag, ForceConfig, Push
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.whole import joined
-from simrob_drake.sections import Duration, Instant, Positive, Strict, Triple
+from simrob_drake.sections import Duration, Instant, NotNegative, Number, Positive, Strict, Triple
 from simrob_drake.simulation import Moment, OnStep, ReferenceLike, Runner, Ticks
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, with_settings
@@ -52,6 +55,15 @@ class DragNow(Strict):
     """Of the spring [N/m]; a quarter of a metre pulls with the weight of the robot or piece unless given."""
 
 
+class DriveNow(Strict):
+    """A walk that is driven by hand, in place of what its section says; a station without one does nothing then."""
+
+    at: str | None = None
+    """Who walks; the only robot unless given."""
+    commands: Annotated[tuple[tuple[NotNegative, Number, Number, Number], ...], Field(min_length=1)]
+    """From when on, since the change [s], and how: speeds ahead and to the left [m/s], turn to the left [deg/s]."""
+
+
 class Change(Strict):
     """Something that happens while a program runs."""
 
@@ -63,11 +75,13 @@ class Change(Strict):
     """A push."""
     drag: DragNow | None = None
     """A drag."""
+    drive: DriveNow | None = None
+    """A drive."""
 
     @model_validator(mode="after")
     def _one_thing(self) -> Self:
-        if sum(thing is not None for thing in (self.set, self.push, self.drag)) != 1:
-            raise ValueError("a change is one of set, push and drag")
+        if sum(thing is not None for thing in (self.set, self.push, self.drag, self.drive)) != 1:
+            raise ValueError("a change is one of set, push, drag and drive")
         return self
 
     def entry(self) -> dict[str, Any]:
@@ -138,6 +152,8 @@ class Timeline:
         """Check that all can happen to a station; raises SimrobError: names the change of what is not there."""
         for number, change in enumerate(self.changes):
             where = f"changes[{number}]"
+            if change.drive is not None and change.drive.at is not None:
+                one_of(f"robot of {where}.drive", change.drive.at, config.robots)
             if change.set is not None:
                 with_settings(config, _for_robots(change.set, config), where)
         if forces := self.forces(self.changes[-1].time + 1.0 if self.changes else 0.0):
@@ -170,6 +186,29 @@ class Timeline:
                     stiffness=drag.stiffness,
                 )
         return found
+
+    def hands(self, config: StationConfig) -> dict[str, Callable[[float], tuple[float, float, float] | None]]:
+        """Return who drives the walks of a station in a run that begins now, as ``Runner.run`` takes them by name."""
+        if not any(change.drive for change in self.changes):
+            return {}
+        begun, walks = self.now, [(name, one) for name, one in config.controllers.items() if one.kind == "walk"]
+        return {
+            name: partial(self._driven, walk.robot or config.only_robot, config.only_robot, begun)
+            for name, walk in walks
+        }
+
+    def _driven(
+        self, robot: str | None, only: str | None, begun: float, time: float
+    ) -> tuple[float, float, float] | None:
+        """Return how a robot is driven at a time of a run [s]: each command holds from after its moment on."""
+        rows = [
+            (change.time + since, ahead, left, turn)
+            for change in self.changes
+            if change.drive is not None and (change.drive.at or only) == robot
+            for since, ahead, left, turn in change.drive.commands
+        ]
+        known = [row for row in rows if row[0] < begun + time - _END]
+        return (known[-1][1], known[-1][2], radians(known[-1][3])) if known else None
 
     @property
     def _step(self) -> float:
@@ -250,9 +289,8 @@ def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: fl
             if settings != of_runner:
                 played, since, of_runner = runner.references(references, state), line.now, settings
             rest = {robot: later(reference, line.now - since) for robot, reference in played.items()}
-            run = runner.run(
-                reference=rest, duration=part, start=state, ticks=Ticks(line.grid or part, tell), on_step=cell.on_step
-            )
+            how: dict[str, Any] = {"ticks": Ticks(line.grid or part, tell), "on_step": cell.on_step}
+            run = runner.run(reference=rest, duration=part, start=state, commands=line.hands(station), **how)
             forces = {**run.config.forces, **line.forces(run.stop_time)}  # drags have grown
             runs.append(replace(run, config=run.config.model_copy(update={"forces": forces})))
             line.now = line.time_of(line.steps(line.now + run.stop_time))

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.program import Program
-from simrob_drake.programs.timeline import GRID, USER, Change, PushNow, Timeline
+from simrob_drake.programs.timeline import GRID, USER, Change, DriveNow, PushNow, Timeline
 from simrob_drake.programs.whole_program import perform
 from simrob_drake.results.animation.drawn import ghosts
 from simrob_drake.results.animation.live import StationView
@@ -188,6 +189,14 @@ class Bench:
             point = model.pose(model.piece_frame(at)).inverse() @ model.pose(model.piece_origin(at)) @ np.array(point)
         held = (at, tuple(point), tuple(target)) if target is not None else None
         self.pacer.drag = held if self.pacer.runs else None
+
+    def steer(self, ahead: float, sideways: float, turn_deg: float, robot: str | None = None) -> None:
+        """Drive a walk from the next tick on: ahead, to the left [m/s], turn to the left [deg/s].
+
+        Nothing goes on that is not said again within a second on the clock.
+        """
+        command = DriveNow(at=robot, commands=((0.0, ahead, sideways, turn_deg),)).commands[0][1:]
+        self.pacer.steered = (perf_counter(), command, robot) if self.pacer.runs else None
 
     def watch(self, signals: Sequence[str]) -> None:
         """Tell the values of these outputs of the station at each tick."""

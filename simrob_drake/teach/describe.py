@@ -4,15 +4,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from simrob_drake.errors import SimrobError
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.parts.targets import frame_names
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.gaits.registry import gaits_of
+from simrob_drake.programs.moves.go import GoMove
 from simrob_drake.programs.stages import SEQUENCE
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.signals import Signal
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
+from simrob_drake.walking.parameters import load_walking
 
 
 def description(cell: Workcell) -> dict[str, Any]:
@@ -68,7 +73,17 @@ def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:
         "gaits": list(gaits_of(model, steps=True)) if legged else [],
         "acts": [act for act in gaits_of(model, steps=False) if act != SEQUENCE] if legged else [],
         "pieces": [piece for piece, one in resolve(config).pieces.items() if one.carrier == name],
+        "drives": _drives(config, name, model) if legged else None,
     }
+
+
+def _drives(config: StationConfig, name: str, model: RobotModel) -> dict[str, float] | None:
+    """Return how fast a robot can be driven [m/s, deg/s], and where it looks [deg]; None of one that cannot walk so."""
+    try:
+        GoMove().station(config, name)
+    except SimrobError:
+        return None
+    return {**load_walking(model).max_speed.model_dump(), "facing_deg": gaits_file(model).facing_deg}
 
 
 _PARTS = {"sensor": "sensors", "monitor": "monitors", "force": "forces", "controller": "controllers"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from pathlib import Path
+from shutil import copyfile
 from tempfile import TemporaryDirectory
 from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile
@@ -113,10 +114,23 @@ def _pack(file: Path, config: StationConfig, script: Callable[[Path], str]) -> N
     with writing(file), TemporaryDirectory(dir=file.parent) as place:
         folder = Path(place)
         station = folder / f"{file.stem}-station.yaml"
-        station.write_text(station_yaml(carried(config, folder)), encoding="utf-8")
+        station.write_text(station_yaml(_with_code(carried(config, folder), folder)), encoding="utf-8")
         (folder / f"{file.stem}.py").write_text(script(station), encoding="utf-8")
         files = [one for one in sorted(folder.rglob("*")) if one.is_file()]
         with ZipFile(folder / file.name, "w", ZIP_DEFLATED) as packed:
             for one in files:
                 packed.write(one, Path(file.stem) / one.relative_to(folder))
         (folder / file.name).replace(file)
+
+
+def _with_code(config: StationConfig, folder: Path) -> StationConfig:
+    """Return a station that names copies of its own blocks' files in a folder, by paths from there."""
+    controllers = dict(config.controllers)
+    for name, section in controllers.items():
+        if isinstance(section, OwnController) and (file := Path(section.class_.partition(":")[0])).suffix == ".py":
+            copy = Path(name, file.name)
+            (folder / name).mkdir()
+            copyfile(file, folder / copy)
+            named = f"{copy.as_posix()}:{section.class_.partition(':')[2]}"
+            controllers[name] = section.model_copy(update={"class_": named})
+    return config.model_copy(update={"controllers": controllers})

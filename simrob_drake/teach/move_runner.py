@@ -93,10 +93,11 @@ class Commands:
 
     def _show_phase(self) -> None:
         """Tell what is under way, else the phase of the run; and begin what waits, if it can be."""
-        self._client.show_phase(next(reversed(self.under_way), self.of_run))
-        while not self._begins and (fit := self._that_fits()) is not None:
+        client, waits = self._client, self.waiting
+        client.show_phase(next(reversed(self.under_way), self.of_run))
+        while not self._begins and (fit := [kind for kind, one in waits.items() if client.phase in one.phases]):
             self._begins = True  # each is asked for before the next one
-            begun = self.waiting.pop(fit)
+            begun = waits.pop(fit[0])
             try:
                 begun.begin().add_done_callback(partial(_pass_on, begun.answer))
             except BaseException as problem:
@@ -104,9 +105,6 @@ class Commands:
                 raise
             finally:
                 self._begins = False
-
-    def _that_fits(self) -> str | None:
-        return next((kind for kind, one in self.waiting.items() if self._client.phase in one.phases), None)
 
     def forget(self, *kinds: str) -> None:
         """Answer commands of some kinds that wait, of all unless named, by None: they are not done."""
@@ -119,12 +117,13 @@ class MoveRunner:
 
     Attributes:
         commands: what waits and what is under way.
+        cut: makes what was stopped at a time [s] what was tried; tells whether it is.
     """
 
     def __init__(self, client: RunClient, book: ProgramBook) -> None:
         """Begin with nothing run."""
-        self._client, self._book = client, book
-        self.commands = Commands(client)
+        self._client, self._book, self.commands = client, book, Commands(client)
+        self.cut: Callable[[float], bool] = lambda _: False
         client.takes |= {
             "phase": lambda news: self.commands.set_phase(news["phase"]),
             "noted": lambda news: self._noted(news["change"]),
@@ -359,7 +358,8 @@ class MoveRunner:
         jogged = run.kind == "free"
         run.end(news)
         if news["ending"] == "stopped":
-            run.moves.append([None], news["time"])
+            if not self.cut(news["time"]):
+                run.moves.append([None], news["time"])
         elif not news["goes_on"]:
             self._fell()
         self._fell = lambda: None

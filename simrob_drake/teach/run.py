@@ -62,6 +62,15 @@ class RunLog:
         """Count what was tried as stored."""
         self.mark = len(self._entries)
 
+    def start_of_last(self, move: Move | None) -> float | None:
+        """Return when the last move began [s], if it is this one and that is known."""
+        last = self._entries[-1] if self._entries else None
+        return last.start if last is not None and last.move == move else None
+
+    def replace_last(self, move: Move) -> None:
+        """Take another move for the last one."""
+        self._entries[-1] = self._entries[-1]._replace(move=move)
+
     def is_program(self, moves: Sequence[Move]) -> bool:
         """Tell whether nothing was run but these moves, all before what was tried, from the start on and in time."""
         return not self._entries or (self.in_time and self._done(0, self.mark) == list(moves))

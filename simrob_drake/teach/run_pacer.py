@@ -14,11 +14,13 @@ import numpy as np
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
-from simrob_drake.programs.timeline import Change, DragNow, Timeline
+from simrob_drake.programs.timeline import Change, DragNow, DriveNow, Timeline
 from simrob_drake.simulation import Moment
 
 _FRAME = 1 / 25
 """Time on the clock from one picture to the next [s]."""
+PATIENCE = 1.0
+"""How long a walk goes on without a word of who drives it [s] on the clock."""
 
 
 News = dict[str, Any]
@@ -83,6 +85,8 @@ class RunPacer:
         paused: whether it waits for the user.
         runs: whether a run is on its way.
         stopping: whether it is to end at the next tick.
+        steered: how a walk is driven: when that was said last, on the clock [s], speeds ahead and to the left [m/s],
+            turn to the left [deg/s], and which robot's if there are several; None: nobody drives.
         until: up to when it runs as fast as it can without being shown, since all that was shown before [s].
         at: the number of an earlier moment that is shown; None: the present.
         now: up to when the last run came [s], also one that came to nothing.
@@ -99,10 +103,12 @@ class RunPacer:
         self.watched: list[str] = []
         self.at: int | None = None
         self.drag: tuple[str, tuple[float, ...], tuple[float, ...]] | None = None
+        self.steered: tuple[float, tuple[float, float, float], str | None] | None = None
         self.requests: list[Change] = []
         self.runs = self.paused = self.stopping = self._one = False
         self.until = 0.0
         self._dragging: int | None = None
+        self._driving: int | None = None
         self._shown = 0.0
         self._phase, self._stops_there, self.now = "idle", False, 0.0
         self._last: tuple[float, Vector] | None = None
@@ -120,7 +126,7 @@ class RunPacer:
         self.line, line.tell = line, self.at_tick
         self.until, self._stops_there = until, stops
         self.paused, self.stopping, self._one, self.runs = False, False, one, True
-        self._dragging, self.at = None, None
+        self._dragging = self._driving = self.at = self.steered = None
         self.requests.clear()
         self.now, self._last = line.now, None
         self._origin()
@@ -193,6 +199,7 @@ class RunPacer:
             place = self.line.add(change.model_copy(update={"time": time}))
             self._inbox.tell("noted", change=changes[place].entry())
         self.requests.clear()
+        self._take_command(time)
         if self.drag is None:
             self._end_drag()
             return
@@ -204,6 +211,25 @@ class RunPacer:
             assert old.drag is not None
             drag = old.drag.model_copy(update={"targets": (*old.drag.targets, target)})
             changes[self._dragging] = old.model_copy(update={"drag": drag})
+
+    def _take_command(self, time: float) -> None:
+        """Let the walk go as it is steered, and stand where nobody has said so for a while: a hand holds on."""
+        if self.steered is None:
+            return
+        said, command, robot = self.steered
+        command = command if perf_counter() - said < PATIENCE else (0.0, 0.0, 0.0)
+        changes = self.line.changes
+        if self._driving is None:
+            self._driving = self.line.add(Change(time=time, drive=DriveNow(at=robot, commands=((0.0, *command),))))
+            return
+        old = changes[self._driving]
+        assert old.drive is not None
+        known = old.drive.commands
+        if known[-1][1:] != command:
+            row = round(time - old.time, 9), *command
+            changes[self._driving] = old.model_copy(
+                update={"drive": old.drive.model_copy(update={"commands": (*known, row)})}
+            )
 
     def show_last(self) -> None:
         """Show the last that was run, unless an earlier moment is; it may have come too quickly to be seen."""
@@ -218,12 +244,17 @@ class RunPacer:
     def end(self) -> None:
         """Take note of the end of a run."""
         self._end_drag()
+        self._note(self._driving)
         self.drag, self.until, self.runs = None, 0.0, False
+        self.steered = self._driving = None
 
     def _end_drag(self) -> None:
-        if self._dragging is not None:
-            self._inbox.tell("noted", change=self.line.changes[self._dragging].entry())
+        self._note(self._dragging)
         self._dragging = None
+
+    def _note(self, place: int | None) -> None:
+        if place is not None:
+            self._inbox.tell("noted", change=self.line.changes[place].entry())
 
     def _origin(self) -> None:
         """Count clock and simulated time anew from here."""

@@ -17,6 +17,7 @@ from simrob_drake.programs.moves.move import MOVE_TIME
 from simrob_drake.programs.stages import step_moves
 from simrob_drake.programs.timeline import GRID, Change
 from simrob_drake.sections import validated
+from simrob_drake.teach.driving import Driving
 from simrob_drake.teach.exports import Exports
 from simrob_drake.teach.jogging import Jogging
 from simrob_drake.teach.move_runner import MoveRunner
@@ -54,6 +55,7 @@ class Session:
         book: the program and what else is taught, kept in its file.
         setup: the station with its settings.
         arm: what a pendant of an arm does.
+        driving: a walk that is driven by hand.
         exports: what is taken away.
         hear, listen, listen_to_view, watch: those of the client.
     """
@@ -66,6 +68,7 @@ class Session:
         self._runner = runner = MoveRunner(client, book)
         self.setup = Setup(client, book, runner)
         self.arm = Jogging(client, book, runner)
+        self.driving = Driving(client, book, runner)
         self.exports = Exports(client, book, runner.commands)
         self.hear, self.watch = client.hear, client.watch
         self.listen, self.listen_to_view = client.listen, client.listen_to_view

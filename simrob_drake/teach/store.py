@@ -109,7 +109,8 @@ def with_change(changes: Sequence[Change], change: Change) -> tuple[Change, ...]
 
 def _of(change: Change) -> tuple[Any, ...]:
     """Return what a change is of: a later one of the same replaces it, as a drag that has gone on."""
-    return change.time, tuple(change.set or ()), change.push and change.push.at, change.drag and change.drag.at
+    things = change.push, change.drag, change.drive
+    return change.time, tuple(change.set or ()), *(None if one is None else (type(one), one.at) for one in things)
 
 
 def entries_of(moves: Sequence[Move]) -> list[dict[str, Any]]:

@@ -62,6 +62,33 @@ def test_changes_that_come_while_it_runs_give_what_the_program_says_afterwards()
     np.testing.assert_array_equal(robot.result().values, legged(CHANGES).values)
 
 
+def test_a_walk_that_is_driven_goes_so_and_again_to_the_last_bit_by_its_program() -> None:
+    """A page adds a command at a tick, the next ones in their time; from the kept program the walk is the same."""
+    moves, rows = [{"go": {"duration": 2.5}}], [(0.0, 0.1, 0.0, 0.0), (0.6, 0.1, 0.0, 20.0)]
+
+    def driven(tell: Any = None, changes: tuple[Any, ...] = ()) -> tuple[Timeline, SimulationResult]:
+        robot = LeggedRobot(load_station("roid1_dynamic", {"sample_rate": 100}))  # each sample of the walk is seen
+        line = robot.cell.timeline = Timeline(GRID, changes)
+        line.tell = (lambda time, _: tell(line, time)) if tell else line.tell
+        robot.run(Program.model_validate({"moves": moves}))
+        return line, robot.result()
+
+    def tell(line: Timeline, time: float) -> bool:
+        if time == pytest.approx(0.25):
+            line.add(Change.model_validate({"time": time, "drive": {"commands": rows[:1]}}))
+        if time == pytest.approx(0.85):
+            line.changes[0] = Change.model_validate({"time": 0.25, "drive": {"commands": rows}})
+        return False
+
+    line, live = driven(tell)
+    _, again = driven(changes=tuple(line.changes))
+    _, stood = driven()
+    np.testing.assert_array_equal(live.values, again.values)
+    ahead = {name: float(np.hypot(run["base.x"][-1], run["base.y"][-1])) for name, run in (("d", live), ("s", stood))}
+    assert ahead["d"] > 0.05 > 5 * ahead["s"]
+    assert live["walk.command.2"][-1] == pytest.approx(np.deg2rad(20.0))
+
+
 def test_each_change_does_what_it_says() -> None:
     """Softer servos sag more, a push moves the trunk on, and gravity shows in the torques."""
     plain = legged([], grid=GRID)
@@ -117,10 +144,15 @@ def test_what_follows_a_tick_depends_on_its_state_alone(station: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ([{"time": 0.1}], "one of set, push and drag"),
+        ([{"time": 0.1}], "one of set, push, drag and drive"),
         ([{"time": 0.1, "set": {"servo.kq": 3}}], "kp"),
         ([{"time": -1.0, "set": {"servo.kp": 3}}], "time"),
         ([{"time": 0.1, "push": {"at": "trnk", "force": [1, 0, 0]}}], "trunk"),
+        (
+            [{"time": 0.1, "drive": {"at": "robbot", "commands": [[0, 0.1, 0, 0]]}}],
+            "changes.0..drive .robbot.; .*robot",
+        ),
+        ([{"time": 0.1, "drive": {"commands": [[0, 0.1]]}}], "drive"),
     ],
 )
 def test_what_cannot_happen_is_told(changes: list[dict[str, Any]], told: str) -> None:

@@ -21,7 +21,7 @@ from simrob_drake.programs.program import Program
 from simrob_drake.results.record.state import State
 from simrob_drake.teach import arm_questions
 from simrob_drake.teach.pages import arm as page
-from simrob_drake.teach.pages.phrases import MINUS, Phrases, pose_of, pose_text, pose_words
+from simrob_drake.teach.pages.phrases import MINUS, Phrases, pose_words
 from simrob_drake.teach.pages.words import Notice, words
 
 t = words("en")
@@ -258,16 +258,20 @@ async def test_a_typed_pose_is_gone_to_in_the_frame_that_is_chosen():
         await settled()
         the(user, ui.select, t("arm.frame")).value = "board"
         await settled()
-        field = the(user, ui.input, t("arm.pose"))
-        assert pose_of(field.value) == pytest.approx(arm_questions.tool_pose(session.real, "board"), abs=1e-3)
-        field.value = "100 50 far 90 0 180"
-        user.find(t("arm.pose"), kind=ui.input).trigger("keydown.enter")
-        assert field.error == t("arm.pose_wrong")
+        fields = [the(user, ui.number, f"{name}: {t('arm.pose')}") for name in ("x", "y", "z", "Rz", "Ry", "Rx")]
+        now = arm_questions.tool_pose(session.real, "board")
+        scale = [1000.0] * 3 + [1.0] * 3
+        assert [field.value for field in fields] == pytest.approx(
+            [v * k for v, k in zip(now, scale, strict=True)], abs=1e-3
+        )
+        fields[1].value = None
+        UserInteraction(user, {fields[2]}, None).trigger("keydown.enter")
+        assert fields[1].error == t("legs.number_needed")
         assert session.calls == []
-        wanted = arm_questions.tool_pose(session.real, "board")
-        wanted[2] += 0.05
-        field.value = pose_text(wanted)
-        user.find(t("arm.pose"), kind=ui.input).trigger("keydown.enter")
+        wanted = [*now[:2], now[2] + 0.05, *now[3:]]
+        for field, value, factor in zip(fields, wanted, scale, strict=True):
+            field.value = value * factor
+        UserInteraction(user, {fields[2]}, None).trigger("keydown.enter")
         await settled()
         assert arm_questions.tool_pose(session.real, "board") == pytest.approx(wanted, abs=1e-3)
 
@@ -375,13 +379,6 @@ async def test_it_speaks_spanish():
 def test_a_pose_reads_in_millimetres_and_degrees():
     assert pose_words([0.35, -0.1, 0.3004, 0, 12.345, 180]) == f"x 350 y {MINUS}100 z 300.4 mm · Rz 0° Ry 12.3° Rx 180°"
     assert pose_words([0.35, -0.1, 0.3]) == f"x 350 y {MINUS}100 z 300 mm"
-
-
-def test_a_typed_pose_is_six_figures_in_millimetres_and_degrees():
-    assert pose_of(f"350, {MINUS}100; 300.4 0 12.5 180") == pytest.approx([0.35, -0.1, 0.3004, 0, 12.5, 180])
-    assert pose_of(pose_text([0.35, -0.1, 0.3004, 0, 12.5, -180])) == pytest.approx([0.35, -0.1, 0.3004, 0, 12.5, -180])
-    for text in ("", "1 2 3", "1 2 3 4 5 6 7", "1 2 3 4 5 nan", "a b c d e f"):
-        assert pose_of(text) == []
 
 
 def test_lines_that_were_not_taught_here_show_their_figures():

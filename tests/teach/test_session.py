@@ -1222,3 +1222,69 @@ def test_a_station_without_robots(teach):
     assert tried(session, ELBOW) is None
     assert session.message.wrong
     assert heard(session, session.simulate()) is not None
+
+
+def drivable(session):
+    """Let the robot be one that can be driven, hold its run, and return that."""
+    limits = {"ahead": 0.2, "backward": 0.1, "sideways": 0.0, "turn_deg": 20.0, "facing_deg": 0.0}
+    session.client.description["robots"][session.book.robot]["drives"] = limits
+    session.worker.held = True
+    return session.worker
+
+
+def test_one_tab_drives_and_others_are_not_heard(teach):
+    session = teach()
+    run = drivable(session)
+    session.driving.begin("mine")
+    session.hear()
+    session.driving.command("mine", 0.5, 0, -1)
+    session.driving.command("another", 1, 0, 0)
+    assert session.driving.begin("another").result() is None
+    assert str(session.message) == "Another tab drives the robot"
+    session.driving.end("another")
+    assert not run.asked("stop")
+    session.driving.end("mine")
+    session.hear()
+    asked = [arguments for _, arguments in run.asked("steer")]
+    assert [(one["ahead"], one["turn_deg"]) for one in asked] == [(0.1, -20.0), (0.0, 0.0)]
+    assert session.driving.driver is None
+    session.driving.command("mine", 1, 0, 0)  # which drives no more
+    assert len(run.asked("steer")) == 2
+
+
+def test_what_is_asked_by_hand_is_within_what_the_legs_can(teach):
+    session = teach()
+    drivable(session)
+    session.driving.begin("mine")
+    session.hear()
+    for parts, speeds in (((-1, 1, 0), (-0.1, 0.0, 0.0)), ((9, 0, 9), (0.2, 0.0, 20.0))):
+        session.driving.command("mine", *parts)
+        assert session.driving.asked == speeds
+
+
+def test_a_robot_without_a_walk_is_not_driven_and_no_pace_beyond_the_clock_s(teach):
+    session = teach()
+    assert session.driving.begin("mine").result() is None
+    assert str(session.message) == "This robot has no walk by commands in this station"
+    run = drivable(session)
+    session.set_pace(None)
+    session.driving.begin("mine")
+    assert session.client.pace == 1.0
+    assert run.asked("do")[0][1]["moves"] == [{"go": {"duration": 600.0}}]
+
+
+def test_what_is_tested_after_a_drive_finds_it_as_long_as_it_was(teach):
+    session = teach()
+    run = drivable(session)
+    session.driving.begin("mine")
+    session.hear()
+    run.tick(4.0)
+    session.test({"left_elbow": 30}, 1.0)  # which waits
+    session.driving.end("mine")
+    for _ in range(3):
+        session.hear()
+    assert [move.duration for move in session.book.history.present.pending] == [4.0, 1.0]
+    assert [arguments["moves"] for _, arguments in run.asked("do")][1:] == [
+        [{"target_deg": {"left_elbow": 30.0}, "duration": 1.0}]
+    ]
+    assert not run.asked("rewind")

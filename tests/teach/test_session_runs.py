@@ -10,14 +10,16 @@ from zipfile import ZipFile
 
 import numpy as np
 import pytest
+import yaml
 from fake_runs import TICK, BenchRun
 
-from simrob_drake import Program
+from simrob_drake import Program, load_station
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import SimrobError
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.simulation import pace
 from simrob_drake.simulation.stepping import Stepper
+from simrob_drake.teach import run_pacer
 from simrob_drake.teach.run import shortfall
 from simrob_drake.teach.session import Session
 
@@ -107,6 +109,56 @@ def test_the_script_gives_the_signals_of_the_page(teach):
     heard(session, run.call("play", program=unchanged.text()))
     calm = table(heard(session, session.exports.csv()))[1]
     assert np.abs(calm - page[1][: len(calm)]).max() > 1e-3  # they were felt
+
+
+LEAN = """
+from pydrake.systems.primitives import ConstantVectorSource
+
+
+class Lean(ConstantVectorSource):
+    def __init__(self, *, by: float) -> None:
+        super().__init__([by])
+"""
+
+
+def test_the_script_of_a_station_with_a_block_of_ones_own_takes_its_file_along(teach, tmp_path):
+    (tmp_path / "lean.py").write_text(LEAN)
+    own = {"kind": "own", "class": "lean.py:Lean", "parameters": {"by": 0.5}}
+    station = {"robot": {"model": "double_pendulum"}, "controllers": {"mine": own}, "duration": 1}
+    (tmp_path / "leaning.yaml").write_text(yaml.safe_dump(station))
+    session, _ = teach(tmp_path / "leaning.yaml", allow_code=True)
+    packed = heard(session, session.exports.script())
+    (tmp_path / "lean.py").unlink()
+    with ZipFile(packed) as files:
+        files.extractall(tmp_path / "elsewhere")
+    (file,) = (tmp_path / "elsewhere").rglob("*-station.yaml")
+    assert load_station(file, allow_code=True).controllers["mine"].block("mine").get_output_port().size() == 1
+
+
+def test_a_walk_is_driven_added_and_repeated_without_a_hand(teach, monkeypatch):
+    monkeypatch.setattr(run_pacer, "PATIENCE", 60.0)
+    session, run = teach("roid1")
+    ahead, turning = {"ahead": 0.1, "sideways": 0, "turn_deg": 0}, {"ahead": 0.1, "sideways": 0, "turn_deg": 15}
+    run.at = {0.2: [("steer", ahead)], 0.6: [("steer", turning)], 1.0: [("steer", ahead)], 1.8: [("stop", {})]}
+    assert heard(session, session.driving.begin("tab"))["ending"] == "stopped"
+    (walk,), (change,) = session.book.pending, session.book.changes
+    assert walk == {"go": {"duration": 1.8}}
+    assert change.drive.commands == ((0.0, 0.1, 0.0, 0.0), (0.4, 0.1, 0.0, 15.0), (0.8, 0.1, 0.0, 0.0))
+    page = table(heard(session, session.exports.csv()))
+    session.add()
+    assert heard(session, session.simulate())["ending"] == "completed"
+    np.testing.assert_array_equal(table(heard(session, session.exports.csv()))[1], page[1])
+    check_script(session, page)
+    assert session.driving.driver is None
+
+
+def test_a_walk_that_nobody_holds_on_to_stands(teach, monkeypatch):
+    """A tab that was closed, or a line that is cut, says nothing more: the walk does not go on without it."""
+    monkeypatch.setattr(run_pacer, "PATIENCE", 0.0)
+    session, run = teach("roid1")
+    run.at = {0.2: [("steer", {"ahead": 0.1, "sideways": 0, "turn_deg": 0})], 0.4: [("stop", {})]}
+    heard(session, session.driving.begin("tab"))
+    assert [change.drive.commands for change in session.book.changes] == [((0.0, 0.0, 0.0, 0.0),)]
 
 
 def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it(teach, monkeypatch):

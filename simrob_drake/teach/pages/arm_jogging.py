@@ -9,9 +9,9 @@ from typing import Any
 
 from nicegui import background_tasks, context, ui
 
-from simrob_drake.teach.pages.elements import KEYS, Dial, follow
+from simrob_drake.teach.pages.elements import KEYS, Dial, NumberField, follow, set_label
 from simrob_drake.teach.pages.joints import Marks, axis_dial
-from simrob_drake.teach.pages.phrases import MILLI, Phrases, figure, frame_words, joint_words, pose_of, pose_text
+from simrob_drake.teach.pages.phrases import MILLI, Phrases, figure, frame_words, joint_words
 from simrob_drake.teach.run import level_of
 from simrob_drake.teach.session import Session
 
@@ -20,6 +20,7 @@ WAY, TURN = 100.0, 30.0
 
 _WAYS, _TURNS = ("x", "y", "z"), ("Rz", "Ry", "Rx")
 _SAME = 1e-6  # m or deg
+_DIGITS = 3  # behind the point, of mm and degrees
 _QUIET = 0.4  # s without a jog until the sliders show where the arm is: more may be on the way
 
 
@@ -66,10 +67,16 @@ class Jogging:
             for names, far, unit in ((_WAYS, WAY, " mm"), (_TURNS, TURN, "°"))
             for name in names
         ]
-        self._pose = ui.input(
-            t("arm.pose"), validation=lambda text: None if pose_of(text) else t("arm.pose_wrong")
-        ).classes("w-full tabular-nums")
-        self._pose.props("dense outlined hide-bottom-space").without_auto_validation().on("keydown.enter", self._go)
+        with ui.row().classes("w-full gap-1").props("role=group") as pose:
+            set_label(pose, t("arm.pose"))
+            self._pose = [
+                NumberField(t, name, 0.0, unit=unit)
+                for names, unit in ((_WAYS, " mm"), (_TURNS, "°"))
+                for name in names
+            ]
+        for one, name in zip(self._pose, (*_WAYS, *_TURNS), strict=True):
+            set_label(one.field, f"{name}: {t('arm.pose')}")  # else it would be called as the slider above
+            one.field.classes("grow tabular-nums").style("flex: 1 1 30%").on("keydown.enter", self._go)
 
     def _range(self) -> None:
         for number, dial in enumerate(self._dials):
@@ -92,14 +99,14 @@ class Jogging:
         self._by_tool = True
         held = [value for dial in self._dials if (value := dial.value) is not None]
         if len(held) == len(self._dials):
-            delta = [value * MILLI if number < len(_WAYS) else value for number, value in enumerate(held)]
-            self._await(self._session.arm.jog_tool(delta, self._place.frame, start=self._middle))
+            self._await(self._session.arm.jog_tool(_in_metres(held), self._place.frame, start=self._middle))
 
     def _go(self) -> None:
         """Go to the pose that was typed."""
-        if self._pose.validate():
+        held = [value for one in self._pose if (value := one.needed()) is not None]
+        if len(held) == len(self._pose):
             self._by_tool = False
-            self._await(self._session.arm.jog_pose(pose_of(self._pose.value), self._place.frame))
+            self._await(self._session.arm.jog_pose(_in_metres(held), self._place.frame))
 
     def _await(self, jog: Future[Any]) -> None:
         background_tasks.create(self._went(jog))
@@ -119,7 +126,8 @@ class Jogging:
         """Show where the arm is, unless it is on its way; the tool's sliders count anew where it got otherwise."""
         values = self._place.values
         self._frame.set_options(frame_words(self._t, values["frames"]), value=self._place.frame)
-        self._pose.value = pose_text(values["pose"])
+        for number, (one, value) in enumerate(zip(self._pose, values["pose"], strict=True)):
+            one.field.value = round(value / MILLI if number < len(_WAYS) else value, _DIGITS) + 0.0
         self._tell_off(*values["off"])
         if self._awaited > 1:
             return
@@ -144,6 +152,11 @@ class Jogging:
         self._middle = self._at
         for dial in self._dials:
             dial.show(0.0)
+
+
+def _in_metres(values: list[float]) -> list[float]:
+    """Return a pose in m and degrees that is in mm and degrees."""
+    return [value * MILLI if number < len(_WAYS) else value for number, value in enumerate(values)]
 
 
 class ArmState:

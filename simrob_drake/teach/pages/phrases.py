@@ -2,7 +2,7 @@
 
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
-from math import degrees, isfinite
+from math import degrees
 from typing import Any
 
 from simrob_drake.programs.moves.kinds import KINDS, check_move
@@ -123,6 +123,8 @@ class Phrases:
         elif change.drag is not None:
             seconds = figure(len(change.drag.targets) * grid)
             what = t("legs.told_drag", at=change.drag.at or t("legs.robot"), seconds=seconds)
+        elif change.drive is not None:
+            what = t("legs.told_drive", at=change.drive.at or t("legs.robot"), count=len(change.drive.commands))
         else:
             what = ", ".join(f"{key} = {as_text(value)}" for key, value in (change.set or {}).items())
         return t("legs.told_at", time=figure(change.time), what=what)
@@ -182,23 +184,6 @@ def pose_words(pose: Sequence[float]) -> str:
     place = " ".join(f"{name} {_short(value / MILLI)}" for name, value in zip("xyz", pose, strict=False))
     turns = " ".join(f"{name} {_short(value)}°" for name, value in zip(_TURNS, pose[_PLACE:], strict=False))
     return " · ".join(filter(None, [f"{place} mm", turns]))
-
-
-def pose_text(pose: Sequence[float]) -> str:
-    """Return a pose [m, deg] as it is typed: six figures in mm and degrees."""
-    return " ".join(figure(value / MILLI if number < _PLACE else value) for number, value in enumerate(pose))
-
-
-def pose_of(text: str) -> list[float]:
-    """Return the pose [m, deg] that six figures in mm and degrees are; empty if they are not."""
-    parts = text.replace(MINUS, "-").replace(",", " ").replace(";", " ").split()
-    try:
-        values = [float(part) for part in parts]
-    except ValueError:
-        return []
-    if len(values) != len("xyz") + len(_TURNS) or not all(map(isfinite, values)):
-        return []
-    return [value * MILLI if number < _PLACE else value for number, value in enumerate(values)]
 
 
 def motions() -> dict[str, type[ArmMotion]]:

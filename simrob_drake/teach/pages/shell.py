@@ -21,6 +21,7 @@ TABS: dict[str, Callable[[Session, Words], None]] = {"legs": legs.build, "arm": 
 _TAKEN = ("program", "script", "station", "csv", "recording")
 _QUASAR: dict[str, Language] = {"en": "en-US", "es": "es"}
 _FOLDER = Path(__file__).parent
+_LOADED = ("page.css", "page.js", "blocks.js", "drive.js")
 _TEACHING = "teaching"
 
 
@@ -36,7 +37,7 @@ def build(pendant: Pendant) -> None:
     session, t = pendant.session, words(language)
     context.client.page.language = _QUASAR.get(language)
     context.client.title = t("shell.title")
-    style, *scripts = ((_FOLDER / name).read_text(encoding="utf-8") for name in ("page.css", "page.js", "blocks.js"))
+    style, *scripts = ((_FOLDER / name).read_text(encoding="utf-8") for name in _LOADED)
     ui.add_head_html(f"<style>{style}</style>{''.join(f'<script>{one}</script>' for one in scripts)}")
 
     def load(subject: str, robot: str | None = None) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from nicegui import background_tasks, ui
 
 from simrob_drake.programs.timeline import GRID
+from simrob_drake.teach.pages import drive
 from simrob_drake.teach.pages.elements import NumberField, allow, follow, icon_button, set_label
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
@@ -28,6 +29,7 @@ def build(session: Session, t: Words) -> None:
         can = await ui.run_javascript("window.hasWebGL()", timeout=10.0)
         with place:
             _frame(t) if can else _stills(session, t)
+            drive.build(session, t)
 
     ui.timer(0.0, show, once=True)
 

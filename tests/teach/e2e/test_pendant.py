@@ -121,6 +121,51 @@ def test_a_stored_move_is_edited_and_walks_follow(page, humanoid):
     assert program(humanoid)["moves"][1]["walk"]["steps"] == 2
 
 
+FLAT = "HTMLCanvasElement.prototype.getContext = () => null"
+"""A browser that draws nothing in three dimensions, which leaves it time to hear a hand."""
+GAMEPAD = "(axes) => { navigator.getGamepads = () => [{ connected: true, axes }]; }"
+
+
+@pytest.mark.long
+def test_a_walk_is_driven_by_keys_a_gamepad_and_a_finger_and_stands_when_let_go(page, humanoid):
+    page.add_init_script(FLAT)
+    opened(page, humanoid, pace="1 ×")
+    button(page, "Drive by hand").click()
+    pad = page.get_by_role("group", name=re.compile("^Drive: arrows"))
+    stands, goes = "asked: ahead 0.00, left 0.00 m/s, turn 0°/s", "asked: ahead 0.25"
+    expect(pad).to_be_focused()
+    page.keyboard.down("ArrowUp")
+    expect(pad).to_contain_text(goes)
+    expect(pad).to_contain_text(re.compile(r"done: ahead 0\.(0[5-9]|[12])"))
+    page.keyboard.up("ArrowUp")
+    expect(pad).to_contain_text(stands)
+    page.keyboard.down("ArrowUp")
+    expect(pad).to_contain_text(goes)
+    page.get_by_role("searchbox").focus()  # the key is still down
+    expect(pad).to_contain_text(stands)
+    page.keyboard.up("ArrowUp")
+    pad.focus()
+    page.evaluate(GAMEPAD, [-0.05, -1.0, 0.0])
+    expect(pad).to_contain_text(goes)
+    page.evaluate(GAMEPAD, [0.1, 0.8, 0.0])
+    expect(pad).to_contain_text(re.compile("asked: ahead -0.[01][1-9],"))  # backward
+    page.evaluate(GAMEPAD, [0.0, 0.0, 0.0])
+    stick = pad.locator(".pendant-stick").bounding_box()
+    page.mouse.move(stick["x"] + stick["width"] / 2, stick["y"] + 2)
+    page.mouse.down()
+    expect(pad).to_contain_text(re.compile(r"asked: ahead 0.2\d,"))
+    page.mouse.up()
+    expect(pad).to_contain_text(stands)
+    button(page, "End the drive").click()
+    expect(page.get_by_text(re.compile("Tested and not added yet: Go"))).to_be_visible()
+    expect(pad).to_be_hidden()
+    button(page, "3. Add").click()
+    expect(page.get_by_text(re.compile("drive the robot by"))).to_be_visible()
+    assert next(move for move in program(humanoid)["moves"] if "go" in move)["go"]["duration"] < 600
+    button(page, "Undo").click()
+    button(page, "Discard move").click()
+
+
 @pytest.mark.long
 def test_a_file_that_another_editor_changed_is_asked_about(page, humanoid):
     opened(page, humanoid)
