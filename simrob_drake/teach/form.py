@@ -114,7 +114,7 @@ class _Walk:
         entries = next((b for b in branches if self._holds_sections(b)), None)
         if entries is not None:
             yield from self._entries(key, node, entries["additionalProperties"], value or {})
-        elif not sections:
+        elif not sections or (value is not None and not _fits(value, sections)):  # a motor by name, or by axis
             yield _leaf(key, branches, node, value)
         elif optional and value is None:
             yield Field(key, "section", about, value=False, default=default, removable=True)
@@ -187,6 +187,10 @@ def _unit(key: str, about: str) -> str:
     if key.endswith("_deg") and not unit.startswith("deg"):
         return "deg"
     return "" if unit.startswith("x y z") else unit
+
+
+def _fits(value: Any, sections: list[Node]) -> bool:
+    return isinstance(value, Mapping) and any(value.keys() <= section["properties"].keys() for section in sections)
 
 
 def _of_kind(sections: list[Node], kind: str) -> Node:

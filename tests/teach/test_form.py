@@ -118,3 +118,13 @@ def test_the_checker_has_the_last_word(key, typed, told):
 def test_no_yaml_is_told_with_the_key():
     with pytest.raises(InvalidConfig, match=r"servo\.kp.*is not YAML"):
         as_value(fields_of("irb120_dynamic")["servo.kp"], "{joint_1: ")
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("yobotics_walking", "urdf"), ("zjudancer_walking", "{left_ankle_pitch: mx_106")]
+)
+def test_motors_by_name_or_by_axis_are_one_value(name, text):
+    (field,) = (one for one in form_fields(SCHEMA, content_of(name)) if one.key.startswith("servo.motor"))
+    assert field.kind == "value"
+    assert as_text(field.value).startswith(text)
+    assert as_value(field, as_text(field.value)) == field.value
