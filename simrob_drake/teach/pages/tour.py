@@ -29,7 +29,7 @@ class Lessons:
         """Build the strip of the lesson, which is hidden while there is none."""
         label = self._t("tour.lesson")
         self._place = ui.element("section").classes("pendant-tour").props(f'aria-label="{label}"')
-        follow(self._session, self._show, "description", "program", "phase", "message", "tick")
+        self._show()
 
     def _begin(self, tour: Tour | None) -> None:
         self._pendant.tour = TourProgress(tour) if tour else None
@@ -53,8 +53,9 @@ class Lessons:
         self._place.clear()
         self._place.set_visibility(tour is not None)
         if tour is not None:
-            with self._place:
+            with self._place, ui.element("div").classes("contents"):  # with which it ends that its step is looked at
                 self._show_step(tour, done)
+                follow(self._session, self._show, "description", "program", "phase", "message", "tick")
 
     def _show_step(self, tour: TourProgress, done: bool) -> None:
         t, count = self._t, len(tour.tour.steps)
