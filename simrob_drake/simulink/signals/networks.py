@@ -296,7 +296,7 @@ def _outputs(node: Node, found: Reduced, inputs: list[Value]) -> list[Value]:
         states = Primitive("state_space", parameters, lambda: inputs, node, size, 0).outputs
     parts = [(found.c, states), (found.d[0], inputs)]
     if found.d[1].any():
-        driven = zip(inputs, found.d[1].any(axis=0), strict=True)
+        driven = zip(inputs, (found.d[1] != 0.0).any(axis=0).tolist(), strict=True)
         parts.append((found.d[1], [rate_of(node, one) if counts else 0.0 for one, counts in driven]))
     return [
         added(*((float(own), value) for rows, values in parts for own, value in zip(rows[row], values, strict=True)))
