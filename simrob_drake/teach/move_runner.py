@@ -258,8 +258,12 @@ class MoveRunner:
         run, idle = self._client.run, self._client.phase == "idle"
         if idle and run.rewound and method == "go_on":
             return self._start(run.kind, method)
-        run.rewound = run.rewound and idle
-        return self._client.ask(method)
+        return self._client.ask(method) if idle else self._client.ask(method, self._resumed)
+
+    def _resumed(self, found: Any) -> Any:
+        """Take note that the run goes on, though the answer to an earlier way back has come meanwhile."""
+        self._client.run.rewound = False
+        return True if found is None else found
 
     def step_to(self, go: Callable[[], object], can: bool) -> bool:
         """Take another step of what is taught, and let robot and station follow; tell whether there is one."""
@@ -292,7 +296,7 @@ class MoveRunner:
         elif commands.of_run in ("running", "paused"):
             if wait:
                 client.say(Notice("waits"))
-            client.ask("go_on" if wait else "stop")
+            client.ask("go_on", self._resumed) if wait else client.ask("stop")
         return answer
 
     def reopen(self, failed: Callable[[], object] | None = None, *, lost: bool = False) -> None:
