@@ -129,6 +129,11 @@ GAMEPAD = "(axes) => { navigator.getGamepads = () => [{ connected: true, axes }]
 @pytest.mark.long
 def test_a_walk_is_driven_by_keys_a_gamepad_and_a_finger_and_stands_when_let_go(page, humanoid):
     page.add_init_script(FLAT)
+    opened(page, humanoid)
+    with_a_move(page, humanoid)
+    button(page, "4. Simulate").click()  # what is driven elsewhere than where the program leads is not in it
+    expect(button(page, "Stop")).to_be_enabled()
+    ran(page)
     opened(page, humanoid, pace="1 ×")
     button(page, "Drive by hand").click()
     pad = page.get_by_role("group", name=re.compile("^Drive: arrows"))
