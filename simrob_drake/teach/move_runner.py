@@ -210,8 +210,7 @@ class MoveRunner:
 
     def jog(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
         """Move axes of an arm [deg or m] in a time [s], likewise."""
-        run = self._client.run
-        run.moves.append([None], run.start, free=True)
+        self._client.run.moves.append([None], self._client.run.start, free=True)
         return self._start("free", "jog", targets_deg=targets_deg, duration=duration)
 
     def _do(self, kind: Kind, moves: Sequence[Move], *came_to_nothing: Then) -> Future[Any]:
@@ -247,8 +246,7 @@ class MoveRunner:
         self.begin()
 
         def begun(_: Any) -> bool:
-            run = self._client.run
-            run.take(0.0, run.moment(0.0), {})
+            self._client.run.take(0.0, self._client.run.moment(0.0), {})
             return self._stand(0.0)
 
         return self.commands.travel("restart", begun)
@@ -289,11 +287,9 @@ class MoveRunner:
         """Do something once nothing runs; what runs is waited for, or else ended. Of several the last is done."""
         client, commands = self._client, self.commands
         answer = commands.queued(MOVE, action)
-        if MOVE not in commands.waiting:
-            return answer
-        if commands.of_run == "gone":
+        if MOVE in commands.waiting and commands.of_run == "gone":
             self.reopen(lost=client.run.lost)
-        elif commands.of_run in ("running", "paused"):
+        elif MOVE in commands.waiting and commands.of_run in ("running", "paused"):
             if wait:
                 client.say(Notice("waits"))
             client.ask("go_on", self._resumed) if wait else client.ask("stop")
@@ -358,21 +354,20 @@ class MoveRunner:
             self.reopen(lost=True)
 
     def _ended(self, news: News) -> None:
-        run = self._client.run
-        jogged = run.kind == "free"
+        run, ending = self._client.run, news["ending"]
+        jogged, fell, self._fell = run.kind == "free", self._fell, lambda: None
         run.end(news)
-        if news["ending"] == "stopped":
+        if ending == "stopped":
             if not self.cut(news["time"]):
                 run.moves.append([None], news["time"])
-        elif not news["goes_on"]:
-            self._fell()
-        self._fell = lambda: None
-        if news["ending"] != "stopped":
-            warnings, well = news["warnings"], news["ending"] == "completed"
-            judged = [] if jogged else [news["verdict"], *warnings]
-            text = "\n".join([news["message"], *judged])
-            wrong = not well or bool(judged and warnings)
-            self._client.say(Notice() if well and jogged else Notice(fills={"text": text}, wrong=wrong))
+            return
+        if not news["goes_on"]:
+            fell()
+        warnings, well = news["warnings"], ending == "completed"
+        judged = [] if jogged else [news["verdict"], *warnings]
+        text = "\n".join([news["message"], *judged])
+        wrong = not well or bool(judged and warnings)
+        self._client.say(Notice() if well and jogged else Notice(fills={"text": text}, wrong=wrong))
 
     def _noted(self, change: dict[str, Any]) -> None:
         """Put a change of the run into the program, or to what is tried, if its time is theirs."""
