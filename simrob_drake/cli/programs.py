@@ -85,7 +85,11 @@ def own_program(config: StationConfig) -> Program:
 
 
 def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationConfig]:
-    """Return a file's program and the station that it names, with changes; raises InvalidConfig: damaged, or none."""
+    """Return a file's program and the station that it names, with changes.
+
+    Raises:
+        InvalidConfig: a damaged program, or one that names no station.
+    """
     from simrob_drake.programs.program import Program
 
     program = Program.load(file)

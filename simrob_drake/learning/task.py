@@ -154,7 +154,11 @@ class Task(Strict):
         return found
 
     def config(self, station: str | None, overrides: Mapping[str, Any], where: Path | str) -> StationConfig:
-        """Return the station in which this is learnt; raises SimrobError: none, or without one place for a policy."""
+        """Return the station in which this is learnt.
+
+        Raises:
+            SimrobError: there is no such station, or it has no place for a policy, or several.
+        """
         config = load_station(station or self.station, {"duration": self.duration, **self.overrides, **overrides})
         if len(found := policies_of(config)) != 1:
             expected = f"hold {len(found)} controllers of kind policy; it must be one, that is to learn"

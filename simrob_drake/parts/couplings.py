@@ -54,7 +54,11 @@ class CouplingSection(Strict, ABC):
         """Return it in words."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that forces move the station, by a solver that holds this, and all is there; raises SimrobError."""
+        """Check that forces move the station, that its solver can hold this, and that all it names is there.
+
+        Raises:
+            SimrobError: something is not so; names the key.
+        """
         if station.mode == "kinematic":
             raise InvalidParameter(key, "a coupling in a kinematic station", "left out: its reference moves all joints")
         if self.constrains and station.time_step == 0 and station.scheme not in self.schemes:

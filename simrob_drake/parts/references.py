@@ -30,7 +30,11 @@ class ReferenceSection(Strict, ABC):
 
     @abstractmethod
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Reference:
-        """Return it over time, (n, 1) [rad or m], from a start (n,); raises SimrobError: what does not fit."""
+        """Return it over time, shape (n, 1) [rad or m], from a start (n,).
+
+        Raises:
+            SimrobError: what does not fit the robot; names the key.
+        """
 
     @abstractmethod
     def caption(self, model: RobotModel) -> str:

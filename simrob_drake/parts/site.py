@@ -34,7 +34,11 @@ WORLD = "world"
 
 
 def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: str = "robot") -> str:
-    """Return which of ``known`` a name means, the only one unless named; raises UnknownName, InvalidParameter: none."""
+    """Return which of ``known`` a name means, the only one unless named.
+
+    Raises:
+        UnknownName: none of them; InvalidParameter: several, and none named.
+    """
     if name is None:
         if len(known) != 1:
             raise InvalidParameter(key, None, f"one of {', '.join(known)}" if known else f"a {kind}, and there is none")
@@ -121,7 +125,11 @@ class Surroundings:
         return [name for name, piece in self.pieces.items() if piece.free]
 
     def robot(self, name: str | None, key: str) -> ResolvedRobot:
-        """Return a robot by name, the only one unless named; raises SimrobError, with the key: no such, or several."""
+        """Return a robot by name, the only one unless named.
+
+        Raises:
+            SimrobError: no such robot, or several and none named; names the key.
+        """
         return self.robots[named(name, list(self.robots), kind=f"robot for {key}", key=f"{key}.robot")]
 
 

@@ -28,7 +28,11 @@ class Automatic(Pace):
 
 
 def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
-    """Return how to go through cells, True for as usual; raises InvalidConfig: a wrong mapping, InvalidParameter."""
+    """Return how to go through cells, True for as usual.
+
+    Raises:
+        InvalidConfig: a wrong entry of a mapping; InvalidParameter: no mapping at all.
+    """
     if value is True:
         return Automatic()
     expected = "True, or a mapping such as {'tolerance_deg': 3, 'timeout': 20}"

@@ -103,7 +103,11 @@ class Controller:
         return self._planner
 
     def frame(self, wobj: RecordValue | None) -> tuple[float, ...] | None:
-        """Return a work object's pose in the world, None for the world; raises WrongType: held, or another unit's."""
+        """Return a work object's pose in the world, None for the world.
+
+        Raises:
+            WrongType: one that a robot holds, or that another mechanical unit moves.
+        """
         frame = self._base
         if wobj is not None:
             if wobj["robhold"] or (wobj["ufmec"] and not wobj["ufprog"]):

@@ -21,7 +21,11 @@ ReferencesLike: TypeAlias = ReferenceLike | Mapping[str, ReferenceLike] | None
 
 
 def with_duration(config: StationConfig, duration: Any) -> StationConfig:
-    """Return a configuration with a duration [s], its own if None; raises InvalidParameter: none, or too long."""
+    """Return a configuration with a duration [s], its own if None.
+
+    Raises:
+        InvalidParameter: no positive time, or so long that a run would have too many samples or steps.
+    """
     if duration is None:
         return config
     longer = config.model_copy(update={"duration": seconds(duration)})

@@ -366,7 +366,11 @@ class Fork:
 
     @drake_asserts()
     def outcome(self, pushes: Mapping[str, Any]) -> Outcome:
-        """Return how a run ends under pushes, as ``Runner.run`` takes them; raises InvalidParameter: none such."""
+        """Return how a run ends under pushes, as ``Runner.run`` takes them.
+
+        Raises:
+            InvalidParameter: a push that cannot be.
+        """
         if self.begun.ending != "completed":
             return self.begun
         config = with_pushes(self._config, pushes)

@@ -117,14 +117,22 @@ def _loaded(
 
 
 def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> StationConfig:
-    """Return a station of a robot, named or URDF, alone, kinematic by default; raises SimrobError: no such, or key."""
+    """Return a station of a robot alone, by its name or the file of its URDF; kinematic unless overrides say otherwise.
+
+    Raises:
+        SimrobError: no such robot, or an override that cannot be.
+    """
     origin = "urdf" if is_robot_file(robot) else "model"
     content = {"name": Path(robot).stem, "mode": "kinematic", ONLY_ROBOT: {origin: robot}}
     return _configured(content, overrides or {}, robot, allow_code=False)
 
 
 def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str = "settings") -> StationConfig:
-    """Return a configuration with changes, see :func:`load_station`; raises InvalidConfig: ``where``, key, expected."""
+    """Return a configuration with changes, as :func:`load_station` takes them.
+
+    Raises:
+        InvalidConfig: an entry that cannot be; names ``where``, the key, and what would be right.
+    """
     if not settings:
         return config
     trusted = any(controller.kind == "own" for controller in config.controllers.values())

@@ -30,7 +30,11 @@ StationLike: TypeAlias = "str | Path | StationConfig | Station"
 
 
 def config_of(station: StationLike) -> StationConfig:
-    """Return what a user means by a station; raises SimrobError: see :func:`load_station`, InvalidParameter."""
+    """Return what a user means by a station.
+
+    Raises:
+        SimrobError: as :func:`load_station` does; InvalidParameter: something that is no station.
+    """
     if isinstance(station, Station):
         return station.config
     if isinstance(station, StationConfig):

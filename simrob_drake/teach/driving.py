@@ -45,6 +45,9 @@ class Driving:
         if self.limits is None:
             self._client.refuse("no_drive")
             return done(None)
+        if not self._client.run.moves.has_done(self._book.history.present.program.moves):
+            self._client.refuse("drive_elsewhere")  # a walk that was driven is nothing without what was asked for when
+            return done(None)
         if self._client.pace is None or self._client.pace > 1.0:
             self._client.pace = 1.0
             self._client.ask("pace", factor=1.0)

@@ -73,7 +73,11 @@ class RunLog:
 
     def is_program(self, moves: Sequence[Move]) -> bool:
         """Tell whether nothing was run but these moves, all before what was tried, from the start on and in time."""
-        return not self._entries or (self.in_time and self._done(0, self.mark) == list(moves))
+        return not self._entries or self.has_done(moves)
+
+    def has_done(self, moves: Sequence[Move]) -> bool:
+        """Tell whether these moves were run, from the start on and in time, and nothing else before what was tried."""
+        return self.in_time and self._done(0, self.mark) == list(moves)
 
     def _done(self, begin: int, end: int | None = None) -> list[Move | None]:
         return [entry.move for entry in self._entries[begin:end]]

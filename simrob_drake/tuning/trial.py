@@ -46,7 +46,11 @@ class Trial(ABC):
 
     @abstractmethod
     def measured(self) -> list[Row]:
-        """Run it, return its rows' other columns: ``ended``, ``message``, what was measured; raises SimrobError."""
+        """Run it, and return the other columns of its rows: ``ended``, ``message``, and what was measured.
+
+        Raises:
+            SimrobError: a station that cannot be run.
+        """
 
     def record(self, measured: Sequence[Row]) -> Record:
         """Return its record, of plain values, as JSON keeps them; one that was left early has the first rows alone."""

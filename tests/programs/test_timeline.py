@@ -89,6 +89,17 @@ def test_a_walk_that_is_driven_goes_so_and_again_to_the_last_bit_by_its_program(
     assert live["walk.command.2"][-1] == pytest.approx(np.deg2rad(20.0))
 
 
+def test_a_command_by_hand_holds_from_after_its_moment_on_whenever_the_run_began() -> None:
+    rows = [[0, 0.1, 0, 10], [0.5, 0.2, 0, 0]]
+    line = Timeline(changes=[Change.model_validate({"time": 1.0, "drive": {"commands": rows}})])
+    line.now = 0.9
+    hand = line.hands(load_station("roid1_walking"))["walk"]
+    assert hand(0.1) is None
+    assert hand(0.11) == hand(0.6) == pytest.approx((0.1, 0.0, np.deg2rad(10)))
+    assert hand(0.61) == (0.2, 0.0, 0.0)
+    assert not Timeline().hands(load_station("roid1_walking"))
+
+
 def test_each_change_does_what_it_says() -> None:
     """Softer servos sag more, a push moves the trunk on, and gravity shows in the torques."""
     plain = legged([], grid=GRID)

@@ -1273,6 +1273,21 @@ def test_a_robot_without_a_walk_is_not_driven_and_no_pace_beyond_the_clock_s(tea
     assert run.asked("do")[0][1]["moves"] == [{"go": {"duration": 600.0}}]
 
 
+def test_who_is_not_where_the_program_leads_does_not_drive(teach):
+    """What was asked for would not be in the program, and the walk that is added not the one that was driven."""
+    session = teach()
+    tried(session, ELBOW)
+    session.add()
+    heard(session, session.restart())
+    drivable(session).held = False
+    assert session.driving.begin("mine").done()
+    assert session.driving.driver is None
+    assert "simulate the program first" in str(session.message)
+    heard(session, session.simulate())
+    session.driving.begin("mine")
+    assert session.driving.driver == "mine"
+
+
 def test_what_is_tested_after_a_drive_finds_it_as_long_as_it_was(teach):
     session = teach()
     run = drivable(session)

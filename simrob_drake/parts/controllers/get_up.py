@@ -45,7 +45,11 @@ class GetUp(LoopSection):
     """Whether the run ends as soon as it has stood for a second."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot stands on feet of its own and has postures; raises SimrobError: not so, see any loop."""
+        """Check that the robot stands on feet of its own and has postures for it.
+
+        Raises:
+            SimrobError: it does not, it has none, or what every loop checks.
+        """
         super().check(key, station)
         model = self.on_feet(key, station).model
         for way in load_getting_up(model).ways:

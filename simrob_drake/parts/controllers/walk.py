@@ -64,7 +64,11 @@ class Walk(LoopSection):
         return load_walking(robot.model, self.gait)
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot stands on feet of its own and can walk; raises SimrobError: not so, see any loop."""
+        """Check that the robot stands on feet of its own and can walk.
+
+        Raises:
+            SimrobError: it does not, it cannot, or what every loop checks.
+        """
         super().check(key, station)
         robot = self.on_feet(key, station)
         parameters = self.walking(robot)

@@ -143,7 +143,11 @@ def three_legs(robot: str | RobotModel | Walker, name: str = "three_legs", **cha
 
 
 def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
-    """Return the place nearest to a point (2,) in a triangle (3, 2) by a margin [m]; raises InvalidParameter: none."""
+    """Return the place nearest to a point (2,) that lies in a triangle (3, 2) by a margin [m].
+
+    Raises:
+        InvalidParameter: the triangle is too small for the margin.
+    """
     corners = triangle if np.linalg.det(triangle[1:] - triangle[0]) > 0 else triangle[::-1]  # counterclockwise
     sides = np.roll(corners, -1, axis=0) - corners
     normals = np.column_stack([-sides[:, 1], sides[:, 0]]) / np.linalg.norm(sides, axis=1)[:, np.newaxis]

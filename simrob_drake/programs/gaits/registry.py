@@ -60,7 +60,11 @@ def load_gaits(robot: str | RobotModel) -> Any:
 
 
 def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
-    """Return a robot's gaits that go steps, or the others; raises InvalidParameter: none; InvalidConfig: a key."""
+    """Return a robot's gaits that go steps, or the others.
+
+    Raises:
+        InvalidParameter: the robot has none; InvalidConfig: a wrong entry of its file.
+    """
     gaits = load_gaits(robot)
     return {name: gait for kind in KINDS if kind.steps == steps for name, gait in getattr(gaits, kind.section).items()}
 

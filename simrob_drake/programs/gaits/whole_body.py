@@ -48,7 +48,11 @@ class WholeBody:
         self._rolled = {foot.name: np.zeros((len(plan.times), 2)) for foot in self.feet}
 
     def solve(self, rounds: int = ROUNDS) -> tuple[JointMotion, Vector]:
-        """Return the motion, and its zero-moment point without slip (m, 2) [m]; raises OutOfReach: a leg's foot."""
+        """Return the motion, and its zero-moment point without slip, shape (m, 2) [m].
+
+        Raises:
+            OutOfReach: a leg cannot reach where its foot is to be.
+        """
         count = len(self.plan.times)
         angles, height, factor, lean_height = self._start()
         angles = np.tile(angles, (count, 1))

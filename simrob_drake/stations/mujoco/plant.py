@@ -49,7 +49,11 @@ class MujocoPlant(Block):
     """
 
     def __init__(self, station: ResolvedStation, plant: StationPlant) -> None:
-        """Make the model of a station whose plant is finalized; raises InvalidParameter: unknown to MuJoCo."""
+        """Make the model of a station whose plant is finalized.
+
+        Raises:
+            InvalidParameter: a part that has no place in MuJoCo; names the key.
+        """
         super().__init__()
         self.set_name("plant")
         own, made = plant.plant, mujoco_model(station, plant, step=station.time_step, driver="diagram")
