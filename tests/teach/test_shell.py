@@ -257,15 +257,17 @@ def test_the_bar_follows_a_run_and_play_does_what_comes_next():
         assert [play.props["icon"], *(one.enabled for one in (tick, stop, start))] == ["play_arrow", True, True, True]
         press(user, tick)
         press(user, start)
-        await heard(session, "phase", "tick", time=0.0)
+        await heard(session, "phase", "tick", phase="idle", time=0.0, rewound=True)
         await user.should_see("0.00 of 1.25 s")
         press(user, play)
-        await heard(session, "phase", "tick", phase="running", time=0.3, reach=0.3)
+        await heard(session, "phase", "tick", phase="running", time=0.3, reach=0.3, rewound=False)
         await user.should_see("0.30 of 0.30 s")  # what came after is forgotten
         press(user, stop)
         await heard(session, "phase", phase="idle")
         press(user, tick)
-        asked = ["simulate", "pause", "one_tick", "rewind", "go_on", "stop", "simulate", "pause"]
+        await heard(session, "phase", "tick", phase="idle", time=0.1)  # what came next was discarded
+        press(user, play)
+        asked = ["simulate", "pause", "one_tick", "rewind", "go_on", "stop", "simulate", "pause", "simulate"]
         assert [name for name, *_ in session.calls] == asked
         await heard(session, "program", pending=({"target_deg": {}},))
         assert not play.enabled

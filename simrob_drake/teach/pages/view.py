@@ -185,8 +185,9 @@ def _grid(session: Session) -> float:
 
 
 def _at_end(session: Session) -> bool:
-    """Tell whether nothing runs, and no moment is shown that was run before others."""
-    return session.phase == "idle" and session.run.time >= session.run.reach - _grid(session) / 2
+    """Tell whether nothing runs, and no moment was gone back to; where what came next was discarded is an end, too."""
+    run = session.run
+    return session.phase == "idle" and not (run.rewound and run.time < run.reach - _grid(session) / 2)
 
 
 def _play(session: Session) -> None:

@@ -17,9 +17,13 @@ from simrob_drake.teach.server import leading_to
 
 
 def opened(page, pendant, pace="fastest"):
-    """Open the page, wait until the robot is there, and choose a pace."""
+    """Open the page, wait until the robot is there and nothing runs that a test before has left, and choose a pace."""
     page.goto(pendant.url)
-    expect(button(page, "Play")).to_be_enabled()
+    stop, play = button(page, "Stop"), button(page, "Play")
+    expect(play.or_(button(page, "Pause"))).to_be_enabled()
+    if stop.is_enabled():
+        stop.click()
+    expect(play).to_be_enabled()
     bar, option = page.locator(".pendant-run"), page.get_by_role("option", name=pace, exact=True)
     for _ in range(8):
         if bar.get_by_text(pace, exact=True).count():  # as the test before has left it
