@@ -9,6 +9,7 @@ import sys
 import urllib.request
 
 import pytest
+import yaml
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
@@ -100,12 +101,18 @@ def test_a_station_of_the_package_takes_a_raw_robot(published_irb120, tmp_path):
 def test_a_robot_without_inertias_is_drafted_with_the_way_to_motion_by_torque(tmp_path, capsys):
     file = tmp_path / "arm and hand.urdf"
     file.write_text(re.sub("<inertial>.*</inertial>", "", RAW))
-    assert run_command(["station", str(file), "--out", "a.yaml"]) == 0
+    (tmp_path / "meshes").mkdir()
+    own = ["--mesh-path", str(tmp_path / "meshes"), "--mesh-path", str(tmp_path), "--density", "900"]
+    assert run_command(["station", str(file), "--out", "a.yaml", *own]) == 0
     text = (tmp_path / "work" / "a.yaml").read_text()
     assert "mode: kinematic" in text
     proposed = next(line for line in text.splitlines() if "begin anew: " in line).partition("begin anew: simrob ")[2]
     assert run_command([*shlex.split(proposed), "--out", "b.yaml"]) == 0
-    assert "mode: dynamic" in (tmp_path / "work" / "b.yaml").read_text()
+    again = yaml.safe_load((tmp_path / "work" / "b.yaml").read_text())
+    assert again["mode"] == "dynamic"
+    assert again["robot"]["import_options"] == {
+        "mesh_path": [str(tmp_path / "meshes"), str(tmp_path)], "estimate_inertia": True, "density": 900.0,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -69,6 +69,7 @@ def fit_postures(
     flat: float = FINE,
     rivals: int = 1,
     base: Vector = IDENTITY[np.newaxis],
+    room: float = 0.0,
 ) -> Fit:
     """Minimise the sum of w·e² over postures within the joint limits, by Levenberg and Marquardt's damped steps.
 
@@ -85,13 +86,17 @@ def fit_postures(
         flat: share of the cost that a step must take away; a target that gets less ends there.
         rivals: how many rows in turn are of one target; all of them end when one reaches it.
         base: poses of the base (1, 4, 4) or (k, 4, 4), where targets are given in another frame, whose axes then count.
+        room: to be kept to the joint limits [rad or m], by joints that have it at the start and four times the range.
     """
+    kept = np.where(chain.upper - chain.lower > 4 * room, room, 0.0)
+    starts = np.clip(starts, chain.lower, chain.upper)
+    lower, upper = np.minimum(chain.lower + kept, starts), np.maximum(chain.upper - kept, starts)
     result = Fit(
         starts.copy(), np.empty((len(starts), 6)), np.empty(len(starts)), np.zeros(len(starts), dtype=np.int64)
     )
     rows = np.arange(len(starts))
     unit = np.eye(chain.size)
-    postures = _clipped(chain, starts)
+    postures = starts
     errors, jacobians = _linearised(chain, postures, targets, base)
     costs = errors**2 @ weights
     damping = np.full(len(rows), _FIRST_DAMPING)
@@ -109,10 +114,11 @@ def fit_postures(
             left = ~done
             rows, postures, errors, jacobians = rows[left], postures[left], errors[left], jacobians[left]
             costs, damping, targets = costs[left], damping[left], targets[left]
+            lower, upper = lower[left], upper[left]
             base = base[left] if len(base) > 1 else base
         damped = (damping * costs + _LEAST_DAMPING)[:, np.newaxis, np.newaxis] * unit
-        moves = _steps(chain, postures, jacobians, errors, weights, damped)
-        trial = _clipped(chain, postures + moves)
+        moves = _steps((postures <= lower, postures >= upper), jacobians, errors, weights, damped)
+        trial = np.clip(postures + moves, lower, upper)
         trial_errors, trial_jacobians = _linearised(chain, trial, targets, base)
         trial_costs = trial_errors**2 @ weights
         gain = costs - trial_costs
@@ -132,22 +138,18 @@ def fit_postures(
 
 
 def _steps(
-    chain: Chain, postures: Vector, jacobians: Vector, errors: Vector, weights: Vector, damped: Vector
+    at_limits: tuple[Flags, Flags], jacobians: Vector, errors: Vector, weights: Vector, damped: Vector
 ) -> Vector:
     weighted = jacobians.transpose(0, 2, 1) * weights
     push = (weighted @ errors[..., np.newaxis])[..., 0]
     hessian: Vector = weighted @ jacobians
-    low, high = postures <= chain.lower, postures >= chain.upper
+    low, high = at_limits
     if low.any() or high.any():
         held = (low & (push < 0)) | (high & (push > 0))
         push[held] = 0.0
         hessian *= (~held)[:, :, np.newaxis] & ~held[:, np.newaxis, :]
     moves = np.linalg.solve(hessian + damped, push[..., np.newaxis])[..., 0]
     return np.asarray(moves, dtype=float)
-
-
-def _clipped(chain: Chain, postures: Vector) -> Vector:
-    return np.minimum(np.maximum(postures, chain.lower), chain.upper)
 
 
 def _linearised(chain: Chain, postures: Vector, targets: Vector, base: Vector) -> tuple[Vector, Vector]:
@@ -172,6 +174,7 @@ def _linearised(chain: Chain, postures: Vector, targets: Vector, base: Vector) -
 
 _AT_ONCE = 8  # postures that one round of restarts tries side by side
 _FAR = 1e6  # ranks every posture that reaches the target before all that do not
+_ROOM = 0.05  # rad or m
 _FROM_POSE_ORDER = [0, 1, 2, 5, 4, 3]
 
 
@@ -180,7 +183,8 @@ class NumericSolver(Solver):
 
     e is the way to the target along x, y, z of the base [m] and the rotation vector to it about x, y, z of the base
     [rad]. Where the search from the start ends away from the target, it begins again from random postures, always the
-    same; of those that reach the target first the nearest to the start is taken.
+    same; of those that reach the target first the nearest to the start is taken. An arm of more axes than a pose has
+    keeps some room to its joint limits where it can, so that it can go on from there.
     """
 
     def __init__(
@@ -218,8 +222,12 @@ class NumericSolver(Solver):
         self._seeds = random_postures(chain, restarts, seed)
 
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
-        fit = self._fit(targets, starts, flat=COARSE)
+        spare = len(self.chain.order) > POSE_SIZE
+        fit = self._fit(targets, starts, flat=COARSE, room=_ROOM if spare else 0.0)
         missing = np.flatnonzero(~self._within(fit))
+        if spare and missing.size:
+            fit.replace(missing, self._fit(targets[missing], starts[missing], flat=COARSE))
+            missing = np.flatnonzero(~self._within(fit))
         for first in range(0, len(self._seeds), _AT_ONCE):
             if not missing.size:
                 break
@@ -234,7 +242,7 @@ class NumericSolver(Solver):
 
         return Solutions.found(fit.postures, errors, self._within(fit), fit.iterations, why)
 
-    def _fit(self, targets: Vector, starts: Vector, *, flat: float, rivals: int = 1) -> Fit:
+    def _fit(self, targets: Vector, starts: Vector, *, flat: float, rivals: int = 1, room: float = 0.0) -> Fit:
         return fit_postures(
             self.chain,
             targets,
@@ -244,6 +252,7 @@ class NumericSolver(Solver):
             iterations=self._iterations,
             flat=flat,
             rivals=rivals,
+            room=room,
         )
 
     def _within(self, fit: Fit) -> Flags:

@@ -119,6 +119,7 @@ Remedy = Callable[[float, float], str]
 TOUCH = 1e-3  # how deep shapes may be in each other before it counts [m]: what stands, or is held, touches
 
 _ROUNDING = 1e-9  # rad or m
+_HIDDEN = (1e-4, np.deg2rad(0.05))  # m and rad: what is nearer to a limit is shown as that
 _MARGIN = 1.02  # of what messages propose
 
 
@@ -134,8 +135,11 @@ def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming, h
     axis = int(np.argmax(beyond[row]))
     number, name = named(float(times[row]))
     value, revolute = float(postures[row, axis]), bool(chain.revolute[axis])
-    limits = f"beyond its limits of {shown(chain.lower[axis], revolute)} to {shown(chain.upper[axis], revolute)}"
-    text = f"{shown(value, revolute)}, {limits}{hint}"
+    lower, upper = float(chain.lower[axis]), float(chain.upper[axis])
+    limits = f"beyond its limits of {shown(lower, revolute)} to {shown(upper, revolute)}"
+    over = max(lower - value, value - upper)
+    more = f" and {np.rad2deg(over) if revolute else over:.2g} more" if over < _HIDDEN[revolute] else ""
+    text = f"{shown(value, revolute)}{more}, {limits}{hint}"
     raise JointLimitExceeded(name, chain.names[axis], point=number, time=float(times[row]), value=value, shown=text)
 
 

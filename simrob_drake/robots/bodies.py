@@ -176,7 +176,7 @@ class Gripper(Strict):
     axes: Annotated[dict[str, tuple[Number, Number]], Field(min_length=1)]
     """Its axes, each with where it is closed and where open [deg, or m of a prismatic axis]."""
     force: Positive | None = None
-    """Largest force of each finger [N, or N·m of one that turns]; what its motor has unless given."""
+    """Largest force of each finger [N]; what its motor has unless given."""
 
     @model_validator(mode="after")
     def _opens(self) -> "Gripper":
@@ -205,6 +205,11 @@ def fingers_of(root: ET.Element) -> tuple[dict[str, tuple[float, float]], str] |
     return {name: (ends[closed], ends[1 - closed]) for name, ends in found.ends.items()}, found.palm
 
 
+def followed(follows: ET.Element) -> tuple[float, float]:
+    """Return the factor and the offset by which a joint follows another."""
+    return float(follows.get("multiplier", "1")), float(follows.get("offset", "0"))
+
+
 def _following(joints: Mapping[str, ET.Element]) -> _Fingers | None:
     """Return the joints that follow one other, with that: those of most followers."""
     groups: dict[str, dict[str, tuple[float, float]]] = {}
@@ -213,7 +218,7 @@ def _following(joints: Mapping[str, ET.Element]) -> _Fingers | None:
         leader = "" if follows is None else follows.get("joint", "")
         if follows is None or leader not in joints:
             continue
-        factor, offset = (float(follows.get(key, usual)) for key, usual in (("multiplier", "1"), ("offset", "0")))
+        factor, offset = followed(follows)
         if factor == 0:  # it stands, and is no finger
             continue
         group = groups.setdefault(leader, {leader: joint_limits(joints[leader])})

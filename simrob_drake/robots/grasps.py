@@ -1,19 +1,22 @@
-"""Where the fingers of a hand grasp: where the inner faces of two of them meet first when they close.
+"""Where the fingers of a hand grasp, and how they close: where the inner faces of two of them meet first.
 
 Fingers are their shapes that collide, meshes as convex hulls. Lines along the direction in which two fingertips close
 tell how far their faces are apart, over a grid across it; they meet where they are nearest. Of faces that are longer
 than wide the outermost square counts.
 """
 
+from dataclasses import dataclass
+from typing import NamedTuple
+
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.tree import Joint, RigidBody
+from pydrake.multibody.tree import Joint, JointIndex, RigidBody
 
 from simrob_drake.frames import Vector
-from simrob_drake.robots.bodies import fingers_of
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.outlines import shape_outline
 from simrob_drake.robots.parse import lone_robot
+from simrob_drake.robots.urdf import link_of, name_of
 
 GRASP = "grasp"  # the frame in which fingers grasp: z points out of the hand, and the fingers close along y
 
@@ -22,6 +25,8 @@ _HALVINGS = 12  # of the way, to find where fingers meet
 _NEAR = 1e-3  # m: faces that are so little farther apart than the nearest meet, too
 _SKEW = 0.03  # rad: so far off the axes of the hand is along them
 _LEAST = 1e-6  # m
+_LONG = 0.8  # of the reach of the longest finger: what reaches less far is a link of one, not a finger
+_PARTS = np.linspace(0.0, 1.0, 65)  # of the way, at which it is told how far fingers are apart
 
 
 def grasp_frame(model: RobotModel) -> tuple[str, RigidTransform] | None:
@@ -29,9 +34,57 @@ def grasp_frame(model: RobotModel) -> tuple[str, RigidTransform] | None:
 
     None without fingers, or where they are no two that have shapes and close on each other.
     """
-    found = fingers_of(model.element)
-    pose = None if found is None or not model.fingers else _Hand(model, found[1]).grasp()
-    return None if found is None or pose is None else (found[1], pose)
+    hand = _Hand(model) if model.fingers else None
+    met = hand and hand.meeting()
+    return None if not hand or not met else (hand.palm.name(), met.pose)
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """How the fingers of a hand close, seen where the inner faces of two of them meet first."""
+
+    gaps: Vector
+    """How far these faces are apart [m], at the parts of the way from closed to open, which are evenly spaced."""
+    fingers: int
+    """How many there are."""
+    way: float
+    """How far all their axes go from closed to open, summed up [rad, or m of those that slide]."""
+
+    @property
+    def widest(self) -> float:
+        """How far the faces are apart when open [m]."""
+        return float(self.gaps[-1])
+
+    def part(self, width: float) -> float:
+        """Return which part of the way fingers are open, their faces so far apart [m]; closed is nought."""
+        return float(np.interp(width, self.gaps, _PARTS))
+
+    def effort(self, part: float) -> float:
+        """Return the effort of each axis [N·m, or N] a newton with which each finger presses, by virtual work."""
+        slope = float(np.interp(part, _PARTS, np.gradient(self.gaps, _PARTS)))
+        return self.fingers * slope / 2 / self.way
+
+
+def stroke_of(model: RobotModel) -> Stroke | None:
+    """Return how a robot's fingers close; None where no shapes tell that of fingers that turn, and without fingers.
+
+    Without shapes, fingers that slide meet where they are closed.
+    """
+    found = _Hand(model).stroke() if model.fingers else None
+    if found or not model.fingers or not all(model.prismatic[place] for place in model.fingers):
+        return found
+    way = sum(abs(opened - closed) for closed, opened in model.fingers.values())
+    return Stroke(way * _PARTS, len(model.fingers), way)
+
+
+class _Meeting(NamedTuple):
+    """Two fingertips, the frame in which they grasp, and how far their faces are apart in it [m]."""
+
+    tips: "list[_Tip]"
+    way: Vector  # from the one to the other, a unit vector (3,)
+    part: float  # of the way from closed to open
+    pose: RigidTransform
+    gap: float
 
 
 class _Tip:
@@ -63,13 +116,32 @@ class _Tip:
 class _Hand:
     """The fingers of a robot alone, seen from the link that holds them."""
 
-    def __init__(self, model: RobotModel, palm: str) -> None:
+    def __init__(self, model: RobotModel) -> None:
         self._model, self._robot = model, lone_robot(model)
         self._context = self._robot.plant.CreateDefaultContext()
-        self._palm = self._robot.plant.GetFrameByName(palm, self._robot.instance)
+        first = self._robot.plant.get_joint(JointIndex(self._row(self._joints()[0]))).name()
+        palm = next(link_of(joint, "parent") for joint in model.joints if name_of(joint) == first)
+        self.palm = self._robot.plant.GetFrameByName(palm, self._robot.instance)
 
-    def grasp(self) -> RigidTransform | None:
-        """Return the pose of the frame in which two fingers grasp; None if no two close on each other."""
+    def stroke(self) -> Stroke | None:
+        """Return how the fingers close; None if no two close on each other."""
+        met = self.meeting()
+        if met is None:
+            return None
+        self._put(met.part)
+        ends = [met.pose.translation() + side * met.gap / 2 * met.way for side in (-1, 1)]
+        touching = [self._pose(tip).inverse() @ end for tip, end in zip(met.tips, ends, strict=True)]
+        gaps = []
+        for part in _PARTS:
+            self._put(part)
+            left, right = (self._pose(tip) @ end for tip, end in zip(met.tips, touching, strict=True))
+            gaps.append((right - left) @ met.way)
+        ways = sum(abs(opened - closed) for closed, opened in self._model.fingers.values())
+        reaches = [reach for reach, _ in self._reaches().values()]
+        return Stroke(np.maximum.accumulate(gaps), sum(reach > _LONG * max(reaches) for reach in reaches), ways)
+
+    def meeting(self) -> _Meeting | None:
+        """Return where two fingers meet first when they close, or are nearest; None if no two close on each other."""
         tips = self._tips()
         if len(tips) < 2:
             return None
@@ -86,11 +158,16 @@ class _Hand:
             turn = turn * (-1, -1, 1)
         if np.abs(turn - np.round(turn)).max() < _SKEW:  # hands are drawn along their axes
             turn, way = np.round(turn), np.round(way)
-        place = self._meeting(tips, way, turn)
-        return None if place is None else RigidTransform(RotationMatrix(turn), np.round(place, 6) + 0.0)
+        return self._met(tips, way, turn)
 
     def _tips(self) -> list[_Tip]:
         """Return the tips of the two fingers that reach farthest from the palm when closed, in the robot's order."""
+        reaches = self._reaches()
+        far = sorted(reaches, key=lambda row: -reaches[row][0])[:2]
+        return [reaches[row][1] for row in sorted(far)]
+
+    def _reaches(self) -> dict[int, tuple[float, _Tip]]:
+        """Return how far rows of links that start at the palm reach when closed [m], and the link of each that does."""
         rows = dict[int, tuple[float, _Tip]]()
         self._put(0.0)
         for joint in self._joints():
@@ -101,8 +178,7 @@ class _Hand:
             row = self._row(joint)
             if row not in rows or rows[row][0] < reach:
                 rows[row] = reach, tip
-        far = sorted(rows, key=lambda row: -rows[row][0])[:2]
-        return [rows[row][1] for row in sorted(far)]
+        return rows
 
     def _joints(self) -> list[Joint]:
         return [self._robot.joints[place] for place in self._model.fingers]
@@ -129,17 +205,17 @@ class _Hand:
         self._robot.axes.set_positions(self._robot.plant, self._context, position)
 
     def _pose(self, tip: _Tip) -> RigidTransform:
-        return self._robot.plant.CalcRelativeTransform(self._context, self._palm, tip.body.body_frame())
+        return self._robot.plant.CalcRelativeTransform(self._context, self.palm, tip.body.body_frame())
 
     def _far_points(self, tips: list[_Tip], part: float) -> Vector:
         """Return the middle of each tip, the fingers open by a part of their way, shape (2, 3) [m]."""
         self._put(part)
         return np.array([self._pose(tip) @ tip.points.mean(axis=0) for tip in tips])
 
-    def _meeting(self, tips: list[_Tip], way: Vector, turn: Vector) -> Vector | None:
-        """Return where faces meet first when the fingers close along a unit vector, or are nearest, shape (3,) [m]."""
+    def _met(self, tips: list[_Tip], way: Vector, turn: Vector) -> _Meeting | None:
+        """Return where faces meet first when the fingers close along a unit vector, or are nearest."""
         apart, low, high = self._gaps(tips, way, turn, 0.0), 0.0, 1.0
-        if apart is not None and apart[0].min() < 0:
+        if apart is not None and apart[0].min() < -_LEAST:
             for _ in range(_HALVINGS):
                 middle = (low + high) / 2
                 tried = self._gaps(tips, way, turn, middle)
@@ -152,7 +228,9 @@ class _Hand:
         gaps, middles = apart
         met = middles[gaps <= gaps.min() + _NEAR]
         across, _, out = (met @ turn).T
-        return np.asarray(met[out >= out.max() - np.ptp(across) - _LEAST].mean(axis=0))
+        place = met[out >= out.max() - np.ptp(across) - _LEAST].mean(axis=0)
+        pose = RigidTransform(RotationMatrix(turn), np.round(place, 6) + 0.0)
+        return _Meeting(tips, way, low, pose, float(gaps.min()))
 
     def _gaps(self, tips: list[_Tip], way: Vector, turn: Vector, part: float) -> tuple[Vector, Vector] | None:
         """Return how far the faces of two tips are apart along lines of a grid (k,), and between them (k, 3) [m]."""

@@ -35,6 +35,7 @@ _UNSHAPED = "The robot has no shapes that collide, so that nothing could carry i
 _ARM: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
 _CREEPS = f"In discrete steps, since {_ARM['scheme']} was tried and creeps: some links are too light for it."
 _DISCRETE: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}
+_REPEATED = ("mesh_path", "xacro_arg")  # options that may be given several times
 _HOLDING = "Fingers ({fingers}) move together, as by one motor, and hold by friction: surfaces, and the solver lagged."
 _GRIPS: dict[str, Any] = {
     "contact": {"model": "hydroelastic", "friction": {"static": 0.5, "dynamic": 0.5}},
@@ -73,7 +74,7 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     }
     remarks += _held(robot, content) if kinematic or robot.base == "fixed" else _on_feet(robot, content)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
-    return _header(robot, file, kinematic) + "".join(f"# {remark}\n" for remark in remarks) + text
+    return _header(robot, file, options, kinematic) + "".join(f"# {remark}\n" for remark in remarks) + text
 
 
 def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
@@ -182,13 +183,26 @@ def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
     return StationConfig(name=robot.name, robots={ONLY_ROBOT: {**own, "urdf": robot.urdf_path}}, **sections)
 
 
-def _header(robot: RobotModel, urdf: Path, kinematic: bool) -> str:
+def _header(robot: RobotModel, urdf: Path, options: ImportOptions | None, kinematic: bool) -> str:
     text = "# First station of an imported robot; change it as you like, and try `simrob check` on it.\n"
     if kinematic:
         missing = ", ".join(robot.links_without_inertia)
         text += f"# Kinematic, since these links have no inertia: {missing}.\n"
-        text += f"# For motion by torque begin anew: simrob station {shlex.quote(str(urdf))} --estimate-inertia\n"
+        again = shlex.join(["simrob", "station", str(urdf), "--estimate-inertia", *_flags(options)])
+        text += f"# For motion by torque begin anew: {again}\n"
     return text
+
+
+def _flags(options: ImportOptions | None) -> list[str]:
+    """Return options as the command line takes them."""
+    values = {} if options is None else options.model_dump(mode="json", exclude_defaults=True)
+    flags = list[str]()
+    for key, value in values.items():
+        rows = value if key in _REPEATED else [value]
+        for row in rows:
+            parts = row if isinstance(row, list) else [] if row is True else [row]
+            flags += [f"--{key.replace('_', '-')}", *map(str, parts)]
+    return flags
 
 
 def _robot(urdf: Path, options: ImportOptions | None, folder: Path | None) -> dict[str, Any]:

@@ -50,3 +50,29 @@ def gantry(*fingers: str, turn: str = "3.14159265358979 0 0") -> str:
     ]
     hand = fingers or (finger("left"), finger("right", follows="left_slide"))
     return f'<robot name="gantry">{"".join([*parts, *hand])}</robot>'
+
+
+CRANK, HINGE, FACE = 0.06, 0.03, 0.005  # m: of a linkage its cranks, their hinges off the middle, half of a pad
+
+
+def linkage(*, pad_limits: tuple[float, float] = (-0.6, 0.6), effort: float = 100) -> tuple[str, ...]:
+    """Return two fingers whose pads stay upright: each a crank that turns, and a pad at its end that turns back.
+
+    All follow the left crank, whose angle q brings the faces 2 (HINGE - FACE - CRANK sin q) apart. Pads are 60 to
+    80 mm out at q = 0.
+    """
+    parts = []
+    for name, sign in (("left", 1), ("right", -1)):
+        low, high = (0, 0.6) if sign > 0 else (-0.6, 0)
+        turns = {"kind": "revolute", "axis": "1 0 0", "effort": effort}
+        led = "" if sign > 0 else '<mimic joint="left_crank" multiplier="-1"/>'
+        back = f'<mimic joint="left_crank" multiplier="{-sign}"/>'
+        hinge = {"at": f"0 {sign * HINGE} 0", "low": low, "high": high, "more": led}
+        pin = {"at": f"0 0 {CRANK}", "low": pad_limits[0], "high": pad_limits[1], "more": back}
+        parts += [
+            link(f"{name}_bar", mass=0.05, com=f"0 0 {CRANK / 2}"),
+            joint(f"{name}_crank", "palm", f"{name}_bar", **turns, **hinge),
+            link(f"{name}_pad", box("0.02 0.01 0.02", "0 0 0.01"), mass=0.05, com="0 0 0.01"),
+            joint(f"{name}_pin", f"{name}_bar", f"{name}_pad", **turns, **pin),
+        ]
+    return tuple(parts)

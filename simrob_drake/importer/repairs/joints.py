@@ -12,11 +12,12 @@ from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.importer.repairs.structure import drop_lost_frames
-from simrob_drake.robots.bodies import FOLLOWS
+from simrob_drake.robots.bodies import FOLLOWS, followed
 from simrob_drake.robots.urdf import (
     DRAKE,
     MOVABLE_JOINTS,
     child_of,
+    joint_limits,
     joints_at,
     link_of,
     movable_joints,
@@ -37,6 +38,7 @@ _DEFAULT_AXIS = "1 0 0"  # of the URDF format
 DEFAULT_STROKE = 1.0  # of a prismatic joint without limits, to each side [m]
 _MANY_TURNS = 4 * math.pi
 _ENDLESS = 1e4  # rad: larger limits are a way to write that there are none
+_ROUNDED = 1e-4  # rad or m: limits that differ by less were rounded
 _ACCELERATION = f"{DRAKE}acceleration"
 
 
@@ -54,6 +56,7 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
             _repair_axis(joint, where, report)
             _repair_limits(joint, where, report)
             _repair_dynamics(joint, where, options, report)
+    _widen_followers(robot, report)
     if not movable_joints(robot):
         raise report.refusal("", "has no joint that moves, so no motor could; a rigid thing is a piece, not a robot")
     drop_lost_frames(robot, report)
@@ -99,6 +102,25 @@ def _drop_mimic(joint: ET.Element, where: str, report: ImportReport) -> None:
     mimic.tag = FOLLOWS
     why = "fixed joints move with nothing" if fixed else "no continuous solver can do that; it has a motor of its own"
     report.add("dropped" if fixed else "lost", where, f"mimics '{mimic.get('joint', '')}': {why}")
+
+
+def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
+    """Let every joint that follows another go as far as that takes it."""
+    joints = {name_of(joint): joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS}
+    for name, joint in joints.items():
+        follows = joint.find(FOLLOWS)
+        leader = None if follows is None else joints.get(follows.get("joint", ""))
+        if follows is None or leader is None:
+            continue
+        factor, offset = followed(follows)
+        taken, own = [factor * end + offset for end in joint_limits(leader)], joint_limits(joint)
+        wide = min(*taken, *own), max(*taken, *own)
+        if np.isfinite(wide).all() and not np.allclose(wide, own, rtol=0, atol=_ROUNDED):
+            limit = child_of(joint, "limit")
+            limit.set("lower", f"{wide[0]:.12g}")
+            limit.set("upper", f"{wide[1]:.12g}")
+            problem = f"[{own[0]:.4g}, {own[1]:.4g}] leave out where '{name_of(leader)}' takes it, which it follows"
+            report.add("repaired", f"joint '{name}'", f"its limits {problem}; [{wide[0]:.4g}, {wide[1]:.4g}]")
 
 
 def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:

@@ -10,6 +10,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import MonitorSection, of_axes, worst
 from simrob_drake.parts.site import ResolvedRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisValues
+from simrob_drake.robots.grasps import stroke_of
 from simrob_drake.sections import NotNegative, Number, Positive
 
 
@@ -156,7 +157,7 @@ class EmptyGrip(MonitorSection):
     hold: NotNegative = 0.05
     """How long they must be [s]."""
     part: Positive = 0.02
-    """How near to closed counts, as a part of the way from there to open."""
+    """How near to closed, or to where their shapes meet before, counts, as a part of the way from closed to open."""
 
     def check(self, name: str, station: Surroundings) -> None:
         """Check that the robot has fingers."""
@@ -171,8 +172,11 @@ class EmptyGrip(MonitorSection):
         places = list(robot.model.fingers)
         closed, opened = np.array(list(robot.model.fingers.values())).T
 
+        stroke = stroke_of(robot.model)
+        nothing = self.part + (stroke.part(0.0) if stroke else 0.0)
+
         def excess(position: Vector) -> float:
-            return self.part - float(((position[places] - closed) / (opened - closed)).max())
+            return nothing - float(((position[places] - closed) / (opened - closed)).max())
 
         why = f"the fingers of {robot.name} closed with nothing between them"
         return Condition(of_axes(robot, "position"), excess, lambda _: why)

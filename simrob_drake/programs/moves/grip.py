@@ -7,30 +7,31 @@ from typing import Any, ClassVar
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
 from simrob_drake.programs.moves.move import ArmStation, Move, Run
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import POINTS, Planning
 from simrob_drake.programs.segments import joint_segment, joint_way
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.grasps import Stroke, stroke_of
 from simrob_drake.sections import Duration, NotNegative, Positive
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.servos import servo_gains
 
 _SHORTEST = 0.5  # s
 _EASY = 2.2  # times the time of a way at full speed: a smooth move is at most 1.9 times as fast as on average
+_USUAL = 100.0  # N: many files know no limit of a hand's motors, and have one that crushes what it holds
 
 
 class FingerMove(Move):
-    """What closing and opening have in common.
-
-    The width is how far the fingers are apart beyond what they are when closed, of fingers that slide.
-    """
+    """What closing and opening have in common."""
 
     brief: ClassVar[bool] = True
     of_legs: ClassVar[bool] = False
     opens: ClassVar[bool]
 
     width: NotNegative | None = None
-    """How far they are to be apart [m]; all the way unless given."""
+    """How far the inner faces of the fingers are to be apart [m]; all the way unless given."""
     duration: Duration | None = None
     """Of the move [s]; as their speed allows unless given."""
     robot: str | None = None
@@ -45,7 +46,7 @@ class FingerMove(Move):
         robot, row = planning.model, planning.start.copy()
         if not robot.fingers:
             raise InvalidParameter("robot", robot.name, "one with a gripper: in its robot.yaml")
-        part = float(self.opens) if self.width is None else self.width / self._widest(planning)
+        part = float(self.opens) if self.width is None else self._part(robot, self.width)
         for place, (closed, opened) in robot.fingers.items():
             row[place] = closed + part * (opened - closed)
         speed = np.where(np.isfinite(robot.speed_limits), robot.speed_limits, np.inf)
@@ -54,29 +55,35 @@ class FingerMove(Move):
         plan = planning.checked([joint_segment(way, points=POINTS)], {"duration": time, "check": "limits"}, POINTS)
         return replace(plan, entry={self.key: self.model_copy(update={"robot": planning.robot}).entry()[self.key]})
 
-    def _widest(self, planning: Planning) -> float:
-        robot = planning.model
-        if not all(robot.prismatic[place] for place in robot.fingers):
-            raise InvalidParameter("width", self.width, f"left out: the fingers of {robot.name} do not slide")
-        widest = sum(abs(opened - closed) for closed, opened in robot.fingers.values())
-        if self.width is not None and self.width > widest * (1 + 1e-9):
-            raise InvalidParameter("width", self.width, f"at most {widest:.4g} m, as far as {robot.name} opens")
-        return widest
+    def _part(self, robot: RobotModel, width: float) -> float:
+        """Return which part of their way the fingers are open at a width [m]."""
+        stroke = _known(stroke_of(robot), robot, "width", width)
+        if width > stroke.widest * (1 + 1e-9):
+            raise InvalidParameter("width", width, f"at most {stroke.widest:.4g} m, as far as {robot.name} opens")
+        return stroke.part(width)
 
     def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
-        """Give the fingers their force, and move them."""
+        """Move the fingers with their force: as what turns presses where it begins, and then as where it stopped."""
         planning = cell.planning(self.robot or robot)
-        plan = self.plan(planning)
-        force = self._force(planning, cell.config)
-        if force is not None:
-            axes = list(planning.model.axes)
-            cell.limit_efforts(planning.robot, {axes[place]: force for place in planning.model.fingers})
-        return run([plan], None)
+        name, model = planning.robot, planning.model
+        plan, stroke = self.plan(planning), stroke_of(model)
+        force = None if cell.config.mode == "kinematic" else self._force(model, stroke)
+        if force is None:
+            return run([plan], None)
+        known = _known(stroke, model, "force", force)
+        self._press(cell, planning, force * known.effort(_open_part(model, cell.position(name))))
+        result = run([plan], None)
+        self._press(cell, planning, force * known.effort(_open_part(model, cell.position(name))))
+        return result
 
-    def _force(self, planning: Planning, config: StationConfig) -> float | None:
-        """Return the largest force of each finger from now on; None: as its motor has it."""
-        gripper = planning.model.gripper
-        return None if gripper is None or config.mode == "kinematic" else gripper.force
+    def _press(self, cell: ArmStation, planning: Planning, effort: float) -> None:
+        """Let the motor of each finger give so much at most from now on [N·m or N]."""
+        axes = list(planning.model.axes)
+        cell.limit_efforts(planning.robot, {axes[place]: effort for place in planning.model.fingers})
+
+    def _force(self, robot: RobotModel, stroke: Stroke | None) -> float | None:
+        """Return the largest force of each finger from now on [N]; None: as its motor has it."""
+        return None if robot.gripper is None else robot.gripper.force
 
 
 class GripMove(FingerMove):
@@ -88,26 +95,34 @@ class GripMove(FingerMove):
     form: ClassVar[Mapping[str, str | float | None]] = {"force": None, "width": None, "duration": None}
 
     force: Positive | None = None
-    """Largest force of each finger from then on [N, or N·m of one that turns]; the gripper's own unless given."""
+    """With which each finger presses from then on [N]; the gripper's own unless given, or its motors' up to 100 N."""
 
-    def _force(self, planning: Planning, config: StationConfig) -> float | None:
-        own = super()._force(planning, config)
-        if self.force is None:
-            return own
+    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+        """Check that the fingers can press so, and close them."""
+        if self.force is not None:
+            self._check_force(cell.planning(self.robot or robot), cell.config, self.force)
+        return super().perform(cell, robot, run)
+
+    def _check_force(self, planning: Planning, config: StationConfig, force: float) -> None:
         if config.mode == "kinematic":
-            raise InvalidParameter("force", self.force, "left out on a kinematic station, where attach() holds pieces")
+            raise InvalidParameter("force", force, "left out on a kinematic station, where attach() holds pieces")
         robot = planning.model
-        most = own or min(float(robot.efforts[place]) for place in robot.fingers)
-        if self.force > most:
-            raise InvalidParameter("force", self.force, f"at most {most:g}, as much as the fingers have")
+        stroke = _known(stroke_of(robot), robot, "force", force)
+        most = (robot.gripper and robot.gripper.force) or _motors_force(robot, stroke)
+        if force > most:
+            raise InvalidParameter("force", force, f"at most {most:.4g}, as much as the fingers have")
         servo = config.servo_of(planning.robot)
         gains = servo_gains(robot, servo)
         for place, (closed, opened) in robot.fingers.items():
-            pressing = gains.kp[place] * abs(opened - closed)  # of one that is wide open; a piece leaves less
-            if servo.law == "pid" and gains.ki[place] == 0 and pressing < self.force:
+            # of one that is wide open; a piece leaves less
+            pressing = gains.kp[place] * abs(opened - closed) / stroke.effort(1.0)
+            if servo.law == "pid" and gains.ki[place] == 0 and pressing < force:
                 expected = f"at most {pressing:.3g}, as servo.kp of {list(robot.axes)[place]} presses with wide open"
-                raise InvalidParameter("force", self.force, expected)
-        return self.force
+                raise InvalidParameter("force", force, expected)
+
+    def _force(self, robot: RobotModel, stroke: Stroke | None) -> float | None:
+        own = self.force or super()._force(robot, stroke)
+        return own if own or stroke is None else min(_motors_force(robot, stroke), _USUAL)
 
 
 class OpenMove(FingerMove):
@@ -117,3 +132,21 @@ class OpenMove(FingerMove):
     title: ClassVar[str] = "Open"
     opens: ClassVar[bool] = True
     form: ClassVar[Mapping[str, str | float | None]] = {"width": None, "duration": None}
+
+
+def _known(stroke: Stroke | None, robot: RobotModel, key: str, value: float) -> Stroke:
+    """Return how fingers close, which ``key`` asks for; raises InvalidParameter: their shapes do not tell."""
+    if stroke is None:
+        raise InvalidParameter(key, value, f"left out: no shapes tell where the fingers of {robot.name} meet")
+    return stroke
+
+
+def _motors_force(robot: RobotModel, stroke: Stroke) -> float:
+    """Return with how many newtons each finger can press wide open, as its weakest motor lets it."""
+    return min(float(robot.efforts[place]) for place in robot.fingers) / stroke.effort(1.0)
+
+
+def _open_part(robot: RobotModel, position: Vector) -> float:
+    """Return which part of their way the fingers are open in a posture (n,) [rad or m], in the middle of them."""
+    parts = [(position[place] - closed) / (opened - closed) for place, (closed, opened) in robot.fingers.items()]
+    return float(np.clip(np.mean(parts), 0.0, 1.0))

@@ -21,7 +21,7 @@ from pydantic_core import CoreSchema
 
 from simrob_drake.arguments import LONGEST, SHORTEST, plain
 from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.frames import PoseLike
+from simrob_drake.frames import PoseLike, Vector
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import Planning
@@ -54,6 +54,9 @@ class ArmStation(Protocol):
 
     def planning(self, robot: str | None) -> Planning:
         """Return what plans moves of an arm, from where its reference is."""
+
+    def position(self, robot: str) -> Vector:
+        """Return where a robot's axes are, shape (n,) [rad or m]."""
 
     def robot_name(self, name: str | None) -> str:
         """Return a robot's name; the only one need not be named."""
