@@ -8,7 +8,7 @@ from typing import Any
 
 from simrob_drake.errors import SimrobError, nearest
 from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Remark, Routine, Scope, declared
-from simrob_drake.rapid.values import RecordValue, SignalName, Value, WrongType, shape
+from simrob_drake.rapid.values import RecordValue, SignalName, Unknown, Value, WrongType, shape
 
 _LONGEST = 1000  # letters of a string
 _OPERATORS: Mapping[str, Callable[[float, float], float]] = {
@@ -70,6 +70,14 @@ class Call:
         node = self.options.get(name)
         return otherwise if node is None else self.task.typed(node, kind)
 
+    def known(self, value: Callable[[], Any], otherwise: str) -> Any:
+        """Return a value, or predefined data, which is told, where no module declares what it names."""
+        try:
+            return value()
+        except Unknown as problem:
+            self.remark(f"{problem}; {otherwise} in its place")
+            return self.task.value(_named(otherwise))
+
     def place(self, index: int) -> Location:
         """Return the place that an argument names."""
         return self.task.place(self.argument(index))
@@ -130,7 +138,7 @@ class Expressions:
         if node.data == "name":
             found = self._find(node.children[0])
             if not isinstance(found, Datum):
-                raise WrongType(f"there is no data '{node.children[0]}'{self._hint(node.children[0])}")
+                raise Unknown(f"there is no data '{node.children[0]}'{self._hint(node.children[0])}")
             return Location(
                 found.kind, found.dimensions, lambda: found.value, lambda value: setattr(found, "held", value)
             )
@@ -200,9 +208,10 @@ class Expressions:
 
     def signal(self, node: Node) -> SignalName:
         """Return the signal that an expression names: data of a signal's type, or a name of the controller's."""
-        if node.data == "name" and self._find(node.children[0]) is None:
+        found = self._find(node.children[0]) if node.data == "name" else None
+        if node.data == "name" and found is None:
             return SignalName(str(node.children[0]).lower())
-        value = self.value(node)
+        value = found.value if isinstance(found, Datum) else self.value(node)
         if not isinstance(value, SignalName):
             raise WrongType(f"{shape(value)} where a signal is asked for")
         return value
@@ -214,10 +223,12 @@ class Expressions:
         found = self._find(name)
         if isinstance(found, Datum):
             value: Value = found.value
-            return value
+            if not isinstance(value, SignalName):
+                return value
+            key, found = value.name, None
         level = self._signal(key)
         if found is not None or level is None:
-            raise WrongType(f"there is no data '{name}'{self._hint(name)}")
+            raise Unknown(f"there is no data '{name}'{self._hint(name)}")
         return level
 
     def _value_binary(self, one: Node, sign: str, other: Node) -> Value:
@@ -268,7 +279,7 @@ class Expressions:
             result: Value = self._called(found, call)
             return result
         if name.lower() not in self._functions:
-            raise WrongType(f"there is no function '{name}'{self._hint(name, self._functions)}")
+            raise Unknown(f"there is no function '{name}'{self._hint(name, self._functions)}")
         return self._functions[name.lower()](call)
 
     def _call_of(self, name: str, node: Node, arguments: Node | None) -> Call:
@@ -298,7 +309,7 @@ class Expressions:
     def _naming_line(self, node: Node) -> Iterator[None]:
         try:
             yield
-        except RapidError:
+        except (RapidError, Unknown):
             raise
         except (WrongType, SimrobError) as problem:
             raise RapidError(self.where(node), str(problem)) from problem
@@ -327,7 +338,7 @@ def _three(value: Value) -> list[Any]:
     return row if isinstance(row, list) and [*map(type, row)] == [float] * 3 else []
 
 
-def _named(token: Node) -> Node:
+def _named(token: str) -> Node:
     from lark import Tree
 
     return Tree("name", [token])

@@ -15,9 +15,20 @@ from simrob_drake.rapid.controller import Controller
 from simrob_drake.rapid.expressions import Call, Expressions, Location
 from simrob_drake.rapid.functions import FUNCTIONS
 from simrob_drake.rapid.instructions import FUNCTIONS_OF_CONTROLLER, INSTRUCTIONS
+from simrob_drake.rapid.neighbours import neighbours
 from simrob_drake.rapid.signals import Signals
-from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Remark, Routine, RoutineParameter, read_modules
-from simrob_drake.rapid.values import Value, WrongType
+from simrob_drake.rapid.syntax import (
+    Datum,
+    Module,
+    Node,
+    RapidError,
+    Remark,
+    Routine,
+    RoutineParameter,
+    nodes,
+    read_modules,
+)
+from simrob_drake.rapid.values import Unknown, Value, WrongType
 from simrob_drake.stations.station import StationLike
 
 _DEEPEST = 40  # routines that wait for each other
@@ -64,13 +75,27 @@ class Interpreter(Expressions):
         self.remarks += self._faults
         routine = self._scope.find(main)
         if not isinstance(routine, Routine):
-            raise RapidError(f"{self._scope.file}: line 1", f"there is no PROC {main}()")
+            routine = self._only_procedure(main)
         try:
             self._run(routine, [])
         except Ended:
             return
         except RecursionError:
             raise RapidError(f"{self._scope.file}: line 1", "is nested too deeply") from None
+
+    def _only_procedure(self, main: str) -> Routine:
+        """Return the only procedure of the last module that needs nothing and that none of it calls."""
+        own = [routine for routine in self._scope.names() if isinstance(routine, Routine)]
+        called = {str(call.children[0]).lower() for routine in own for call in nodes(routine.body, "call")}
+        rows = [one for one in own if not one.gives and not one.parameters and one.name.lower() not in called]
+        problem = f"there is no PROC {main}()"
+        if len(rows) != 1:
+            found = ", ".join(f"{one.name}()" for one in rows)
+            raise RapidError(
+                f"{self._scope.file}: line 1", problem + (f", but {found}: call one in a main" if found else "")
+            )
+        self.remarks.append(Remark(self._scope.file, 1, f"{problem}: {rows[0].name}() is done", lost=False))
+        return rows[0]
 
     def _block(self, lines: list[Node]) -> None:
         row = 0
@@ -89,7 +114,26 @@ class Interpreter(Expressions):
         with self._naming_line(node):
             if self._done > _MOST_STATEMENTS:
                 raise WrongType(f"the program does not end within {_MOST_STATEMENTS} statements")
-            getattr(self, f"_do_{node.data}")(*node.children)
+            try:
+                getattr(self, f"_do_{node.data}")(*node.children)
+            except Unknown as problem:
+                if node.data == "return":
+                    raise _Returned(problem) from problem
+                self.remark(node, f"{problem}; left out")
+                if node.data == "assignment":
+                    self._forget(node.children[0], problem)
+
+    def _forget(self, target: Node, problem: Unknown) -> None:
+        """Have data hold nothing, since what they were to hold is not known: what needs them is left out, too."""
+
+        def unknown() -> Value:
+            raise problem
+
+        while target.data != "name":
+            target = target.children[0]
+        found = self._find(target.children[0])
+        if isinstance(found, Datum) and not found.constant:
+            found.held, found.first = None, unknown
 
     def _do_data(self, *parts: Node) -> None:
         for item in parts[3:]:
@@ -218,6 +262,8 @@ class Interpreter(Expressions):
             except _Jump as jump:
                 raise RapidError(jump.args[1], f"there is no label '{jump.args[0]}' in {routine.name}") from None
         self._depth -= 1
+        if isinstance(value, Unknown):
+            raise value
         for _, datum, place in bound:
             if place is not None:
                 place.set(datum.value)
@@ -260,12 +306,14 @@ def import_rapid(
     its reach. Raises RapidError: what cannot be understood or done; names the file and the line.
     """
     sources = [files] if isinstance(files, (Path, str)) else files
-    modules = [module for file in sources for module in read_modules(as_path(file, "file"))]
+    paths = [as_path(file, "file") for file in sources]
+    modules = [module for path in paths for module in read_modules(path)]
+    near, remarks_of_near = neighbours(paths, modules)
     table = signals if isinstance(signals, Signals) else Signals() if signals is None else Signals.load(signals)
     cell = Workcell(station)
     controller = Controller(cell, robot, table, cell.run_plans if table.sensors else cell.stand, check)
     interpreter = Interpreter(
-        modules,
+        [*near, *modules],
         {name: partial(instruction, controller) for name, instruction in INSTRUCTIONS.items()},
         {name: partial(function, controller) for name, function in FUNCTIONS_OF_CONTROLLER.items()},
         lambda name: table.value(name, controller.time, controller.seen),
@@ -277,5 +325,5 @@ def import_rapid(
         raise RapidError(f"{modules[0].file}: line 1", "its main makes no move")
     name = None if cell.config.only_robot else controller.robot
     program = Program(description=f"Of the RAPID module {modules[0].name}", robot=name, moves=tuple(controller.moves))
-    remarks = sorted(interpreter.remarks, key=lambda remark: (remark.file, remark.line))
+    remarks = sorted([*remarks_of_near, *interpreter.remarks], key=lambda remark: (remark.file, remark.line))
     return Imported(program, tuple(remarks), controller.time, controller.lines)

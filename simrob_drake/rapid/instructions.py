@@ -29,7 +29,7 @@ from simrob_drake.rapid.values import (
     transform_of,
 )
 
-Instruction = Callable[[Controller, Call], None]
+Instruction = Callable[[Controller, Call], Any]
 _SIX = 6
 _ABSENT = 9e8  # above it an external axis is not there
 
@@ -41,13 +41,12 @@ def _move(kind: type[ArmMotion], *, signal: bool = False) -> Instruction:
         first = 1 if kind is MoveC else 0
         kind_of_target = "jointtarget" if kind is MoveAbsJ else "robtarget"
         target = call.value(first, kind_of_target)
-        speed, zone, tool = (
-            call.value(first + index, name) for index, name in ((1, "speeddata"), (2, "zonedata"), (3, "tooldata"))
-        )
+        speed, zone = (call.value(first + index, name) for index, name in ((1, "speeddata"), (2, "zonedata")))
+        tool = call.known(lambda: call.value(first + 3, "tooldata"), "tool0")
         if any(0 != value < _ABSENT for value in target["extax"].flat()):
             call.remark("external axes are left out", lost=False)
         controller.take_tool(tool)
-        wobj = controller.frame(call.option("wobj", "wobjdata"))
+        wobj = controller.frame(call.known(lambda: call.option("wobj", "wobjdata"), "wobj0"))
         motion = _motion(controller, call, kind, speed, None if kind is MoveAbsJ else wobj)
         near = 0.0 if zone["finep"] else zone["pzone_tcp"] / 1e3
         near = call.option("z", "num", 1e3 * near) / 1e3
@@ -205,8 +204,8 @@ def _clk_read(controller: Controller, call: Call) -> Value:
 def _c_robt(controller: Controller, call: Call) -> Value:
     controller.finish()
     if call.has("tool"):
-        controller.take_tool(call.option("tool", "tooldata"))
-    frame = controller.cell.frame(controller.frame(call.option("wobj", "wobjdata")))
+        controller.take_tool(call.known(lambda: call.option("tool", "tooldata"), "tool0"))
+    frame = controller.cell.frame(controller.frame(call.known(lambda: call.option("wobj", "wobjdata"), "wobj0")))
     pose = frame.inverse() @ RigidTransform(controller.arm.pose)
     return robtarget_of(pose, _configuration(controller, controller.arm.start))
 
@@ -259,6 +258,16 @@ def _remarking(text: str, *, unless: str = "") -> Instruction:
     return tell
 
 
+def _test_and_set(controller: Controller, call: Call) -> bool:
+    """Set a flag that tasks share, and tell whether it was not set; no other task would release it."""
+    place = call.place(0)
+    free = place.get() is False
+    if not free and call.name.lower() == "waittestandset":
+        call.remark(f"{call.name} waits for what no other task releases: it goes on", lost=False)
+    place.set(True)
+    return free
+
+
 def _raise(controller: Controller, call: Call) -> None:
     raise WrongType("an error that the program raises itself: handlers of errors are not done")
 
@@ -280,6 +289,11 @@ INSTRUCTIONS: Mapping[str, Instruction] = {
     ),
     **dict.fromkeys(("eoffson", "eoffsoff", "eoffsset"), _remarking(f"it displaces external axes; {_OF_UNITS}")),
     **dict.fromkeys(("actunit", "deactunit", "mechunitload"), _remarking(_OF_UNITS)),
+    **dict.fromkeys(
+        ("syncmoveon", "syncmoveoff", "syncmoveundo", "waitsynctask"),
+        _remarking("no other task runs, for which a controller would wait, and whose moves would take as long"),
+    ),
+    "waittestandset": _test_and_set,
     "worldacclim": _remarking("acceleration in the world is not bounded by it; PathAccLim bounds that of the tool"),
     "singarea": _remarking("the tool keeps its orientation near singularities", unless="off"),
     "circpathmode": _remarking("the tool turns evenly along an arc", unless="pathframe"),
@@ -325,6 +339,7 @@ FUNCTIONS_OF_CONTROLLER: Mapping[str, Callable[[Controller, Call], Value]] = {
     "calcjointt": _calc_joint,
     "calcrobt": _calc_robt,
     "clkread": _clk_read,
+    "testandset": _test_and_set,
     "testdi": lambda controller, call: _read(controller, call) == 1.0,
     **dict.fromkeys(("dinput", "doutput", "ginput", "goutput", "ainput", "aoutput"), _read),
 }

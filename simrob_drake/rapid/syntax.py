@@ -73,6 +73,8 @@ def modules_of(text: str, file: str) -> list[Module]:
         except UnexpectedInput as problem:
             faults.append(_fault(problem, text, file))
             begin, end = _statement_at(text, problem.pos_in_stream)
+            if (after := _after_all(text)) <= begin:  # what is copied there, editors and controllers do not look at
+                begin, end = after, len(text)
             if begin == end or len(faults) == _MOST_FAULTS:
                 raise RapidError(f"{file}: line {faults[0].line}", faults[0].text) from None
             text = text[:begin] + re.sub(r"[^\n]", " ", text[begin:end]) + text[end:]
@@ -122,6 +124,12 @@ def _fault(problem: Any, text: str, file: str) -> Remark:
     return Remark(file, line, f"'{shortened(here, 60)}' is not understood here" if here else "ends before it is whole")
 
 
+def _after_all(text: str) -> int:
+    """Return where the last module of a text ends; its own end without one."""
+    ends = [found.end() for found in re.finditer(r"^[^!\n]*\bENDMODULE\b", text, re.IGNORECASE | re.MULTILINE)]
+    return ends[-1] if ends else len(text)
+
+
 def _statement_at(text: str, place: int | None) -> tuple[int, int]:
     """Return where the statement around a place begins and ends, within its line at most."""
     if place is None or place < 0:
@@ -148,7 +156,11 @@ class Datum:
             if self.first is None:
                 raise WrongType("data whose value depends on itself")
             first, self.first = self.first, None
-            self.held = first()
+            try:
+                self.held = first()
+            except WrongType:
+                self.first = first
+                raise
         return self.held
 
 
@@ -181,6 +193,11 @@ class Scope:
     file: str
     shared: dict[str, Any]
     own: dict[str, Any] = field(default_factory=dict)
+
+    def names(self) -> list[Any]:
+        """Return what the module itself declares for all: data and routines."""
+        shared = [one for one in self.shared.values() if isinstance(one, Routine) and one.scope is self]
+        return [*shared, *self.own.values()]
 
     def find(self, name: str) -> Any:
         """Return what a name stands for: a Datum or a Routine; None if nothing."""

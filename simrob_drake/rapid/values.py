@@ -17,6 +17,10 @@ class WrongType(ValueError):
     """A value of another type than is asked for; the text is what messages say, without the place."""
 
 
+class Unknown(WrongType):
+    """A name that no module declares."""
+
+
 @dataclass
 class RecordValue:
     """A value of a record type, with its components by name in lower case."""

@@ -154,7 +154,6 @@ def test_the_configuration_chooses_the_posture(done):
         (f"MoveJ [[374,0,500],[0,0,0,0],[0,0,0,0],{FREE}],v200,fine,tool0;", "an orient of four zeros"),
         ("MoveAbsJ jHome,v200,fine;", "MoveAbsJ with 3 arguments"),
         ("MoveAbsJ jHome,200,fine,tool0;", "a num where a speeddata is asked for"),
-        ("MoveAbsJ jHome,v200,fine,tool9;", "there is no data 'tool9'; did you mean 'tool0'?"),
         ("MoveAbsJ jHome,[0,0,0,0],fine,tool0;", "a speeddata without a speed of the tool"),
         (f"MoveAbsJ [[200,0,0,0,0,0],{FREE}],v200,fine,tool0;", "joint_1 would be at 200.0 deg, beyond its limits"),
         (
@@ -227,3 +226,25 @@ def test_clocks_run_with_the_program(done):
         'ClkReset clock1; ClkStart clock1; WaitTime 2; ClkStop clock1; WaitTime 1; TPWrite "t "\\Num:=ClkRead(clock1);'
     )
     assert moved.remarks[0].text == "says t 2"
+
+
+def test_a_tool_or_work_object_that_no_module_declares_is_told_and_left_out(done):
+    moved = done(f"MoveJ [[374,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v500,fine,tool9\\WObj:=qqqq;")
+    plain = done(f"MoveJ [[374,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v500,fine,tool0;")
+    np.testing.assert_allclose(end_of(moved), end_of(plain), atol=1e-12)
+    assert [remark.text for remark in moved.lost] == [
+        "there is no data 'tool9'; did you mean 'tool0'?; tool0 in its place",
+        "there is no data 'qqqq'; wobj0 in its place",
+    ]
+
+
+def test_flags_and_meetings_of_other_tasks_have_no_effect(done):
+    moved = done(
+        "VAR bool lock; VAR syncident s;\nSyncMoveOn s,s;\nIF TestAndSet(lock) MoveAbsJ jHome,v500,fine,tool0;\n"
+        "WaitTestAndSet lock;\nIF TestAndSet(lock) MoveAbsJ jNone,v500,fine,tool0;\nSyncMoveOff s;"
+    )
+    np.testing.assert_allclose(end_of(moved), np.deg2rad([0, 0, 0, 0, 90, 0]), atol=1e-9)
+    assert not moved.lost
+    assert [remark.text.partition(":")[0] for remark in moved.remarks] == [
+        "SyncMoveOn has no effect", "WaitTestAndSet waits for what no other task releases", "SyncMoveOff has no effect",
+    ]  # fmt: skip
