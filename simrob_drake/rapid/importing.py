@@ -116,14 +116,16 @@ class Interpreter(Expressions):
                 raise WrongType(f"the program does not end within {_MOST_STATEMENTS} statements")
             try:
                 getattr(self, f"_do_{node.data}")(*node.children)
-            except Unknown as problem:
+            except WrongType as problem:
+                if not isinstance(problem, Unknown) and not any(remark.lost for remark in self.remarks):
+                    raise  # else it may be so because of what was left out
                 if node.data == "return":
                     raise _Returned(problem) from problem
                 self.remark(node, f"{problem}; left out")
                 if node.data == "assignment":
                     self._forget(node.children[0], problem)
 
-    def _forget(self, target: Node, problem: Unknown) -> None:
+    def _forget(self, target: Node, problem: WrongType) -> None:
         """Have data hold nothing, since what they were to hold is not known: what needs them is left out, too."""
 
         def unknown() -> Value:
@@ -192,7 +194,7 @@ class Interpreter(Expressions):
             self._locals[name.lower()] = Datum("num", held=at)
             self._block(block.children)
             at += by
-        del self._locals[name.lower()]
+        self._locals.pop(name.lower(), None)
         if hidden:
             self._locals[name.lower()] = hidden
 
@@ -262,7 +264,7 @@ class Interpreter(Expressions):
             except _Jump as jump:
                 raise RapidError(jump.args[1], f"there is no label '{jump.args[0]}' in {routine.name}") from None
         self._depth -= 1
-        if isinstance(value, Unknown):
+        if isinstance(value, WrongType):
             raise value
         for _, datum, place in bound:
             if place is not None:
@@ -322,7 +324,9 @@ def import_rapid(
     interpreter.run()
     controller.finish()
     if not any(move.takes_time for move in controller.moves):
-        raise RapidError(f"{modules[0].file}: line 1", "its main makes no move")
+        lost = [remark for remark in interpreter.remarks if remark.lost]
+        left_out = f"; {len(lost)} lines were left out, the first: {lost[0]}" if lost else ""
+        raise RapidError(f"{modules[0].file}: line 1", f"its main makes no move{left_out}")
     name = None if cell.config.only_robot else controller.robot
     program = Program(description=f"Of the RAPID module {modules[0].name}", robot=name, moves=tuple(controller.moves))
     remarks = sorted([*remarks_of_near, *interpreter.remarks], key=lambda remark: (remark.file, remark.line))

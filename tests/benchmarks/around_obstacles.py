@@ -17,7 +17,9 @@ from rich.table import Table
 
 from simrob_drake import Workcell, load_station
 from simrob_drake.errors import SimrobError
+from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.targets import owner_and_robot
+from simrob_drake.programs.free_space import FreeSpace
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.moves.move_free import MoveFree, plan_together
 from simrob_drake.results.record.state import State
@@ -71,22 +73,29 @@ def deepest(model: StationModel, rows: dict[str, np.ndarray], made_so: set[tuple
     return apart, own
 
 
+def free(space: FreeSpace, chains: dict[str, Chain], draw: np.random.Generator) -> dict[str, np.ndarray]:
+    """Return free postures of chance, the tools over the floor."""
+    while True:
+        rows = {robot: draw.uniform(chain.lower, chain.upper) for robot, chain in chains.items()}
+        low = min(chain.forward(rows[robot])[0, 2, 3] for robot, chain in chains.items())
+        if low > LOW and not space.hits(np.concatenate(list(rows.values())), 0.5):
+            return rows
+
+
+def begin_at(cell: Workcell, start: dict[str, np.ndarray]) -> None:
+    """Have robots stand in postures."""
+    cell.state = State(start, {robot: np.zeros_like(q) for robot, q in start.items()}, start)
+
+
 def measured(cell: Workcell, queries: int) -> list[str]:
     """Return what came of queries: how many were solved, seconds, and the deepest of all looks."""
     robots, draw = list(cell.config.robots), np.random.default_rng(0)
     space, chains = cell.free_space(robots), {robot: cell.arm(robot).chain for robot in robots}
     looker, seconds, deep = StationModel(cell.config, itself=True), list[float](), [(0.0, 0.0)]
 
-    def free() -> dict[str, np.ndarray]:
-        while True:
-            rows = {robot: draw.uniform(chain.lower, chain.upper) for robot, chain in chains.items()}
-            low = min(chain.forward(rows[robot])[0, 2, 3] for robot, chain in chains.items())
-            if low > LOW and not space.hits(np.concatenate(list(rows.values())), 0.5):
-                return rows
-
     for _ in range(queries):
-        start, end = free(), free()
-        cell.state = State(start, {robot: np.zeros_like(q) for robot, q in start.items()}, start)
+        start, end = free(space, chains, draw), free(space, chains, draw)
+        begin_at(cell, start)
         begin = time.process_time()
         try:
             moves = [MoveFree(joints=tuple(end[robot])) for robot in robots]

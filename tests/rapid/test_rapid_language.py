@@ -179,6 +179,21 @@ def test_what_depends_on_what_was_left_out_is_left_out_and_told():
     assert [remark.line for remark in done.remarks] == [6, 7, 8]
 
 
+def test_a_loop_without_a_round_is_left():
+    assert told("FOR i FROM 3 TO 1 STEP 1 DO Tell i; ENDFOR Tell 9;") == [9.0]
+
+
+def test_an_error_after_what_was_left_out_is_left_out_too():
+    main = "reg1:=qqqq;\nTell 1;\nTell reg2.x;\nTell 3;"
+    found = []
+    done = Interpreter(
+        modules_of(module(main), "Test.mod"),
+        {"tell": lambda call: found.append(call.value(0))}, {}, {}.get, 1,
+    )  # fmt: skip
+    done.run()
+    assert found == [1.0, 3.0]
+
+
 def test_a_parameter_that_is_a_signal_has_its_level_in_expressions():
     sub = "PROC Sub(VAR signaldi at)\n Tell at; IF at=1 Tell 7;\nENDPROC"
     assert told("Sub diPart;", sub, inputs={"dipart": 1.0}) == [1.0, 7.0]
