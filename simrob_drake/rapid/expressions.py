@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from simrob_drake.errors import SimrobError, nearest
-from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Remark, Routine, Scope, declared
+from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Remark, Routine, Scope, declared, expression
 from simrob_drake.rapid.values import RecordValue, SignalName, Unknown, Value, WrongType, shape
 
 _LONGEST = 1000  # letters of a string
@@ -124,6 +124,13 @@ class Expressions:
         remark = Remark(self._scope.file, _line(node), text, lost)
         if remark not in self.remarks:
             self.remarks.append(remark)
+
+    def read(self, text: str) -> Value:
+        """Return the value that a text writes; raises WrongType: it is none."""
+        try:
+            return self.value(expression(text))
+        except RapidError as problem:
+            raise WrongType(str(problem)) from problem
 
     def where(self, node: Node) -> str:
         """Return the file and the line of something."""

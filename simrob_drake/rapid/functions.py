@@ -12,6 +12,7 @@ from simrob_drake.rapid.expressions import Call
 from simrob_drake.rapid.values import (
     RecordValue,
     Value,
+    WrongType,
     number_text,
     orient_of,
     place_of,
@@ -99,6 +100,22 @@ def _str_find(call: Call) -> Value:
     return float(next(places, len(text) + 1))
 
 
+def _str_match(call: Call) -> Value:
+    text, place = call.value(0, "string"), int(call.value(1, "num")) - 1
+    found = text.find(call.value(2, "string"), max(place, 0))
+    return float(found + 1 if found >= 0 else len(text) + 1)
+
+
+def _str_to_val(call: Call) -> Value:
+    """Give data the value that a text writes, and tell whether it is one of its type."""
+    text, place = call.value(0, "string"), call.place(1)
+    try:
+        place.set(call.task.types.fitted(place.kind, call.task.read(text), place.dimensions))
+    except WrongType:
+        return False
+    return True
+
+
 def _dim(call: Call) -> Value:
     array = call.value(0)
     for _ in range(int(call.value(1, "num")) - 1):
@@ -142,6 +159,8 @@ FUNCTIONS: Mapping[str, Callable[[Call], Value]] = {
     "strlen": lambda call: float(len(call.value(0, "string"))),
     "strpart": _str_part,
     "strfind": _str_find,
+    "strmatch": _str_match,
+    "strtoval": _str_to_val,
     "bytetostr": lambda call: f"{int(call.value(0, 'num'))}",
     "dim": _dim,
     "present": lambda call: call.has_parameter(0),

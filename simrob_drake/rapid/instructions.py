@@ -278,6 +278,9 @@ _WITHOUT_EFFECT = re.findall(
     bookerrno errlog setsysdata cornerpathwarning skipwarn""",
 )
 """What changes nothing of what the robot does."""
+_OF_ZONES = re.findall(
+    r"\w+", "wzboxdef wzcyldef wzsphdef wzhomejointdef wzlimjointdef wzlimsup wzdoset wzenable wzdisable wzfree"
+)
 _OF_UNITS = "there are no external axes, nor other mechanical units"
 
 INSTRUCTIONS: Mapping[str, Instruction] = {
@@ -294,6 +297,7 @@ INSTRUCTIONS: Mapping[str, Instruction] = {
         _remarking("no other task runs, for which a controller would wait, and whose moves would take as long"),
     ),
     "waittestandset": _test_and_set,
+    **dict.fromkeys(_OF_ZONES, _remarking("world zones are not watched; monitors of a station can do that")),
     "worldacclim": _remarking("acceleration in the world is not bounded by it; PathAccLim bounds that of the tool"),
     "singarea": _remarking("the tool keeps its orientation near singularities", unless="off"),
     "circpathmode": _remarking("the tool turns evenly along an arc", unless="pathframe"),

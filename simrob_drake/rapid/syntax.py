@@ -105,6 +105,15 @@ def predefined() -> Module:
     return modules_of(text_of(_HERE / "predefined.sys"), "predefined.sys")[0]
 
 
+def expression(text: str) -> Node:
+    """Return a text as an expression; raises RapidError: it is none."""
+    (module,) = modules_of(f"MODULE a\nCONST num b:={text};\nENDMODULE", "text")
+    parts = [item.children[2] for node in module.declarations if node.data == "data" for item in node.children[3:]]
+    if module.faults or len(parts) != 1:
+        raise RapidError("text", f"'{shortened(text, 60)}' is no value")
+    return parts[0]
+
+
 def _text(file: Path) -> str:
     try:
         content = content_of(file, _LARGEST)

@@ -55,6 +55,11 @@ def interpreter(main: str, more: str = "", cycles: int = 1) -> Interpreter:
         ("DotProd([1,2,3],[1,0,1])", 4.0),
         ("Distance(PoseVect([[10,0,0],[1,0,0,0]],[5,0,0]),[15,0,0])", 0.0),
         ("Fac(5)", 120.0),
+        ('StrMatch("robotics",1,"tic")', 5.0),
+        ('StrMatch("robotics",6,"bo")', 9.0),
+        ('StrToVal("-3.5",reg1)', True),
+        ('StrToVal("12 ",p)', False),
+        ('StrToVal("x;",reg1)', False),
     ],
 )
 def test_expressions_are_worked_out(expression, value):
@@ -177,6 +182,12 @@ def test_what_depends_on_what_was_left_out_is_left_out_and_told():
     done.run()
     assert found == [5.0]
     assert [remark.line for remark in done.remarks] == [6, 7, 8]
+
+
+def test_texts_become_values():
+    assert told('IF StrToVal("[1,2,3]",p) Tell p.y; Tell StrToVal("TRUE",b); Tell b;', "VAR pos p; VAR bool b;") == [
+        2.0, True, True,
+    ]  # fmt: skip
 
 
 def test_a_loop_without_a_round_is_left():
