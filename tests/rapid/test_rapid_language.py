@@ -184,6 +184,14 @@ def test_what_depends_on_what_was_left_out_is_left_out_and_told():
     assert [remark.line for remark in done.remarks] == [6, 7, 8]
 
 
+def test_a_loop_that_waits_for_what_was_left_out_is_left_and_told():
+    done = interpreter("VAR bool more:=TRUE;\nWHILE more DO\n more:=Qqqq();\n reg1:=reg1+1; more:=TRUE;\nENDWHILE")
+    assert [(remark.line, remark.text) for remark in done.remarks] == [
+        (6, "there is no function 'Qqqq'; left out"),
+        (5, "a loop that does not end within 100 rounds is left: see what is lost"),
+    ]
+
+
 def test_texts_become_values():
     assert told('IF StrToVal("[1,2,3]",p) Tell p.y; Tell StrToVal("TRUE",b); Tell b;', "VAR pos p; VAR bool b;") == [
         2.0, True, True,
