@@ -258,6 +258,14 @@ def _remarking(text: str, *, unless: str = "") -> Instruction:
     return tell
 
 
+def _ask(controller: Controller, call: Call) -> None:
+    """Give data what an operator answers: an input of its name in the table of signals."""
+    asked = call.argument(0)
+    while asked.data != "name":
+        asked = asked.children[0]
+    call.place(0).set(controller.read(call, str(asked.children[0]).lower()))
+
+
 def _test_and_set(controller: Controller, call: Call) -> bool:
     """Set a flag that tasks share, and tell whether it was not set; no other task would release it."""
     place = call.place(0)
@@ -328,6 +336,7 @@ INSTRUCTIONS: Mapping[str, Instruction] = {
     "confj": _configured("j"),
     "confl": _configured("l"),
     "tpwrite": _write,
+    **dict.fromkeys(("tpreadfk", "tpreadnum", "tpreaddnum"), _ask),
     "incr": _counted(lambda call: 1.0),
     "decr": _counted(lambda call: -1.0),
     "add": _counted(lambda call: call.value(1, "num")),

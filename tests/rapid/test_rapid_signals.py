@@ -70,6 +70,15 @@ def test_inputs_are_waited_for(done, main, time):
     assert all(isinstance(move, WaitMove) for move in waited.program.moves)
 
 
+def test_an_operator_answers_with_an_input_called_as_the_data(done):
+    asked = 'TPReadFK reg1,"Part?","A","B","","","";\nTPReadNum reg2,"How many?";\nWaitTime reg1;'
+    answered = done(asked, "signals: {reg1: {is: 2}}")
+    assert answered.time == pytest.approx(2.0, abs=1e-5)
+    assert [str(remark) for remark in answered.lost] == [
+        "Test.mod: line 4: nothing is known of the input reg2, it is taken as 0: name it in a table, --io"
+    ]
+
+
 def test_what_never_comes_or_is_not_known_is_told(done):
     never = done("WaitTime 1; WaitDI diReady,0;\nWaitDI diOther,1;\nSetDO doOther,1;")
     assert [str(remark) for remark in never.remarks] == [
