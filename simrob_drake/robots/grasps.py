@@ -62,7 +62,7 @@ class Stroke:
     def effort(self, part: float) -> float:
         """Return the effort of each axis [N·m, or N] a newton with which each finger presses, by virtual work."""
         slope = float(np.interp(part, _PARTS, np.gradient(self.gaps, _PARTS)))
-        return self.fingers * slope / 2 / self.way
+        return self.fingers * max(slope, _LEAST) / 2 / self.way
 
 
 def stroke_of(model: RobotModel) -> Stroke | None:

@@ -20,6 +20,7 @@ from simrob_drake.stations.servos import servo_gains
 
 _SHORTEST = 0.5  # s
 _EASY = 2.2  # times the time of a way at full speed: a smooth move is at most 1.9 times as fast as on average
+_ALIKE = 1e-6  # parts of an effort
 _USUAL = 100.0  # N: many files know no limit of a hand's motors, and have one that crushes what it holds
 
 
@@ -71,9 +72,12 @@ class FingerMove(Move):
         if force is None:
             return run([plan], None)
         known = _known(stroke, model, "force", force)
-        self._press(cell, planning, force * known.effort(_open_part(model, cell.position(name))))
+        effort = force * known.effort(_open_part(model, cell.position(name)))
+        self._press(cell, planning, effort)
         result = run([plan], None)
-        self._press(cell, planning, force * known.effort(_open_part(model, cell.position(name))))
+        last = force * known.effort(_open_part(model, cell.position(name)))
+        if not np.isclose(last, effort, rtol=_ALIKE):
+            self._press(cell, planning, last)
         return result
 
     def _press(self, cell: ArmStation, planning: Planning, effort: float) -> None:
