@@ -95,8 +95,15 @@ class Servos:
             np.add.at(self._applied, self._driven, extra)
         (mujoco.mj_step2 if begun else mujoco.mj_step)(self._model, self._data)
         torque = self.torques(desired, extra)
-        beyond = self._sides(torque) if self._has_lines else np.abs(torque) > self._limits
-        return self._settled(desired, extra, forces, start, torque) if beyond.any() else torque
+        return torque if self._have(torque) else self._settled(desired, extra, forces, start, torque)
+
+    def _have(self, torque: Vector) -> bool:
+        """Tell whether the motors have torques (m,) at the speeds of the data: as ``_sides`` tells, but quicker."""
+        if not (np.abs(torque) <= self._limits).all():
+            return False
+        return not self._has_lines or bool(
+            (np.abs(torque + self._slopes * self._qvel[self._speeds]) <= self._stalls).all()
+        )
 
     def _settled(
         self,
