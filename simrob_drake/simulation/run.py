@@ -25,6 +25,7 @@ from simrob_drake.stations.solver_config import FixedSteps
 from simrob_drake.stations.steps import step_findings
 
 OnStep = Callable[[float, Vector], None]
+_WITHOUT_ALL = (FAILED, "diverged")  # endings at which not every signal can be evaluated
 _NOTHING = StateHistory(np.zeros(1), np.zeros((1, 0)))
 
 
@@ -73,13 +74,14 @@ class Run:
         began = perf_counter()
         ports, stop = self.whole.ports, watch.stop if outcome.ending == "monitor" else None
         history = recorder.history(stop.count if stop else None)
+        tolerant = outcome.ending in _WITHOUT_ALL
         sampler = Sampler(
             self.whole.diagram,
             ports,
             history,
             held=self._held_ports(),
             prepare=self.prepare,
-            tolerant=outcome.ending == FAILED,
+            tolerant=tolerant,
         )
         if stop is not None and not (isinstance(self.config.solver, FixedSteps) and self.config.mode == "dynamic"):
             hold = ports.monitors[stop.name].hold
@@ -116,7 +118,10 @@ class Run:
             context=None if self.config.mode == "kinematic" else lambda: sampler.looked_at,
             shortened=self.stepper.shortened,
             final_state=State.of(
-                self.whole.diagram, ports, sampler.context_at(sampler.history.end), tolerant=outcome.ending == FAILED
+                self.whole.diagram,
+                ports,
+                sampler.context_at(sampler.history.end),
+                tolerant=tolerant,
             ),
             **known,
         )

@@ -261,8 +261,9 @@ class Stepper:
 
     def _diverged(self, recorder: Recorder, problem: BaseException) -> Outcome:
         first_sentence = " ".join(str(problem).split()).split(". ")[0].rstrip(".")
-        cause = likely_cause(self._config, self.built.ports.plant)
-        return Outcome("diverged", DIVERGED, f"diverged at {recorder.history().end:.4g} s: {first_sentence}; {cause}")
+        own = isinstance(problem, ValueError) or "cannot be computed" in first_sentence  # what a block computes
+        cause = "" if own else f"; {likely_cause(self._config, self.built.ports.plant)}"
+        return Outcome("diverged", DIVERGED, f"diverged at {recorder.history().end:.4g} s: {first_sentence}{cause}")
 
 
 def interrupted(config: StationConfig, recorder: Recorder) -> Outcome:

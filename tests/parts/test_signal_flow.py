@@ -120,3 +120,25 @@ def test_an_open_input_is_driven_by_a_block_of_the_users_own():
     direct = simulate(arm(LAW, **LAWFUL), duration=0.6, progress=False)
     np.testing.assert_allclose(driven["q.joint_1"], direct["q.joint_1"], atol=0.02)  # late by a millisecond
     assert np.ptp(direct["q.joint_1"]) > 0.4
+
+
+@pytest.mark.parametrize(
+    ("blocks", "message"),
+    [
+        ({"S": {"kind": "function", "function": "sqrt", "of": {"time": 1, "one": -1}}}, "diverged at 0 s: sqrt(-1)"),
+        (
+            {
+                "I": {"kind": "delay", "of": "one", "period": 0.01},
+                "S": {"kind": "function", "function": "pow", "of": ["I", {"one": -1}], "period": 0.01},
+            },
+            "the block S cannot be computed of [0.0, -1.0]",
+        ),
+    ],
+)
+def test_what_cannot_be_computed_at_the_start_ends_the_run_in_one_line(blocks, message):
+    law = {"kind": "signal_flow", "blocks": blocks, "torque": {"joint_1": {"S": 0.1}}}
+    run = simulate(load_station("irb120_dynamic", {"controllers": {"law": law}, "duration": 0.1}), progress=False)
+    assert run.ending == "diverged"
+    assert message in run.message
+    assert "stiff" not in run.message
+    assert run.stop_time == 0.0
