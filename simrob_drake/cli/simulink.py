@@ -49,7 +49,11 @@ class ModelReading:
         typer.Option(metavar="FILE", help="Variables of a Simulink model: .mat, or an .m of assignments."),
     ] = None
     assume: Annotated[
-        bool, typer.Option("--assume", help="Take a block's default where a variable of a Simulink model is unknown.")
+        bool,
+        typer.Option(
+            "--assume",
+            help="Take variables that a Simulink model lacks from files beside it, or defaults.",
+        ),
     ] = False
     octave: Annotated[
         bool,

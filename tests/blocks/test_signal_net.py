@@ -152,6 +152,16 @@ def test_a_block_without_states_is_its_equation(given, equation):
     np.testing.assert_allclose(y, equation(u, times), atol=1e-9)
 
 
+@pytest.mark.parametrize("given", [block("product", of=["zero"], divides=[0]),
+                                   block("function", function="pow", of=["zero", "minus"])])  # fmt: skip
+@pytest.mark.parametrize("sampled", [False, True])  # by Drake's expressions, and by numbers
+def test_what_is_divided_by_zero_is_infinite(given, sampled):
+    beside = {"Delay": (block("delay", period=0.01), [[(U, 1.0)]])} if sampled else {}
+    inputs = [[(U, 0.0)], [(ONE, -1.0)]][: len(given.inputs)]
+    _, _, (y, *_) = run({"B": (given, inputs), **beside})
+    assert np.all(y == np.inf)
+
+
 def test_a_loop_through_an_integrator_is_none_and_one_through_a_gain_is():
     loop = {"I": (block("integrator", initial=1.0), [[(4, -2.0)]]), "K": (block("sum"), [[(FIRST, 1.0)]])}
     times, _, (y, _) = run(loop)

@@ -91,6 +91,22 @@ def test_defaults_are_taken_only_where_the_user_asks(tmp_path):
     assert imported.fidelity == "mechanics complete; 3 figures assumed"
 
 
+def test_variables_are_taken_from_the_files_that_set_most_of_them(tmp_path):
+    (tmp_path / "other.m").write_text("Kp = 1;\n")
+    (tmp_path / "start.m").write_text("clear\nKw = 4; Kp = 70; K9 = 1;\nsim('model')\n")
+    (tmp_path / "function_of.m").write_text("function x = function_of(y)\nKw = 5; Kp = 6;\nx = Kp * Kw * y;\n")
+    model = pendulum(tmp_path / "model.slx", workspace="theta0 = 20;")
+    with pytest.raises(InvalidModel, match="only MATLAB knows: Kp"):
+        import_simulink(model, tmp_path / "out")
+    imported = import_simulink(model, tmp_path / "out", assume=True)
+    assert load_station(imported.station).controllers["law"].blocks["Limit"].of == pytest.approx(
+        {"q.Shoulder": -70.0, "v.Shoulder": -4.0, "q_ref.Shoulder": 70.0}
+    )
+    assert imported.fidelity == "mechanics complete"
+    taken = [entry.text.partition(" ")[0] for entry in imported.report.entries if entry.element == "start.m"]
+    assert sorted(taken) == ["Kp", "Kw"]
+
+
 def test_open_inputs_are_told(tmp_path):
     report = read_simulink(pendulum(tmp_path / "arm.slx", law=False)).report
     assert [(entry.kind, entry.element, entry.text) for entry in report.entries] == [

@@ -15,7 +15,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.sections import Instant, NotNegative, Number, Strict
 
 _SAME = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "floor",
-         "ceil", "pow")  # fmt: skip
+         "ceil")  # fmt: skip
 
 _ZERO = Expression(0.0)
 
@@ -46,8 +46,16 @@ def _of(name: str) -> Callable[..., Any]:
     return lambda *values: symbolic(*(_ZERO + value for value in values)) if _symbolic(*values) else numeric(*values)
 
 
+def power(base: Any, exponent: Any) -> Any:
+    """Return a power, infinite where 0 has a negative exponent."""
+    if _symbolic(base, exponent):
+        return drake.pow(_ZERO + base, _ZERO + exponent)
+    return math.inf if base == 0 and exponent < 0 else math.pow(base, exponent)
+
+
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: _of(name) for name in _SAME},
+    "pow": power,
     "abs": abs,
     "min": least,
     "max": largest,
@@ -171,7 +179,7 @@ class Sums(FlowBlock):
 
 
 class Product(FlowBlock):
-    """Inputs multiplied, and divided by those at ``divides``."""
+    """Inputs multiplied, and divided by those at ``divides``; a division by 0 is infinite."""
 
     takes = 1, 100
     kind: Literal["product"]
@@ -180,7 +188,7 @@ class Product(FlowBlock):
 
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
-        return (math.prod(1 / part if place in self.divides else part for place, part in enumerate(u)),)
+        return (math.prod(power(part, -1) if place in self.divides else part for place, part in enumerate(u)),)
 
 
 class Saturation(Bounded):

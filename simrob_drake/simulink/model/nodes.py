@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,8 @@ from simrob_drake.simulink.values.mat import stored_workspace
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor
 from simrob_drake.simulink.values.workspace import Octave, Variables
+
+_NAME = re.compile(r"(?<![\w.])[A-Za-z]\w*")
 
 
 @dataclass
@@ -238,6 +242,9 @@ def expand(
     """
     code = "\n".join(model.callbacks.values())
     called = Variables(name="callbacks", variables=dict(variables), code=code, octave=octave, files=libraries)
+    if findings.assume:
+        offered = libraries.offered(_names(model.system)).items()
+        called.spare = {name: partial(_spare, findings.report, name, *found) for name, found in offered}
     stored = stored_workspace(model.stored) or {}
     written = Variables(name=model.name, variables=stored, code=model.code, outer=called)
     workspace = Variables(name="given", variables=variables, outer=written)
@@ -254,6 +261,21 @@ def expand(
     expanded = Expanded(model, root, findings, libraries)
     expanded.fill(root)
     return expanded
+
+
+def _names(system: System) -> set[str]:
+    """Return all names in the parameters of a system's blocks and masks."""
+    found: set[str] = set()
+    for block in system.blocks.values():
+        masked = [parameter.value for parameter in block.mask.parameters] if block.mask else []
+        found.update(*(_NAME.findall(text) for text in [*block.parameters.values(), *masked]))
+        found |= _names(block.system) if block.system else set()
+    return found
+
+
+def _spare(report: ImportReport, name: str, file: str, value: Any) -> Any:
+    report.add("approximated", file, f"{name} is taken from it, for the model's own workspaces do not have it")
+    return value
 
 
 def path_below(parent: Node, block: SimulinkBlock) -> str:

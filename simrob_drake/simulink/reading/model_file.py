@@ -8,6 +8,7 @@ import re
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -28,12 +29,15 @@ from simrob_drake.simulink.reading.graph import (
     read_defaults,
     read_mask,
 )
+from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.mat import variables_of_mat
+from simrob_drake.simulink.values.syntax import NotUnderstood
 
 MOST_PARTS = 20_000
 LARGEST_PART = 64 * 2**20  # bytes
 LARGEST_MODEL = 256 * 2**20  # bytes of all parts that are read
 
+_ASSIGNED = re.compile(r"^[ \t]*(\w+)[\w.()]*[ \t]*=(?!=)", re.MULTILINE)
 _STORED = "simulink/modelWorkspace.mxarray"
 _TEXT_PACKAGE = b"__MWOPC_PACKAGE_BEGIN__"
 _TEXT_PART = re.compile(rb"^__MWOPC_PART_BEGIN__ (\S.*?)\s*$\n", re.MULTILINE)
@@ -248,6 +252,22 @@ class Libraries:
             return None if file is None else variables_of_mat(file)
         except InvalidParameter:
             return None
+
+    def offered(self, names: set[str]) -> dict[str, tuple[str, Any]]:
+        """Return the variables of these names that files set, and the file: that which sets more of them."""
+        files = {name: file for name, file in self._files.items() if file.suffix in (".m", ".mat")}
+        found = {name: self._set_by(file, names) for name, file in files.items()}
+        ranked = sorted(found, key=lambda name: len(found[name]))
+        return {variable: (name, found[name][variable]) for name in ranked for variable in found[name]}
+
+    def _set_by(self, file: Path, names: set[str]) -> dict[str, Any]:
+        run = CodeRun({}, files=self)
+        if file.suffix == ".mat":
+            run.variables.update(self.variables(file.stem) or {})
+        elif names.intersection(_ASSIGNED.findall(code := self.script(file.stem))):
+            with suppress(NotUnderstood):
+                run.run(code)
+        return {name: run.variables[name] for name in names & run.variables.keys() - run.unknown}
 
     def _find(self, name: str, suffixes: tuple[str, ...] = _SUFFIXES) -> Path | None:
         return self._files.get(next((name + suffix for suffix in suffixes if name + suffix in self._files), ""))

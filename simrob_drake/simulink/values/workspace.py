@@ -99,6 +99,7 @@ class Variables:
     files: Files | None = None  # what code may name; those of the outer levels unless given
     texts: dict[str, str] = field(default_factory=dict)  # parameters of a mask, as they are written
     absent: set[str] = field(default_factory=set)  # files that code takes variables from, and that are not there
+    spare: dict[str, Callable[[], Any]] = field(default_factory=dict)  # what counts where no code tells a variable
 
     def lookup(self, name: str) -> Any:
         """Return a variable's value (raises UndefinedVariable: no workspace has it)."""
@@ -109,6 +110,8 @@ class Variables:
             self._run()
         if name in self.variables:
             return self.variables[name]
+        if name in self.spare:
+            return self.variables.setdefault(name, self.spare[name]())
         if name in self.unknown:
             raise UndefinedVariable(name, f"it is set by code of '{self.name}' that only MATLAB runs")
         if self.outer is None:
