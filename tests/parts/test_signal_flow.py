@@ -129,9 +129,9 @@ def test_an_open_input_is_driven_by_a_block_of_the_users_own():
         (
             {
                 "I": {"kind": "delay", "of": "one", "period": 0.01},
-                "S": {"kind": "function", "function": "pow", "of": ["I", {"one": -1}], "period": 0.01},
+                "S": {"kind": "function", "function": "sqrt", "of": {"I": 1, "one": -1}, "period": 0.01},
             },
-            "the block S cannot be computed of [0.0, -1.0]",
+            "the block S cannot be computed of [-1.0]",
         ),
     ],
 )
