@@ -62,7 +62,8 @@ class Servos:
                 self._limits[own] = np.minimum(robot.gains.cap, _NO_LIMIT)
         self._has_lines = bool(self._slopes.any())
         self._kp, self._kd = (np.array([getattr(own, key) if own else 0.0 for own in gains]) for key in "pd")
-        self._model, self._data = model, data
+        self._model, self._data, self._step = model, data, model.opt.timestep
+        self._gains, self._biases = model.actuator_gainprm[:, 0], model.actuator_biasprm
         self._qpos, self._qvel, self._control, self._applied = data.qpos, data.qvel, data.ctrl, data.qfrc_applied
 
     def torques(self, desired: Vector, extra: Vector | None) -> Vector:
@@ -95,15 +96,8 @@ class Servos:
             np.add.at(self._applied, self._driven, extra)
         (mujoco.mj_step2 if begun else mujoco.mj_step)(self._model, self._data)
         torque = self.torques(desired, extra)
-        return torque if self._have(torque) else self._settled(desired, extra, forces, start, torque)
-
-    def _have(self, torque: Vector) -> bool:
-        """Tell whether the motors have torques (m,) at the speeds of the data: as ``_sides`` tells, but quicker."""
-        if not (np.abs(torque) <= self._limits).all():
-            return False
-        return not self._has_lines or bool(
-            (np.abs(torque + self._slopes * self._qvel[self._speeds]) <= self._stalls).all()
-        )
+        found = self._sides(torque)
+        return torque if found is None else self._settled(desired, extra, forces, start, torque, found)
 
     def _settled(
         self,
@@ -112,53 +106,60 @@ class Servos:
         forces: Vector | float,
         start: tuple[Vector, Vector],
         torque: Vector,
+        found: Vector | None,
     ) -> Vector:
         """Make a step again until servos and limits agree; contacts are what they are with all servos."""
-        contact, felt, softness = self._data.contact, self._inverse_masses(), self._data.contact.solref.copy()
-        sides, found = np.zeros(self.count), self._sides(torque)
+        softness, felt = self._data.contact.solref.copy(), self._inverse_masses()
+        sides = np.zeros(self.count)
         try:
             for again in range(_ROUNDS):
+                found = np.zeros(self.count) if found is None else found
+                found[found * sides < 0] = 0.0  # from one limit the way to the other leads between them
                 if (found == sides).all():
                     return np.where(sides, self._bound(np.sign(sides)), torque)
                 sides = found if again < _TOGETHER else _first_changed(sides, found)
                 self._drive(sides, extra, forces)
-                for _ in range(2):
+                for twice in (False, True):
+                    if again or twice:
+                        self._data.contact.solref[:] = softness * (self._inverse_masses() / felt)[:, np.newaxis]
                     self._qpos[:], self._qvel[:] = start
                     mujoco.mj_step2(self._model, self._data)
-                    contact.solref[:] = softness * (self._inverse_masses() / felt)[:, np.newaxis]
                 torque = self.torques(desired, extra)
                 found = self._sides(torque)
-                found[found * sides < 0] = 0.0  # from one limit the way to the other leads between them
         finally:
-            self._give_gains(np.zeros(self.count))
+            self._give_gains(self._kp, self._kd)
         raise RuntimeError("servos at their torque limits and MuJoCo's contacts do not settle within a step")
 
-    def _sides(self, torque: Vector) -> Vector:
+    def _sides(self, torque: Vector) -> Vector | None:
+        """Return at which limits or lines motors are that ask for torques (m,), 0 for none; None: they all are not."""
+        limit = np.abs(torque) - self._limits
+        if not self._has_lines:
+            return np.where(limit > 0, np.sign(torque), 0.0) if limit.max(initial=0.0) > 0 else None
         braked = torque + self._slopes * self._qvel[self._speeds]
-        line, limit = np.abs(braked) - self._stalls, np.abs(torque) - self._limits
-        side = np.where(line > limit, _LINE * np.sign(braked), np.sign(torque))
-        return np.where(np.maximum(line, limit) > 0, side, 0.0)
+        line = np.abs(braked) - self._stalls
+        most = np.maximum(line, limit)
+        if not most.max(initial=0.0) > 0:
+            return None
+        return np.where(most > 0, np.where(line > limit, _LINE * np.sign(braked), np.sign(torque)), 0.0)
 
     def _drive(self, sides: Vector, extra: Vector | None, forces: Vector | float) -> None:
-        """Let servos within their limits follow their gains, and the others give what they can."""
-        added = np.zeros(self.count) if extra is None else extra
-        self._give_gains(sides)
+        """Let servos within their limits follow their gains, those at lines brake, and the others give their limits."""
+        within, lines = sides == 0, np.abs(sides) == _LINE
+        self._give_gains(within * self._kp, np.where(within, self._kd, lines * self._slopes))
         self._applied[:] = forces
-        ends = np.sign(sides) * np.where(np.abs(sides) == _LINE, self._stalls, self._limits)
-        np.add.at(self._applied, self._driven, np.where(sides, ends, added))
+        ends = np.sign(sides) * np.where(lines, self._stalls, self._limits)
+        np.add.at(self._applied, self._driven, np.where(within, 0.0 if extra is None else extra, ends))
 
-    def _give_gains(self, sides: Vector) -> None:
-        """Give servos (m,) between their limits their gains, and those at their lines the slopes of these."""
-        model, slopes = self._model, np.where(np.abs(sides) == _LINE, self._slopes, 0.0)
-        kp, kd = np.where(sides, 0.0, self._kp)[self._servos], np.where(sides, slopes, self._kd)[self._servos]
-        model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1], model.actuator_biasprm[:, 2] = kp, -kp, -kd
+    def _give_gains(self, kp: Vector, kd: Vector) -> None:
+        kp = kp[self._servos]
+        self._gains[:], self._biases[:, 1], self._biases[:, 2] = kp, -kp, -kd[self._servos]
 
     def _inverse_masses(self) -> npt.NDArray[np.float64]:
         """Return what MuJoCo takes for the inverse mass of each contact, times one minus its impedance."""
-        contact, step = self._data.contact, self._model.opt.timestep
+        contact, step, softness = self._data.contact, self._step, self._data.contact.solref
         if not self._data.nefc:
             return np.ones(self._data.ncon)
-        part = contact.solimp[:, 0] - step * contact.solref[:, 1] - step**2 * contact.solref[:, 0]
+        part = contact.solimp[:, 0] - step * softness[:, 1] - step**2 * softness[:, 0]
         return np.asarray(self._data.efc_R[contact.efc_address] * part)
 
 
