@@ -97,6 +97,26 @@ def test_a_loop_begins_at_speeds_that_keep_it_closed(tmp_path, priority, kept):
     np.testing.assert_allclose(result.axes("v")[0], speeds, atol=1e-9)
 
 
+def test_a_loop_begins_where_a_motion_holds_its_crank(tmp_path):
+    """The next hinge asks for an angle many turns away that it cannot have: the crank does not give way for that."""
+    level = four_bar()
+    driven = {"MotionActuationMode": "InputMotion", "TorqueActuationMode": "ComputedTorque"}
+    for joint, given in (("Joint1", driven), ("Joint2", target("Position", "40", "rad", "High"))):
+        place = next(place for place, text in enumerate(level.blocks) if f'Name="{joint}"' in text)
+        figures = "".join(f'<P Name="{key}">{text}</P>' for key, text in given.items())
+        level.blocks[place] = level.blocks[place].replace("<InstanceData>", f"<InstanceData>{figures}")
+    angle, into = level.block("Constant", "Angle", Value="1.1"), level.block(TO_PHYSICS, "In", Unit="rad")
+    crank = next(text for text in level.blocks if 'Name="Joint1"' in text).partition('SID="')[2].partition('"')[0]
+    level.wire(f"{angle}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{crank}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    (robot,) = imported.files.robots.values()
+    starts = np.array([freedom.start for freedom in robot.tree.freedoms])
+    assert starts[0] == 1.1
+    assert abs(starts[1] - 40) < np.pi
+    assert max(np.abs(closing.gap(body_poses(robot.tree, starts))).max() for closing in robot.tree.closings) < 1e-9
+
+
 def test_each_joint_has_the_stops_of_its_own(tmp_path):
     """Into a spring of k an inertia of 1 kg m² at 1 rad/s goes 1/sqrt(k) deep."""
     level = Level()

@@ -140,6 +140,7 @@ def _turned(pose: RigidTransform) -> Vector:
 
 
 _CLOSED, _LOOSE = 1e-6, 4e-4  # m and rad: what is no gap, and what a station takes of one that rounded figures leave
+PRESCRIBED = 1.0  # how much a start counts that a motion gives: nothing moves it
 _NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
 _CHANGES = 1e-3  # by so much of its largest factor a gear's factors may change with the posture
 _CUT: dict[str, Literal["hinge", "ball"]] = {"Revolute Joint": "hinge", "Spherical Joint": "ball"}
@@ -218,8 +219,20 @@ def _settle(tree: Tree, screws: Vector) -> None:
     def gaps_and_wishes(positions: Vector) -> Vector:
         return np.concatenate([gaps(positions), held * (positions - desired)])
 
-    near = least_squares(gaps_and_wishes, desired)
-    found = least_squares(gaps, near.x, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+    found, moves = least_squares(gaps_and_wishes, desired).x, held < PRESCRIBED
+    found[~moves] = desired[~moves]
+
+    def posture(moving: Vector) -> Vector:
+        found[moves] = moving
+        return found
+
+    if moves.any():
+        last = least_squares(lambda moving: gaps(posture(moving)), found[moves], xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        found = posture(last.x)
+    endless = np.array(
+        [freedom.turns and freedom.lower == -np.inf and freedom.upper == np.inf for freedom in tree.freedoms]
+    )
+    found -= endless * 2 * np.pi * np.round((found - desired) / (2 * np.pi))
     node = tree.closings[0].node if tree.closings else tree.branches[0].link.joint.node
     if (gap := float(np.abs(gaps(found)).max())) > _LOOSE:
         node.note("lost", f"closes a loop that does not close: {1e3 * gap:.3g} mm are left; give starts")

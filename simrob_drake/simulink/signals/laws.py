@@ -23,6 +23,7 @@ from simrob_drake.simulink.mechanics.bodies import (
     RigidPart,
 )
 from simrob_drake.simulink.mechanics.joints import Freedom, Joint
+from simrob_drake.simulink.mechanics.loops import PRESCRIBED
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, limited, table_of
 from simrob_drake.simulink.signals.forms import (
@@ -42,7 +43,7 @@ from simrob_drake.simulink.signals.frame_sensing import PARTS, orientation
 from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9
-_INSTANT, _HARD = 1e-6, 1.0
+_INSTANT = 1e-6
 _PLACES = 3
 AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
 """What checks a block as it stands in a station's file."""
@@ -107,7 +108,7 @@ def begin_on_motions(laws: dict[Freedom, Law]) -> None:
             ):  # what writes it tells it, or it is a loop
                 continue
             freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
-            freedom.start_counts = freedom.speed_counts = _HARD
+            freedom.start_counts = freedom.speed_counts = PRESCRIBED
 
 
 def _at(value: Value, time: float) -> float:
