@@ -222,12 +222,12 @@ def _settle(tree: Tree, screws: Vector) -> None:
     found, moves = least_squares(gaps_and_wishes, desired).x, held < PRESCRIBED
     found[~moves] = desired[~moves]
 
-    def gaps_of(moving: Vector) -> Vector:
+    def left(moving: Vector) -> Vector:
         found[moves] = moving
         return gaps(found)
 
     if moves.any():
-        found[moves] = least_squares(gaps_of, found[moves], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        found[moves] = least_squares(left, found[moves], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
     endless = np.array(
         [freedom.turns and freedom.lower == -np.inf and freedom.upper == np.inf for freedom in tree.freedoms]
     )
