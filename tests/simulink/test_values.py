@@ -60,6 +60,7 @@ VARIABLES = {
         ("(1<2) && ~(3==4)", [[1]]),
         ("zeros(2,1)", [[0], [0]]),
         ("1 ... of two\n + 2", [[3]]),
+        ("1 + 2 ...", [[3]]),
     ],
 )  # fmt: skip
 def test_expressions(text, expected):

@@ -88,7 +88,7 @@ def closing(lines: list[str], start: int) -> int:
 
 def statements(code: str) -> list[str]:
     """Split code into statements: at line ends, ``;`` and ``,`` outside brackets and texts; comments go."""
-    code = re.sub(r"\.\.\.[^\n]*\n", " ", code.replace("\r", ""))
+    code = re.sub(r"\.\.\.[^\n]*(?:\n|$)", " ", code.replace("\r", ""))
     code = re.sub(r"^[ \t]*%\{[ \t]*\n.*?^[ \t]*%\}[ \t]*$", "", code, flags=re.DOTALL | re.MULTILINE)
     found: list[str] = []
     current, depth, quote = "", 0, ""

@@ -28,7 +28,7 @@ _TOKEN = re.compile(
     r"|(?P<operator>\.\^|\.\*|\./|\.'|==|~=|<=|>=|&&|\|\||[-+*/\\^<>=&|~!:;,.()\[\]{}'])"
 )
 _QUOTED = re.compile(r"'((?:[^'\n]|'')*)'|\"((?:[^\"\n]|\"\")*)\"")
-_SPACE = re.compile(r"(?:[ \t\r]|\.\.\.[^\n]*\n)+")
+_SPACE = re.compile(r"(?:[ \t\r]|\.\.\.[^\n]*(?:\n|$))+")
 _LEVELS = ("||",), ("&&",), ("|",), ("&",), ("==", "~=", "<", ">", "<=", ">="), (":",), ("+", "-"), (
     "*", "/", "\\", ".*", "./"), ("unary",), ("^", ".^")  # fmt: skip
 _BINDS = {operator: level for level, operators in enumerate(_LEVELS, start=1) for operator in operators}
