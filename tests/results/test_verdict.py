@@ -21,6 +21,9 @@ def run(name, overrides=None, **options):
     return simulate(load_station(name, overrides), progress=False, **options)
 
 
+JOINTS = [f"joint_{number}" for number in range(1, 7)]
+
+
 @pytest.fixture(scope="module")
 def weak():
     """A move of 50 deg that a torque of 2 N·m can't begin to do."""
@@ -67,6 +70,17 @@ def test_a_run_that_does_as_asked_has_no_warnings():
     assert well.verdict["final_error"].worst.value < np.deg2rad(3)
     assert well.verdict.sample_rate == 100
     assert well.verdict.contact_rate is None
+
+
+def test_a_hinge_without_a_motor_among_others_is_asked_nothing():
+    none = {"joint_5": 0.0}
+    loose = {"servo.kp": {**dict.fromkeys(JOINTS, 1e4), **none}, "servo.kd": {**dict.fromkeys(JOINTS, 100.0), **none}}
+    own = {"servo.feedforward": "none", "inputs": [], "reference": {"kind": "hold"}, "duration": 0.5}
+    run = simulate(load_station("irb120_dynamic", {**loose, **own}), progress=False)
+    assert np.ptp(run.axes("q")[:, 4]) > 0.1
+    assert run.verdict["largest_error"].worst.subject != "joint_5"
+    limp = simulate(load_station("irb120_dynamic", {"servo.kp": 0.0, "servo.kd": 0.0, **own}), progress=False)
+    assert limp.verdict["largest_error"].worst.value > 0.1  # a whole robot without servos is told
 
 
 def test_speeds_and_torques_beyond_their_limits_are_warned_of(hasty):

@@ -64,7 +64,11 @@ def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
     """Return how far the axes of a robot were from their reference, shape (m, n) [rad or m]."""
     if run.config.mode == "kinematic":  # there they are where they are asked to be
         return None
-    return _of_arm(robot, np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name)))
+    errors = _of_arm(robot, np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name)))
+    idle = (robot.gains.kp == 0) & ~run.axes("tau", robot.name).any(axis=0)
+    if not idle.all():  # hinges without a motor among others are asked nothing
+        errors[:, idle] = 0.0
+    return errors
 
 
 def _of_arm(robot: StationRobot, values: Vector) -> Vector:
