@@ -197,6 +197,8 @@ class VerdictConfig(Strict):
     """What sensors of distance may measure at least [m]; below 0 two bodies are in each other."""
     penetration: Bound = 0.005
     """How deep two bodies that touch may be in each other [m]."""
+    coupling_gap: Bound = 0.005
+    """How far what a coupling holds together may be apart [m or rad]."""
     foot_slip: Bound = 0.02
     """How far a foot may slide over the ground before it is lifted again [m]."""
     shortened_steps: Bound = 3.0

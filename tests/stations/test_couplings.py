@@ -134,3 +134,15 @@ def test_what_is_held_by_the_world_stays(tmp_path, held, solver):
 def test_couplings_that_cannot_be(tmp_path, coupling, more, told):
     with pytest.raises(SimrobError, match=told):
         simulate(station(tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings={"tie": coupling}, **more), duration=0.01)
+
+
+@pytest.mark.parametrize(("gravity", "warned"), [(9.81, False), (1e4, True)])
+def test_a_coupling_that_its_load_opens_is_told(tmp_path, gravity, warned):
+    """A body on a weld that is a spring of 2000 rad/s: it opens by g over the square of that."""
+    tie = {"tie": {"kind": "weld", "body": "slider", "other_pose": [0, 0, 1, 0, 0, 0]}}
+    own = {"solver": STIFF, "gravity": gravity, "duration": 0.1, "verdict": {"coupling_gap": 0.001}}
+    result = simulate(station(tmp_path, {"slider": SLIDER}, couplings=tie, **own), progress=False)
+    worst = result.verdict["coupling_gap"].worst
+    assert worst.subject == "tie"
+    assert worst.value == pytest.approx(gravity / 2000.0**2, rel=0.1)
+    assert any(f"tie was {1e3 * worst.value:.3g} mm (or mrad) open" in told for told in result.warnings) == warned

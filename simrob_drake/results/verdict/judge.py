@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from simrob_drake.frames import Vector
+from simrob_drake.parts.couplings import Between
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.verdict.verdict import Criterion, Measure, Measured, Verdict
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from simrob_drake.results.record.run import RecordedRun
 
 AT_LIMIT = 0.999  # from which part of it on an axis is at its limit of torque
+_LOOKS = 40  # in a run, at its couplings
 _WENT_ON = "completed", "monitor"  # how runs end at whose end axes should be where they are asked to be
 
 
@@ -234,12 +236,27 @@ def _shortened_steps(run: RecordedRun) -> Measured | None:
     return Measured(["the solver"], run.shortened / steps, limits=(steps, ["steps"]))
 
 
+def _coupling_gap(run: RecordedRun) -> Measured | None:
+    """Measure how far what couplings hold together was apart, at some moments of the run."""
+    held = {name: coupling for name, coupling in run.config.couplings.items() if isinstance(coupling, Between)}
+    if not held:
+        return None
+    plant, context = run.plant.plant, run.plant.plant.CreateDefaultContext()
+    times = run.times[np.unique(np.linspace(0, len(run.times) - 1, _LOOKS).astype(int))]
+    gaps = np.zeros((len(times), len(held)))
+    for look, positions in enumerate(run.positions_at(times)):
+        plant.SetPositions(context, positions)
+        gaps[look] = [coupling.gap(run.plant, context) for coupling in held.values()]
+    return Measured([*held], *largest(gaps, times))
+
+
 CRITERIA = (
     *MOTION,
     Criterion("payload", "1", "payload", "{of} carried {value} of its rated payload, {amount}", _payload),
     Criterion("below_floor", "m", "below the floor", "{of} was {value} below the floor{when}", _below_floor),
     Criterion("distance", "m", "nearest", "{of} measured a distance of {value}{when}", _distance, least=True),
     Criterion("penetration", "m", "penetration", "{of} were {value} deep in each other{when}", _penetration),
+    Criterion("coupling_gap", "m", "open coupling", "{of} was {value} (or mrad) open{when}", _coupling_gap),
     Criterion("foot_slip", "m", "slip", "{of} slid {value} before it was lifted again{when}", _foot_slip),
     Criterion("shortened_steps", "1", "shortened steps", "{of} shortened {amount}", _shortened_steps),
 )
