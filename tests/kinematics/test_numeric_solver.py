@@ -115,3 +115,16 @@ def test_nothing_is_random(irb120_chain, random_postures, home):
 def test_bad_settings(irb120_chain, options, said):
     with pytest.raises(InvalidParameter, match=said):
         NumericSolver(irb120_chain, **options)
+
+
+def test_seven_axes_keep_room_to_their_limits_where_they_begin_with_it(dh_chain, random_postures, tables):
+    chain = dh_chain(tables["iiwa"], limit=1.2)
+    postures = random_postures(chain, 200) * 0.9
+    targets = chain.forward(postures)
+    solutions = NumericSolver(chain, restarts=0).solve(targets, np.zeros_like(postures))
+    room = np.minimum(chain.upper - solutions.positions, solutions.positions - chain.lower).min(axis=1)
+    assert solutions.reached.mean() > 0.5
+    assert (room[solutions.reached] > 0.05 - 1e-9).mean() > 0.95
+    near = chain.upper - 0.01
+    stays = NumericSolver(chain).solve(chain.forward(near), near[np.newaxis])
+    np.testing.assert_allclose(stays.positions[0], near, atol=1e-9)  # what begins without room does not jump
