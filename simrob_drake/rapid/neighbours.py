@@ -41,7 +41,8 @@ def _near(files: Sequence[Path]) -> Iterator[Path]:
     folders = dict.fromkeys(file.parent for file in own)
     for folder in [*folders]:
         if folder.name.upper() in _FOLDERS:
-            folders |= dict.fromkeys(other for other in folder.parent.iterdir() if other.name.upper() in _FOLDERS)
+            others = (other for other in folder.parent.iterdir() if other.is_dir())
+            folders |= dict.fromkeys(other for other in others if other.name.upper() in _FOLDERS)
     rows = [file for folder in folders for file in sorted(folder.iterdir()) if file.suffix.lower() in SUFFIXES]
     yield from [file for file in rows if file.resolve() not in own][:_MOST]
 
@@ -58,6 +59,10 @@ def _declared(module: Module) -> list[str]:
 
 
 def _words(module: Module) -> Iterator[str]:
-    for node in module.declarations:
-        for token in node.scan_values(lambda value: getattr(value, "type", "") == "NAME"):
-            yield str(token)
+    """Yield all names in a module; without recursion, since expressions may be nested as deeply as they like."""
+    left = [*module.declarations]
+    while left:
+        node = left.pop()
+        if getattr(node, "type", "") == "NAME":
+            yield str(node)
+        left += getattr(node, "children", ())

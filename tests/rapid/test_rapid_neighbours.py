@@ -5,6 +5,7 @@ import pytest
 
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.rapid.importing import import_rapid
+from simrob_drake.rapid.syntax import RapidError
 from simrob_drake.stations.load import bare_station
 
 FREE = "[9E9,9E9,9E9,9E9,9E9,9E9]"
@@ -66,3 +67,13 @@ def test_a_program_that_has_all_it_names_reads_no_other(task):
     assert [
         remark for remark in import_rapid(task / "PROGMOD" / "Main.mod", STATION).remarks if "near" in str(remark)
     ] == []
+
+
+def test_a_file_called_as_a_folder_and_what_is_nested_deeply_are_no_trouble(task):
+    nested = MAIN.replace("PROC main()", "PROC main()\n reg1:=" + "-" * 5000 + "1;")
+    (task / "PROGMOD" / "Main.mod").write_text(nested)
+    (task / "SYSMOD" / "user.sys").rename(task / "PROGMOD" / "user.sys")
+    (task / "SYSMOD").rmdir()
+    (task / "SYSMOD").write_text("no folder")
+    with pytest.raises(RapidError, match="is nested too deeply"):
+        import_rapid(task / "PROGMOD" / "Main.mod", STATION)

@@ -238,7 +238,8 @@ def _shortened_steps(run: RecordedRun) -> Measured | None:
 
 def _coupling_gap(run: RecordedRun) -> Measured | None:
     """Measure how far what couplings hold together was apart, at some moments of the run."""
-    held = {name: coupling for name, coupling in run.config.couplings.items() if isinstance(coupling, Between)}
+    couplings = run.config.couplings.items()
+    held = {name: one for name, one in couplings if one.constrains and isinstance(one, Between)}
     if not held:
         return None
     plant, context = run.plant.plant, run.plant.plant.CreateDefaultContext()
