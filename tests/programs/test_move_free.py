@@ -14,7 +14,7 @@ from simrob_drake.programs.errors import GoalInCollision, NoFreePath, PathCollis
 from simrob_drake.programs.free_path import metres
 from simrob_drake.programs.moves import move_free
 from simrob_drake.programs.plan import check_collisions
-from simrob_drake.stations.config import PieceConfig
+from simrob_drake.stations.piece_config import PieceConfig
 from tests.programs.conftest import HOME, positions_between
 
 AHEAD = (0.0, np.pi / 2, 0.0)
