@@ -178,6 +178,22 @@ def check_rates(
     )
 
 
+def check_tool_speed(chain: Chain, plan: Plan, limit: float, remedy: Remedy) -> None:
+    """Check that the tool centre point is no faster than a limit [m/s]; raises SpeedLimitExceeded, as above."""
+    times = plan.looks
+    postures, rates, _ = plan.motion(times)
+    speeds = np.linalg.norm(np.einsum("kin,kn->ki", chain.jacobian(postures)[:, :3], rates), axis=1)
+    row, slower = int(speeds.argmax()), _MARGIN * float(speeds.max()) / limit
+    if slower <= _MARGIN * (1 + _ROUNDING):
+        return
+    number, name = plan.named(float(times[row]))
+    duration = slower * float(times[-1])
+    beyond = f"{speeds[row]:.3g} m/s, beyond the {limit:g} m/s that it is rated for; {remedy(slower, duration)}"
+    raise SpeedLimitExceeded(
+        name, "the tool", point=number, time=float(times[row]), rate=float(speeds[row]), duration=duration, shown=beyond
+    )
+
+
 def _rates(trajectory: Trajectory, times: Vector, order: int) -> Vector:
     rates: Vector = np.abs(np.asarray(trajectory.MakeDerivative(order).vector_values(times.tolist())).T)
     return rates

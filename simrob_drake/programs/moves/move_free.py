@@ -44,8 +44,8 @@ class MoveFree(ArmMotion):
     unless given."""
     piece: str | None = None
     """Instead of a pose: the piece, or one of its frames as `piece.frame`, where the tool is to be."""
-    joints: Row | None = None
-    """Instead of a pose: the posture [rad or m]."""
+    joints: Row | str | None = None
+    """Instead of a pose: the posture [rad or m], or one of the robot's by name, such as `home`."""
     joints_deg: Row | None = None
     """The same in degrees."""
     free_turn: Boolean = False
@@ -62,7 +62,7 @@ class MoveFree(ArmMotion):
             raise ValueError("where to is given by one of targets, targets_deg, piece, joints and joints_deg")
         return self
 
-    def posture(self, planning: Planning) -> npt.ArrayLike | None:
+    def posture(self, planning: Planning) -> npt.ArrayLike | str | None:
         """Return the posture that it leads to in SI units, if one is given."""
         if self.joints_deg is None or len(self.joints_deg) != planning.chain.size:
             return self.joints or self.joints_deg
@@ -90,7 +90,7 @@ def plan_move_free(
     planning: Planning,
     targets: PoseTargets | str | None = None,
     *,
-    joints: npt.ArrayLike | None = None,
+    joints: npt.ArrayLike | str | None = None,
     wobj: WorkObject = None,
     free_turn: bool = False,
     seed: int = 0,
@@ -106,7 +106,7 @@ def plan_move_free(
         planning: what the move starts from.
         targets: a pose of the tool in the work object's frame, a place (3,) that keeps its orientation, or the name of
             a piece or of one of its frames, where the tool is to be.
-        joints: instead of it a posture (n,) [rad or m].
+        joints: instead of it a posture (n,) [rad or m], or one of the robot's by name, such as ``home``.
         wobj: the work object.
         free_turn: the tool may turn about its z axis as it likes.
         seed: of the search: with the same one it finds the same way, if it has the time.
@@ -146,7 +146,7 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
 def goals_of(
     planning: Planning,
     targets: PoseTargets | str | None,
-    joints: npt.ArrayLike | None,
+    joints: npt.ArrayLike | str | None,
     wobj: WorkObject,
     free_turn: bool,
     seed: int,
@@ -160,7 +160,7 @@ def goals_of(
         raise InvalidParameter("the target", "given twice" if joints is not None else "missing", "a pose or joints=")
     chain, start = planning.chain, planning.start
     if joints is not None:
-        rows = chain.postures(joints, "joints")
+        rows = planning.postures(joints, "joints")
         check_limits(chain, np.zeros(len(rows)), rows, lambda _: (1, "the target"), degrees_hint(chain, rows))
     else:
         poses = planning.frame(targets).GetAsMatrix4()[np.newaxis] if isinstance(targets, str) else None
