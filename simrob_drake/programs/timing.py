@@ -28,6 +28,7 @@ _TURN_LENGTH = 0.1  # m that a radian of a joint counts, where moves share a tim
 _FASTEST = 20.0  # m/s of a tool; no arm is faster
 _AT_ONCE = 1e-6  # m: what the way to a target counts at least
 _LEAST_TIME = 0.01  # s to a target
+_STAYS = 1e-9  # rad or m: less is no way
 _LESS_THAN_FULL = 0.98  # of the joints' limits, where durations are left to us
 _TRIES = 4  # to find an acceleration that the joints allow
 Limits = tuple[Vector, Vector]
@@ -157,7 +158,7 @@ def _in_least_time(robot: str, segments: Sequence[Segment], how: How, points: in
     speed = speed_of(how) if "speed" in how else None
     for segment in segments:
         passed = np.full(len(segment.passes), _LEAST_TIME)
-        if np.ptp(segment.postures, axis=0).max() == 0.0:
+        if np.ptp(segment.postures, axis=0).max() < _STAYS:
             own: tuple[Stretch, ...] = (rest(segment.end, 0.0, _LEAST_TIME),)
         elif profile_of(how) == "jerk_limited":
             own = jerk_limited(motors.models, segment.postures)
