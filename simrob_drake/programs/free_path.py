@@ -3,7 +3,7 @@
 It is measured by how far tools move: a radian of an axis counts as many metres as it may move the tool.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -51,6 +51,11 @@ class Search:
     scale: Vector  # how many metres a radian counts, see :func:`metres`
     seed: int  # two searches with the same one find the same, if they have the time
     seconds: float  # how long it may take
+    branches: Vector = field(init=False)  # of the trees that have grown, from posture to posture, shape (k, 2, n)
+
+    def __post_init__(self) -> None:
+        """Begin with trees of nothing."""
+        self.branches = np.zeros((0, 2, len(self.scale)))
 
     def path(self, goals: Vector) -> Vector:
         """Return corners (k, n) of a way to one of goals (m, n), nearest first; raises NoFreePath: what was near."""
@@ -110,8 +115,13 @@ class Search:
         planner.setProblemDefinition(problem)
         planner.setup()
         planner.solve(self.seconds)
+        planner.getPlannerData(tree := base.PlannerData(info))
+        vertices = [tree.getVertex(index) for index in range(tree.numVertices())]
+        reached = np.array([self._posture(vertex.getState()) for vertex in vertices])
         if not problem.hasExactSolution():
-            raise self._none(planner, base.PlannerData(info), goals)
+            raise self._none(reached[[vertex.getTag() == _FROM_START for vertex in vertices]], goals)
+        edges = [(index, other) for index in range(len(vertices)) for other in tree.getEdges(index)]
+        self.branches = reached[np.array(edges, dtype=int).reshape(-1, 2)]
         path, simplifier = problem.getSolutionPath(), geometric.PathSimplifier(info)
         for shorten in (simplifier.reduceVertices, simplifier.ropeShortcutPath, simplifier.partialShortcutPath):
             shorten(path)
@@ -142,11 +152,8 @@ class Search:
     def _posture(self, state: Any) -> Vector:
         return np.array([state[axis] for axis in range(len(self.scale))]) / self.scale
 
-    def _none(self, planner: Any, tree: Any, goals: Vector) -> NoFreePath:
-        """Return what to say of a search that found nothing: how near it came, and what it met."""
-        planner.getPlannerData(tree)
-        vertices = [tree.getVertex(index) for index in range(tree.numVertices())]
-        reached = [self._posture(vertex.getState()) for vertex in vertices if vertex.getTag() == _FROM_START]
+    def _none(self, reached: Vector, goals: Vector) -> NoFreePath:
+        """Return what to say of a search that found nothing: how near it came from the start, and what it met."""
         ways = np.array([self.space.posture, *reached])[:, np.newaxis] - goals
         gaps = np.linalg.norm(ways * self.scale, axis=2)
         row, which = np.unravel_index(int(gaps.argmin()), gaps.shape)

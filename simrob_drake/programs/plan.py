@@ -1,7 +1,7 @@
 """A move that is planned, and whether a robot can do it: joint limits, speeds, accelerations, collisions."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -41,6 +41,7 @@ class Plan:
         check: what was looked at; collisions are again with the moves that are run at the same time.
         entry: what a program's file has of it; None if no file can say it.
         frame: where the work object was when the move was planned; None without one.
+        search: ways of the tool that a search tried, for the recording, shape (k, 2, 3) [m].
     """
 
     robot: str
@@ -50,6 +51,7 @@ class Plan:
     check: Check = CHECKED
     entry: Mapping[str, Any] | None = None
     frame: RigidTransform | None = None
+    search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
     def __repr__(self) -> str:
         times, end = (" ".join(f"{value:.4g}" for value in values) for values in (self.arrivals, self.end))

@@ -1,5 +1,7 @@
 """Moves around obstacles: free by an independent look, by whichever posture is near, and in a line why not."""
 
+import base64
+import re
 import sys
 
 import numpy as np
@@ -14,6 +16,7 @@ from simrob_drake.programs.errors import GoalInCollision, NoFreePath, PathCollis
 from simrob_drake.programs.free_path import metres
 from simrob_drake.programs.moves import move_free
 from simrob_drake.programs.plan import check_collisions
+from simrob_drake.results.animation.recording import save_recording
 from simrob_drake.stations.piece_config import PieceConfig
 from tests.programs.conftest import HOME, positions_between
 
@@ -79,6 +82,25 @@ class TestTheWay:
             loaded.plan.move_free(joints=high)
         low = Arm(station).joint([0.38, 0.2, 0.3, *AHEAD])
         check_free(loaded.cell, loaded.move_free(joints=low))
+
+    def test_a_recording_shows_what_the_search_tried_where_that_is_asked_for(self, station, tmp_path):
+        cell = Arm(station).cell
+        cell.record()
+        arm = cell.arm()
+        arm.move_free(LEFT)
+        begin = arm.pose()[:3]
+        plain, shown = (arm.plan.move_free(RIGHT, **how) for how in ({}, {"show_search": True}))
+        assert plain.search.shape == (0, 2, 3)
+        ends = shown.search.reshape(-1, 3)
+        assert len(ends) > 10
+        assert min(np.linalg.norm(ends - begin, axis=1)) < 1e-6  # where both trees begin
+        assert min(np.linalg.norm(ends - RIGHT[:3], axis=1)) < 1e-6
+        np.testing.assert_array_equal(shown.end, plain.end)
+        cell.run(shown)
+        page = save_recording(cell.result(), tmp_path / "recording.html").read_text()
+        assert "what the search tried" in page
+        drawn = (base64.b64decode(found) for found in re.findall(r"base64,([A-Za-z0-9+/=]+)", page))
+        assert any(b"search/robot/1" in message for message in drawn)
 
     def test_a_move_to_where_it_is(self, arm):
         assert arm.move_free(joints=HOME).message

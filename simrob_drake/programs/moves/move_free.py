@@ -54,6 +54,8 @@ class MoveFree(ArmMotion):
     """Of the search; another one finds another way."""
     planning_time: Positive = PLANNING_TIME
     """How long the search may take [s]."""
+    show_search: Boolean = False
+    """The recording shows the ways of the tool that the search tried."""
 
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
@@ -82,7 +84,8 @@ class MoveFree(ArmMotion):
         """Return the move, planned."""
         return plan_move_free(
             planning, self.piece or self.rows(planning), joints=self.posture(planning), wobj=self.wobj,
-            free_turn=self.free_turn, seed=self.seed, planning_time=self.planning_time, **self.how,
+            free_turn=self.free_turn, seed=self.seed, planning_time=self.planning_time, show_search=self.show_search,
+            **self.how,
         )  # fmt: skip
 
 
@@ -95,6 +98,7 @@ def plan_move_free(
     free_turn: bool = False,
     seed: int = 0,
     planning_time: float = PLANNING_TIME,
+    show_search: bool = False,
     **how: Unpack[How],
 ) -> Plan:
     """Plan a move around all that stands in the way, with what the arm carries, to any posture that will do.
@@ -111,6 +115,7 @@ def plan_move_free(
         free_turn: the tool may turn about its z axis as it likes.
         seed: of the search: with the same one it finds the same way, if it has the time.
         planning_time: how long it may take [s].
+        show_search: whether the recording shows the ways of the tool that the search tried.
         how: see :class:`How`.
 
     Raises:
@@ -120,10 +125,11 @@ def plan_move_free(
         SimrobError: as of other moves.
     """
     goals = goals_of(planning, targets, joints, wobj, free_turn, seed)
-    (plan,) = plan_around([planning], [goals], how, seed, planning_time)
+    (plan,) = plan_around([planning], [goals], how, seed, planning_time, show_search=truth(show_search, "show_search"))
     own: dict[str, Any] = {
         "joints": None if joints is None else np.asarray(joints).tolist(),
         "free_turn": free_turn or None,
+        "show_search": show_search or None,
     }
     own |= {"seed": seed or None, "planning_time": None if planning_time == PLANNING_TIME else planning_time}
     own["piece"], poses = (targets, None) if isinstance(targets, str) else (None, targets)
@@ -136,7 +142,8 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
     if any(move.how != first.how for move in moves) or len({*robots}) < len(robots):
         raise InvalidParameter("moves around obstacles together", "different", "of different robots, in the same time")
     goals = [move.goals(planning) for move, planning in zip(moves, plannings, strict=True)]
-    plans = plan_around(plannings, goals, first.how, first.seed, max(move.planning_time for move in moves))
+    shown, longest = any(move.show_search for move in moves), max(move.planning_time for move in moves)
+    plans = plan_around(plannings, goals, first.how, first.seed, longest, show_search=shown)
     return [
         replace(plan, entry=move.model_copy(update={"robot": plan.robot}).entry())
         for move, plan in zip(moves, plans, strict=True)
@@ -182,7 +189,13 @@ def goals_of(
 
 
 def plan_around(
-    plannings: Sequence[Planning], goals: Sequence[Vector], how: How, seed: int, planning_time: float
+    plannings: Sequence[Planning],
+    goals: Sequence[Vector],
+    how: How,
+    seed: int,
+    planning_time: float,
+    *,
+    show_search: bool = False,
 ) -> list[Plan]:
     """Plan several robots' way to postures (m, n) of each, nearest first; raises as :func:`plan_move_free`."""
     points, first = points_of(how, POINTS), plannings[0]
@@ -205,8 +218,12 @@ def plan_around(
     segment, motors = Segment(parts, rows, max(ways), np.ones(1)), partial(first.motors, [*space.start])
     whole_plan = timed(first.robot, [segment], how, points, together, motors)
     found, begin = list[Plan](), 0
+    tried = space.parts(search.branches)
     for planning in plannings:
         own = whole_plan.of_axes(planning.robot, slice(begin, begin + planning.chain.size))
+        if show_search and len(search.branches):
+            tool = planning.chain.forward(tried[planning.robot].reshape(-1, planning.chain.size))
+            own = replace(own, search=tool[:, :3, 3].reshape(-1, 2, 3))
         found.append(planning.looked_at(own, how, own.end[np.newaxis]))
         begin += planning.chain.size
     return found
