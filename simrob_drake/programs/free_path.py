@@ -17,7 +17,7 @@ from simrob_drake.programs.errors import NoFreePath
 from simrob_drake.programs.free_space import FreeSpace
 
 _LOOK = 0.02  # m between the looks of a search
-_CLOSE_LOOK = 0.005  # m between those at the way that is found
+CLOSE_LOOK = 0.005  # m between those at the way that is found
 _RANGE = 1.0  # m: the longest branch of a tree
 _STRAIGHT = 8  # goals that are tried by a straight way first
 _DEGREE = 5
@@ -71,7 +71,7 @@ class Search:
         It is a spline whose control points lie on the lines, so it cuts the corners, as near as it must to be free.
         Raises NoFreePath: it touches something at its nearest.
         """
-        whole = float(np.linalg.norm(np.diff(corners * self.scale, axis=0), axis=1).sum())
+        whole = self.length(corners)
         hit = 0.0, ("", "")
         if whole < _ROUNDING:
             return np.linspace(0.0, 1.0, 2 * _DEGREE), corners[:1].repeat(2 * _DEGREE, axis=0)
@@ -79,15 +79,23 @@ class Search:
             control = self._between(corners, min(step, whole / (2 * _DEGREE)))
             inner = np.linspace(0.0, 1.0, len(control) - _DEGREE + 1)
             knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
-            looks = int(np.ceil(whole / _CLOSE_LOOK)) + 2 * len(control)
+            looks = int(np.ceil(whole / CLOSE_LOOK)) + 2 * len(control)
             rows = np.asarray(BSpline(knots, control, _DEGREE)(np.linspace(0.0, 1.0, looks)))
             found = self.space.first_hit(rows)
             if found is None:
-                gone = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1)))
-                return gone / gone[-1], rows
+                return self.gone(rows), rows
             hit = found
         depth, (first, second) = hit
         raise NoFreePath(f"the way that was found leads {first} {1e3 * depth:.1f} mm into {second}: try another seed")
+
+    def length(self, rows: Vector) -> float:
+        """Return how long a way through postures (k, n) is [m]."""
+        return float(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1).sum())
+
+    def gone(self, rows: Vector) -> Vector:
+        """Return which part of a way is gone at postures (k, n) on it, from 0 to 1, by length, shape (k,)."""
+        gone = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1)))
+        return np.asarray(gone / gone[-1])
 
     def _between(self, corners: Vector, step: float) -> Vector:
         """Return postures on straight lines, at most a step [m] apart."""

@@ -23,6 +23,7 @@ from simrob_drake.programs.moves.motion import ArmMotion, Row
 from simrob_drake.programs.plan import Plan, check_limits
 from simrob_drake.programs.planning import POINTS, Planning, PoseTargets, WorkObject, degrees_hint, points_of, zone_of
 from simrob_drake.programs.segments import Segment, tool_length
+from simrob_drake.programs.short_path import shortened
 from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How, timed
 from simrob_drake.sections import Boolean, Integer, Pose, Positive
@@ -30,6 +31,7 @@ from simrob_drake.sections import Boolean, Integer, Pose, Positive
 PLANNING_TIME = 10.0  # how long a search for a way may take unless told [s]
 _MOST_SEED = 2**31 - 2
 _TURNS = 24  # about the tool, where that is free
+_STRAIGHT = 2  # corners of a way that nothing makes shorter
 _GOALS, _TRIED = 16, 400  # that a search is for, and that are looked at
 
 
@@ -212,21 +214,28 @@ def plan_around(
         seed,
         positive(planning_time, "planning_time", "s"),
     )
-    parts, rows = search.rounded(search.path(_free(space, goals)))
-    ways = [tool_length(chain, own) for chain, own in zip(chains, space.parts(rows).values(), strict=True)]
     together = np.concatenate([speeds for speeds, _ in limits]), np.concatenate([pushes for _, pushes in limits])
-    segment, motors = Segment(parts, rows, max(ways), np.ones(1)), partial(first.motors, [*space.start])
-    whole_plan = timed(first.robot, [segment], how, points, together, motors)
-    found, begin = list[Plan](), 0
+
+    def plan(way: tuple[Vector, Vector]) -> Plan:
+        ways = [tool_length(chain, own) for chain, own in zip(chains, space.parts(way[1]).values(), strict=True)]
+        segment, motors = Segment(*way, max(ways), np.ones(1)), partial(first.motors, [*space.start])
+        return timed(first.robot, [segment], how, points, together, motors)
+
+    corners = search.path(_free(space, goals))
+    found = [search.rounded(corners)]
+    if len(corners) > _STRAIGHT and (short := shortened(search, found[0][1], len(corners), together)):
+        found.insert(0, short)
+    whole_plan = min(map(plan, found), key=lambda own: own.duration)
+    plans, begin = list[Plan](), 0
     tried = space.parts(search.branches)
     for planning in plannings:
         own = whole_plan.of_axes(planning.robot, slice(begin, begin + planning.chain.size))
         if show_search and len(search.branches):
             tool = planning.chain.forward(tried[planning.robot].reshape(-1, planning.chain.size))
             own = replace(own, search=tool[:, :3, 3].reshape(-1, 2, 3))
-        found.append(planning.looked_at(own, how, own.end[np.newaxis]))
+        plans.append(planning.looked_at(own, how, own.end[np.newaxis]))
         begin += planning.chain.size
-    return found
+    return plans
 
 
 def _range(planning: Planning, goals: Vector) -> Vector:
