@@ -33,7 +33,7 @@ from simrob_drake.stations.clearance import Clearance, PosedStation
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.resolve import carriers_of, flange, tool_in_use
-from simrob_drake.stations.solver_config import ContactConfig
+from simrob_drake.stations.solver_config import ContactConfig, DiscreteSolver
 
 _THICK = 0.1  # m, of a floor that is a box
 
@@ -145,8 +145,9 @@ class StationModel(PosedStation):
                 parent=WORLD, **box
             )
             floor = None
-        contact = self.resolved.config.contact
-        return self.config.model_copy(update={"mode": "dynamic", "pieces": pieces, "floor": floor, "contact": contact})
+        changes: dict[str, Any] = {"mode": "dynamic", "solver": DiscreteSolver(kind="discrete"), "floor": floor}
+        changes |= {"pieces": pieces, "contact": self.resolved.config.contact, "prescribed": {}, "couplings": {}}
+        return self.config.model_copy(update=changes)
 
     @property
     def holders(self) -> dict[str, str]:
