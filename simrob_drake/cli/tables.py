@@ -135,13 +135,9 @@ def report_table(report: ImportReport) -> Table:
     for kind in ENTRY_KINDS:
         for (of_kind, text), names in elements.items():
             if of_kind == kind:
-                table.add_row(Text(kind, _COLOURS[kind]), Text(_listed(names)), Text(text))
+                rest = f" and {len(names) - 4} more" if len(names) > 4 else ""
+                table.add_row(Text(kind, _COLOURS[kind]), Text(", ".join(names[:4]) + rest), Text(text))
     return table
-
-
-def _listed(names: list[str], most: int = 4) -> str:
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + rest
 
 
 def _numbers(first: str, *others: str) -> Table:

@@ -97,7 +97,8 @@ def quantities(result: SimulationResult) -> dict[Quantity, Vector]:
         held = signal.role == "pose" and not any(np.ptp(result[name]) for name in signal.names)
         for name, unit in zip(signal.names, signal.units, strict=True):
             if signal.role not in _IMPOSED and not held:
-                columns.setdefault(Quantity(_stem(name), unit), []).append(result[name])
+                kind = name.rpartition(".")[0]
+                columns.setdefault(Quantity(name if kind in ("", "distance") else kind, unit), []).append(result[name])
     return {what: np.column_stack(own) for what, own in columns.items()}
 
 
@@ -133,12 +134,6 @@ def apart(first: Vector, other: Vector) -> Vector:
     if first.shape[1] == _QUATERNION and np.allclose(np.linalg.norm(first, axis=1), 1.0):
         distances = np.minimum(distances, np.abs(first + other).max(axis=1))
     return np.asarray(distances)
-
-
-def _stem(column: str) -> str:
-    """Return a column's name without its last part: ``q.joint_1`` is a ``q``, ``distance.gap`` itself."""
-    kind = column.rpartition(".")[0]
-    return column if kind in ("", "distance") else kind
 
 
 NUMBERS = "engines.csv"  # the file that every folder of a comparison of engines holds

@@ -249,7 +249,15 @@ class PaceWatch:
             return
         if time - self._since < _SLOWEST * self._waited:
             self._warned = True
-            self._warn(context)
+            made, share = context.get_time() - self._since, self._worked / self._waited
+            if share < _BUSY:
+                cause = f"the machine is busy with other work, this gets {100 * share:.0f} % of a processor"
+            else:
+                means = made / self._steps, self._waited / self._steps
+                cause = Slow(self.config, self._built(), context, *means, self._own_blocks).cause()
+            left = self.config.duration - context.get_time()
+            message = f"{self.config.name} makes {made / self._waited:.2g} × real time with {left:.3g} s left: {cause}"
+            warnings.warn(message, SlowRunWarning, stacklevel=2)
         self._begin(time)
 
     def _count(self) -> None:
@@ -263,17 +271,6 @@ class PaceWatch:
         self._clocks = clocks
         if waited < _PAUSE or worked > _IDLE * waited + _OFTEN:
             self._waited, self._worked = self._waited + waited, self._worked + worked
-
-    def _warn(self, context: Context) -> None:
-        made, share = context.get_time() - self._since, self._worked / self._waited
-        if share < _BUSY:
-            cause = f"the machine is busy with other work, this gets {100 * share:.0f} % of a processor"
-        else:
-            means = made / self._steps, self._waited / self._steps
-            cause = Slow(self.config, self._built(), context, *means, self._own_blocks).cause()
-        left = self.config.duration - context.get_time()
-        message = f"{self.config.name} makes {made / self._waited:.2g} × real time with {left:.3g} s left: {cause}"
-        warnings.warn(message, SlowRunWarning, stacklevel=2)
 
 
 _IN_FLIGHT = (1e-3, 1e-3)

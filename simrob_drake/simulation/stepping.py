@@ -147,7 +147,14 @@ class Stepper:
 
     def _outcome(self, recorder: Recorder, watch: Watch) -> Outcome:
         try:
-            status = self._advanced(recorder)
+            status = self._initialize_in_motion() if self._in_motion else self.simulator.Initialize()
+            for edge in self._edges:
+                if status.reason() == _ENDED:
+                    break
+                self._change_diagram(recorder)
+                status = self.simulator.AdvanceTo(edge)
+                if edge in self._moments and status.reason() != _ENDED and self._at_tick(edge, recorder):
+                    break
         except KeyboardInterrupt:
             return interrupted(self._config, recorder)
         except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
@@ -178,17 +185,6 @@ class Stepper:
         if not recorder.is_sane():
             raise RuntimeError("a state ran away between two recorded ones")
         return recorder.history().last()
-
-    def _advanced(self, recorder: Recorder) -> SimulatorStatus:
-        status = self._initialize_in_motion() if self._in_motion else self.simulator.Initialize()
-        for edge in self._edges:
-            if status.reason() == _ENDED:
-                break
-            self._change_diagram(recorder)
-            status = self.simulator.AdvanceTo(edge)
-            if edge in self._moments and status.reason() != _ENDED and self._at_tick(edge, recorder):
-                break
-        return status
 
     def _at_tick(self, time: float, recorder: Recorder) -> bool:
         """Tell of a tick, and whether the run ends with it; else begin anew there."""

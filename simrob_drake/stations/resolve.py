@@ -74,7 +74,12 @@ def _sensors(config: StationConfig) -> dict[str, Sensor]:
 def check_parts(station: ResolvedStation) -> None:
     """Check that something moves, and that parts find what they name; raises SimrobError: key, what would be right."""
     config = station.config
-    _check_movers(config)
+    free = config.free_pieces
+    if not (config.robots or free):
+        expected = "given as robot: {model: ...}, or a piece have free: true: a station needs something that moves"
+        raise InvalidParameter("robots", "empty", expected)
+    if free and config.mode == "kinematic":
+        raise InvalidParameter(f"pieces.{free[0]}.free", True, "false in a kinematic station, which moves robots only")
     _check_engine(config)
     for name, sensor in config.sensors.items():
         sensor.check(f"sensors.{name}", station)
@@ -237,15 +242,6 @@ def _check_axes(config: StationConfig, robot: str, model: RobotModel) -> None:
     for key, value in values.items():
         if value is not None:
             model.axis_vector(value, key)
-
-
-def _check_movers(config: StationConfig) -> None:
-    free = config.free_pieces
-    if not (config.robots or free):
-        expected = "given as robot: {model: ...}, or a piece have free: true: a station needs something that moves"
-        raise InvalidParameter("robots", "empty", expected)
-    if free and config.mode == "kinematic":
-        raise InvalidParameter(f"pieces.{free[0]}.free", True, "false in a kinematic station, which moves robots only")
 
 
 def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator[ResolvedPiece]:

@@ -43,22 +43,17 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
             worse.append(doubt)
     cheaper = [_compared(name, own, start) for name in cost_columns(rows[0])] if start else []
     words += [sentence for _, sentence in cheaper]
-    words += _beyond(own)
+    beyond = [str(row["beyond"]).split() for row in own if row.get("beyond")]
+    count = Counter(name for names in beyond for name in names)
+    named = ", ".join(f"{name} ({times})" for name, times in count.most_common())
+    counted = f"{len(beyond)} of {len(own)} runs of the winner pass a bound of their verdict"
+    words += [f"{counted}: {named}."] if beyond else []
     words += [f"Not doubted: {', '.join(undoubted)}."] if undoubted else []
     proven = not worse and all(less for less, _ in cheaper) and (moved or not start)
     reasons = [f"it is less sure under {', '.join(worse)}"] if worse else []
     reasons += ["it does not cost less throughout"] if not all(less for less, _ in cheaper) else []
     reasons += ["no run makes another move; a case of proof may"] if start and not moved else []
     return proven, ["Proven." if proven else f"Not proven: {'; '.join(reasons)}.", *words]
-
-
-def _beyond(rows: Sequence[Row]) -> list[str]:
-    """Return a sentence on the runs whose verdict names something beyond its bound, though they count as held."""
-    beyond = [str(row["beyond"]).split() for row in rows if row.get("beyond")]
-    count = Counter(name for names in beyond for name in names)
-    named = ", ".join(f"{name} ({times})" for name, times in count.most_common())
-    counted = f"{len(beyond)} of {len(rows)} runs of the winner pass a bound of their verdict"
-    return [f"{counted}: {named}."] if beyond else []
 
 
 def _compared(name: str, own: Sequence[Row], start: Sequence[Row]) -> tuple[bool, str]:

@@ -123,15 +123,10 @@ class Case(Trial):
         row = {"ended": result.stopped_by or result.ending, "duration": result.config.duration}
         row |= {"stop_time": result.stop_time, **measures(result), "beyond": " ".join(result.verdict.beyond)}
         if self.margin is not None and result.ending == COMPLETED:
-            row["margin"] = _withstood(scene, self.margin)
+            stood, fell = 0, len(self.margin.sizes) + 1  # places of sizes, from 1
+            while fell - stood > 1:
+                middle = (stood + fell) // 2
+                completed = scene.pushed(self.margin.push, self.margin.sizes[middle - 1]).run().ending == COMPLETED
+                stood, fell = (middle, fell) if completed else (stood, middle)
+            row["margin"] = self.margin.sizes[stood - 1] if stood else 0.0
         return [{**row, "message": result.message}]
-
-
-def _withstood(scene: Scene, margin: Margin) -> float:
-    """Return the largest size of a push after which a run still goes to its end; 0 where none does."""
-    stood, fell = 0, len(margin.sizes) + 1  # places of sizes, from 1
-    while fell - stood > 1:
-        middle = (stood + fell) // 2
-        completed = scene.pushed(margin.push, margin.sizes[middle - 1]).run().ending == COMPLETED
-        stood, fell = (middle, fell) if completed else (stood, middle)
-    return margin.sizes[stood - 1] if stood else 0.0

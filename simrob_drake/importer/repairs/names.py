@@ -18,7 +18,12 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
         robot.set("name", report.source.stem or "robot")
         report.add("repaired", "<robot>", f"has no name; called '{name_of(robot)}' after its file")
     _name_links(robot, report)
-    _name_joints(robot, report)
+    free = FreeNames(names(robot, "joint"))
+    for joint in robot.iterfind("joint"):
+        if not name_of(joint):
+            name = free.take(f"{link_of(joint, 'parent')}_to_{link_of(joint, 'child')}")
+            joint.set("name", name)
+            report.add("repaired", f"joint '{name}'", "had no name; called after its links")
     _part_links(robot, report)
     _part_joints(robot, report)
     _rename_world(robot, report)
@@ -88,15 +93,6 @@ def _name_links(robot: ET.Element, report: ImportReport) -> None:
         report.add(
             "repaired", f"link '{name}'", "had no name" + ("; a joint asks for one of this name" if sure else "")
         )
-
-
-def _name_joints(robot: ET.Element, report: ImportReport) -> None:
-    free = FreeNames(names(robot, "joint"))
-    for joint in robot.iterfind("joint"):
-        if not name_of(joint):
-            name = free.take(f"{link_of(joint, 'parent')}_to_{link_of(joint, 'child')}")
-            joint.set("name", name)
-            report.add("repaired", f"joint '{name}'", "had no name; called after its links")
 
 
 def _part_links(robot: ET.Element, report: ImportReport) -> None:

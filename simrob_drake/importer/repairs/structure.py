@@ -38,7 +38,11 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
     _keep_known_elements(robot, options, report)
     repair_names(robot, report)
     mend_numbers(robot, report)
-    repair_tree(robot, report)
+    if not names(robot, "link"):
+        raise report.refusal("", "has no link")
+    dangling = _drop_dangling(robot, report)
+    _keep_one_tree(robot, dangling, set(check_parents(robot, report.refusal)), report)
+    drop_lost_frames(robot, report)
 
 
 def _keep_known_elements(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
@@ -98,15 +102,6 @@ def _drop_second_ones(robot: ET.Element, report: ImportReport) -> None:
                 for second in element.findall(place)[1:]:
                     element.remove(second)
                     report.add("dropped", f"{top.tag} '{name_of(top)}'", f"a second <{place}> in its <{element.tag}>")
-
-
-def repair_tree(robot: ET.Element, report: ImportReport) -> None:
-    """Make one tree of links and joints, in place; raises InvalidModel: no link, a loop, two parents, several trees."""
-    if not names(robot, "link"):
-        raise report.refusal("", "has no link")
-    dangling = _drop_dangling(robot, report)
-    _keep_one_tree(robot, dangling, set(check_parents(robot, report.refusal)), report)
-    drop_lost_frames(robot, report)
 
 
 def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:

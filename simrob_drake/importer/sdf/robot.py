@@ -60,7 +60,13 @@ class RobotWriter:
         self._frames = Frames(self.report, place)
         self._frames.add_model(self.model)
         self._edges = [edge for edge in map(self._edge, self._frames.joints) if edge is not None]
-        self._names = _short([*self._frames.links, *self._frames.joints])
+        names = [*self._frames.links, *self._frames.joints]
+        ends = [name.rsplit(SCOPE, 1)[-1] for name in names]
+        free, counts = FreeNames(), {end: ends.count(end) for end in ends}
+        self._names = {
+            name: free.take(end if counts[end] == 1 else name.replace(SCOPE, "_"))
+            for name, end in zip(names, ends, strict=True)
+        }
         self._free = FreeNames(self._names.values())
         self._origins: dict[str, RigidTransform] = {}  # of the links of the URDF in the model
 
@@ -169,16 +175,6 @@ class RobotWriter:
             link = self._frames.link_of(name_of(frame))
             pose = self._origins[link].inverse() @ self._frames.pose(name_of(frame))
             add_frame(self.robot, taken.take(name_of(frame)), self._names[link], pose)
-
-
-def _short(names: list[str]) -> dict[str, str]:
-    """Return short names: without those of the models that they are in, where that is enough."""
-    ends = [name.rsplit(SCOPE, 1)[-1] for name in names]
-    free, counts = FreeNames(), {end: ends.count(end) for end in ends}
-    return {
-        name: free.take(end if counts[end] == 1 else name.replace(SCOPE, "_"))
-        for name, end in zip(names, ends, strict=True)
-    }
 
 
 _ENDLESS = 1e15  # SDF's own default limits are 1e16

@@ -40,7 +40,8 @@ class StationView:
 
     def draw(self, config: StationConfig, state: State | None = None) -> Vector:
         """Show a station in a state, or as it begins, loaded anew where it looks otherwise; return positions (nq,)."""
-        looks = _looks(config)
+        robots = {name: robot.model_copy(update={"servo": None}) for name, robot in config.robots.items()}
+        looks = robots, config.pieces, config.floor, config.mode
         if self.scene is None or looks != self._config:
             self.scene, self._config = ViewedStation(config), looks
             self._tell_scene(self.scene, config)
@@ -123,7 +124,12 @@ class LiveView:
         start, low = self._last if self._last is not None and self._last[0] < time else (time, positions)
         while self._next_frame <= time:
             part = (self._next_frame - start) / (time - start) if time > start else 1.0
-            self._wait_for(self._next_frame)
+            # time that was lost is not made up for
+            ahead = self._clock_at_zero + self._next_frame - perf_counter()
+            if ahead > 0:
+                sleep(ahead)
+            elif ahead < -FRAME:
+                self._clock_at_zero -= ahead
             self._view.show(low + part * (positions - low))
             self.say(f"{self._next_frame:.2f} s")
             self._next_frame += FRAME
@@ -139,20 +145,6 @@ class LiveView:
         if self._window is not None:
             self._window.close()
         self._window = None
-
-    def _wait_for(self, time: float) -> None:
-        """Sleep until the clock has come to a simulated time [s]; time that was lost is not made up for."""
-        ahead = self._clock_at_zero + time - perf_counter()
-        if ahead > 0:
-            sleep(ahead)
-        elif ahead < -FRAME:
-            self._clock_at_zero -= ahead
-
-
-def _looks(config: StationConfig) -> Any:
-    """Return what of a station can be seen."""
-    robots = {name: robot.model_copy(update={"servo": None}) for name, robot in config.robots.items()}
-    return robots, config.pieces, config.floor, config.mode
 
 
 _AHEAD, _LEFT, _TURN, _STOP = "ahead ↑ ↓ [m/s]", "left Q E [m/s]", "turn ← → [°/s]", "stop: space"

@@ -140,7 +140,13 @@ def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) 
             writer.send(None)
             for image in chain([first], images):
                 writer.send(np.ascontiguousarray(image))
-        _check_video(work)
+        # ffmpeg is silent about a disk that is full: the video is read to its end
+        from imageio_ffmpeg import count_frames_and_secs
+
+        try:
+            count_frames_and_secs(str(work))
+        except RuntimeError as problem:
+            raise OutputError(f"{work} cannot be written: it broke off, the disk may be full") from problem
     return file
 
 
@@ -150,16 +156,6 @@ def frame_writer() -> Callable[..., Any]:
         import imageio_ffmpeg
     writer: Callable[..., Any] = imageio_ffmpeg.write_frames
     return writer
-
-
-def _check_video(file: Path) -> None:
-    """Read a video to its end: ffmpeg is silent about a disk that is full."""
-    from imageio_ffmpeg import count_frames_and_secs
-
-    try:
-        count_frames_and_secs(str(file))
-    except RuntimeError as problem:
-        raise OutputError(f"{file} cannot be written: it broke off, the disk may be full") from problem
 
 
 def captions(times: Vector, way: Way | None) -> list[str]:

@@ -3,7 +3,7 @@
 import gc
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +58,11 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     tilt = scene.station.ground.tilt.rotation().matrix()
     lines = floor_lines(gone @ tilt, size=config.floor.size) if config.floor else np.zeros((0, 2, 3))
+    robots = [robot for robot in result.plant.robots.values() if robot.tcp]
+    whose = {robot.name: f" of {robot.name}" if len(result.plant.robots) > 1 else "" for robot in robots}
+    found = [(path_colour(result, robot.name), f"way of the tool{whose[robot.name]}") for robot in robots]
+    if result.contacts_at is not None:
+        found += [(FORCE, "contact forces"), (SUM_OF_FORCES, "their sum on a body")]
     run = {
         "way": [] if way is None else np.round(gone, 4).tolist(),
         "rate": frames_per_second,
@@ -69,23 +74,13 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
         "message": result.end_in_words,
         "stopped": result.stopped_by is not None,
         "end": result.stop_time,
-        "legend": _legend(result),
+        "legend": found,
         "axes": AXES,
     }
     known = json.dumps(run).replace("</", "<\\/")  # a name may be anything
     script = f"<script>const RUN = {known};\n{_SCRIPT.read_text(encoding='utf-8')}</script>\n"
     before, end, after = meshcat.StaticHtml().rpartition("</body>")
     return f"{before}{script}{end}{after}"
-
-
-def _legend(result: RecordedRun) -> list[tuple[str, str]]:
-    """Return what of the colours in the picture stands for what."""
-    robots = [robot for robot in result.plant.robots.values() if robot.tcp]
-    whose = {robot.name: f" of {robot.name}" if len(result.plant.robots) > 1 else "" for robot in robots}
-    found = [(path_colour(result, robot.name), f"way of the tool{whose[robot.name]}") for robot in robots]
-    if result.contacts_at is not None:
-        found += [(FORCE, "contact forces"), (SUM_OF_FORCES, "their sum on a body")]
-    return found
 
 
 def _record(meshcat: Meshcat, scene: ViewedStation, run: RecordedRun, times: Vector, frames_per_second: float) -> None:
@@ -128,19 +123,8 @@ def draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, sh
     if not sizes.size:
         return
     inspector = result.plant.scene_graph.model_inspector()
-    _draw_spheres(meshcat, inspector, {each for pair in contacts.pairs for each in pair})
-    large = max(float(np.percentile(sizes, _LARGE)), np.finfo(float).tiny)
-    for number, forces in enumerate(_each(moments, _SMALLEST * large)):
-        _draw_arrow(meshcat, f"contact_forces/{number}", forces, shown, large, Rgba(*rgb(FORCE)))
-    sums = [_sums(inspector, now) for now in moments]
-    for number, bodies in enumerate(sorted({bodies for now in sums for bodies in now})):
-        own = [now.get(bodies) for now in sums]
-        _draw_arrow(meshcat, f"contact_forces/sum_{number}", own, shown, large, _SUM)
-
-
-def _draw_spheres(meshcat: Meshcat, inspector: SceneGraphInspector, touched: Set[GeometryId]) -> None:
-    """Show the contact spheres that ever touched anything on their bodies, where the body's looks do not show them."""
-    for shape in touched:
+    # contact spheres that ever touched anything, where the looks of their bodies do not show them
+    for shape in {each for pair in contacts.pairs for each in pair}:
         sphere, frame = inspector.GetShape(shape), inspector.GetFrameId(shape)
         looks = [inspector.GetShape(look) for look in inspector.GetGeometries(frame, Role.kIllustration)]
         if isinstance(sphere, Sphere) and not any(
@@ -150,6 +134,13 @@ def _draw_spheres(meshcat: Meshcat, inspector: SceneGraphInspector, touched: Set
             path = f"station/{body}/contact_sphere_{shape.get_value()}"
             meshcat.SetObject(path, sphere, _SPHERE)
             meshcat.SetTransform(path, inspector.GetPoseInFrame(shape))
+    large = max(float(np.percentile(sizes, _LARGE)), np.finfo(float).tiny)
+    for number, forces in enumerate(_each(moments, _SMALLEST * large)):
+        _draw_arrow(meshcat, f"contact_forces/{number}", forces, shown, large, Rgba(*rgb(FORCE)))
+    sums = [_sums(inspector, now) for now in moments]
+    for number, bodies in enumerate(sorted({bodies for now in sums for bodies in now})):
+        own = [now.get(bodies) for now in sums]
+        _draw_arrow(meshcat, f"contact_forces/sum_{number}", own, shown, large, _SUM)
 
 
 def _each(moments: Sequence[Contacts], least: float) -> Iterator[list[_Force | None]]:

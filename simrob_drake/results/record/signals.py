@@ -252,19 +252,15 @@ def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hol
             if stop < recorded.end:
                 sampler.history = recorded.joined(step(recorded, stop))
         else:
-            _cut(sampler, holds, step)
+            while sampler.history.end - sampler.history.times[-2] > TOLERANCE:
+                end = sampler.history.last()
+                between = step(sampler.history, _crossing(sampler, holds, end.end))
+                shorter = sampler.history.joined(between)
+                sampler.history = shorter
+                if not holds(sampler, between.end):
+                    sampler.history = shorter.joined(end)
     except (RuntimeError, SystemExit):  # Drake's failed assertions come as SystemExit
         sampler.history = recorded
-
-
-def _cut(sampler: Sampler, holds: Holds, step: Step) -> None:
-    while sampler.history.end - sampler.history.times[-2] > TOLERANCE:
-        end = sampler.history.last()
-        between = step(sampler.history, _crossing(sampler, holds, end.end))
-        shorter = sampler.history.joined(between)
-        sampler.history = shorter
-        if not holds(sampler, between.end):
-            sampler.history = shorter.joined(end)
 
 
 def _crossing(sampler: Sampler, holds: Holds, seen: float) -> float:
