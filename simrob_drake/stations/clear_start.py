@@ -169,7 +169,7 @@ class ClearStart:
         room = np.where(upper - posture >= posture - lower, upper - posture, lower - posture)
         most = np.minimum(model.bounds(*_STEP), _SWIFT * model.speed_limits * self._duration)
         most[[*model.fingers]] = 0.0
-        step = np.asarray(np.sign(room) * np.minimum(most, _ROOM * np.abs(room)))
+        step: Vector = np.sign(room) * np.minimum(most, _ROOM * np.abs(room))
         if self._is_clear(posture, step):
             return posture + step
         moved = np.zeros_like(step)

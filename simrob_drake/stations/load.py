@@ -155,7 +155,12 @@ def _configured(
         _override(content, key.split("."), value, where)
     content = located(content, Path.cwd())
     content = _without_sugar(content, where)
-    _allow_imports(content, mesh_path)
+    robots = content.get("robots")
+    for robot in robots.values() if isinstance(robots, dict) and mesh_path else ():
+        options = (robot.get("import_options") or {}) if isinstance(robot, dict) and robot.get("urdf") else None
+        if isinstance(options, dict):
+            before = options.get("mesh_path") or []
+            robot["import_options"] = {**options, "mesh_path": list(dict.fromkeys([*before, *map(str, mesh_path)]))}
     try:
         config = validated(StationConfig, content, where)
     except InvalidConfig as problem:
@@ -286,16 +291,6 @@ def _accepted(model: type[BaseModel], key: str, value: Any) -> bool:
     except ValidationError:
         return False
     return True
-
-
-def _allow_imports(content: dict[str, Any], mesh_path: tuple[Path, ...]) -> None:
-    """Let the imports of a station's robots read in further folders."""
-    robots = content.get("robots")
-    for robot in robots.values() if isinstance(robots, dict) and mesh_path else ():
-        options = (robot.get("import_options") or {}) if isinstance(robot, dict) and robot.get("urdf") else None
-        if isinstance(options, dict):
-            before = options.get("mesh_path") or []
-            robot["import_options"] = {**options, "mesh_path": list(dict.fromkeys([*before, *map(str, mesh_path)]))}
 
 
 def _as_written(text: str) -> str:

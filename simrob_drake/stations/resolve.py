@@ -12,7 +12,7 @@ from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.ground import Ground
-from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor
+from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
@@ -49,6 +49,10 @@ def resolve(config: StationConfig) -> ResolvedStation:
             raise InvalidParameter(f"pieces.{name}", name, "a name that no robot of the station has, nor the world")
     ground = _ground(config.floor, config.contact.model if config.contact else "", pieces)
     robots = {name: _robot(config, name, model, pieces, ground) for name, model in models.items()}
+    sensors = dict(config.sensors)
+    for name in sensors_read(readers_of(config.controllers), sensors):
+        if isinstance(sensors[name], SampledSensor):
+            sensors[name] = sensors[name].model_copy(update={"in_loop": True})
     return ResolvedStation(
         mode=config.mode,
         scheme=config.solver.scheme if config.mode == "dynamic" else "",
@@ -57,18 +61,9 @@ def resolve(config: StationConfig) -> ResolvedStation:
         ground=ground,
         robots=robots,
         pieces=pieces,
-        sensors=_sensors(config),
+        sensors=dict(sorted(sensors.items(), key=lambda entry: len(entry[1].read(sensors)))),
         config=config,
     )
-
-
-def _sensors(config: StationConfig) -> dict[str, Sensor]:
-    """Return the sensors, each after those that it reads; what loops read samples while the station is stepped."""
-    sensors = dict(config.sensors)
-    for name in sensors_read(readers_of(config.controllers), sensors):
-        if isinstance(sensors[name], SampledSensor):
-            sensors[name] = sensors[name].model_copy(update={"in_loop": True})
-    return dict(sorted(sensors.items(), key=lambda entry: len(entry[1].read(sensors))))
 
 
 def check_parts(station: ResolvedStation) -> None:
@@ -167,8 +162,14 @@ def _robot(
     config: StationConfig, name: str, model: RobotModel, pieces: Mapping[str, ResolvedPiece], ground: Ground
 ) -> ResolvedRobot:
     entry = config.robots[name]
-    _check_axes(config, name, model)
-    servo = config.servo_of(name)
+    servo, reference = config.servo_of(name), config.reference_of(name)
+    values: dict[str, AxisValues | None] = {
+        **{f"servo.{key}": getattr(servo, key) for key in _SERVO_KEYS},
+        **{f"reference.{key}": value for key, value in reference.axis_values().items()},
+    }
+    for key, value in values.items():
+        if value is not None:
+            model.axis_vector(value, key)
     if config.mode == "dynamic" and model.base == "floating" and (servo.follows_motion or servo.feedforward != "none"):
         expected = "left out: a robot on its own feet does not know what carries it"
         key = "law" if servo.law == "computed_torque" else "feedforward"
@@ -231,17 +232,6 @@ def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vect
             limits = f"within {low:.5g} to {high:.5g} {model.unit_names[index]}"
             raise InvalidParameter(f"initial_deg of {axis}", f"{value:.5g}", limits)
     return position
-
-
-def _check_axes(config: StationConfig, robot: str, model: RobotModel) -> None:
-    servo, reference = config.servo_of(robot), config.reference_of(robot)
-    values: dict[str, AxisValues | None] = {
-        **{f"servo.{key}": getattr(servo, key) for key in _SERVO_KEYS},
-        **{f"reference.{key}": value for key, value in reference.axis_values().items()},
-    }
-    for key, value in values.items():
-        if value is not None:
-            model.axis_vector(value, key)
 
 
 def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator[ResolvedPiece]:

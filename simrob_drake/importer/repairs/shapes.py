@@ -42,7 +42,11 @@ def import_shapes(
     """
     shapes = _Shapes(robot, MeshLibrary(MeshPlaces(source, options.mesh_path)), MeshWriter(folder), options, report)
     for link in robot.iterfind("link"):
-        _check_shapes(link, report)
+        for tag in ("visual", "collision"):
+            for where, element in _shapes_of(link, tag):
+                problem = _check_geometry(element, where, report)
+                if problem:
+                    _drop(link, element, where, problem, report)
         drawn = [deepcopy(element) for element in link.iterfind("visual")]
         try:
             shapes.rewrite_visuals(link)
@@ -205,14 +209,6 @@ class _Shapes:
         name = self._writer.write(part, role="collision", stem=stem, original=original)
         self._hulls[key] = loaded.remembered(), name, change
         return loaded, name, change
-
-
-def _check_shapes(link: ET.Element, report: ImportReport) -> None:
-    for tag in ("visual", "collision"):
-        for where, element in _shapes_of(link, tag):
-            problem = _check_geometry(element, where, report)
-            if problem:
-                _drop(link, element, where, problem, report)
 
 
 def _check_geometry(element: ET.Element, where: str, report: ImportReport) -> str:

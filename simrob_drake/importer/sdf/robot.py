@@ -88,7 +88,11 @@ class RobotWriter:
         for edge in self._edges:
             where = f"{edge.name}' between '{edge.parent}' and '{edge.child}"
             ET.SubElement(self.robot, "loop_joint", name=where)
-        self._add_frames()
+        taken = FreeNames(name_of(link) for link in self.robot.iterfind("link"))
+        for frame in self.model.iterfind("frame"):
+            link = self._frames.link_of(name_of(frame))
+            pose = self._origins[link].inverse() @ self._frames.pose(name_of(frame))
+            add_frame(self.robot, taken.take(name_of(frame)), self._names[link], pose)
         return self.robot
 
     def _edge(self, full: str) -> _Edge | None:
@@ -168,13 +172,6 @@ class RobotWriter:
         element, place = self._frames.links[full], origin.inverse() @ self._frames.pose(full)
         _add_inertia(link, element, place, self.report)
         _add_shapes(link, element, place, self.report)
-
-    def _add_frames(self) -> None:
-        taken = FreeNames(name_of(link) for link in self.robot.iterfind("link"))
-        for frame in self.model.iterfind("frame"):
-            link = self._frames.link_of(name_of(frame))
-            pose = self._origins[link].inverse() @ self._frames.pose(name_of(frame))
-            add_frame(self.robot, taken.take(name_of(frame)), self._names[link], pose)
 
 
 _ENDLESS = 1e15  # SDF's own default limits are 1e16

@@ -35,15 +35,16 @@ class StationView:
 
     def __init__(self, tell: Tell) -> None:
         """Show nothing yet; ``tell`` takes a subject, and the commands to Meshcat's page in place of its last ones."""
-        self._tell, self._config = tell, None
+        self._tell = tell
+        self._looks: object = None
         self.scene: ViewedStation | None = None
 
     def draw(self, config: StationConfig, state: State | None = None) -> Vector:
         """Show a station in a state, or as it begins, loaded anew where it looks otherwise; return positions (nq,)."""
         robots = {name: robot.model_copy(update={"servo": None}) for name, robot in config.robots.items()}
         looks = robots, config.pieces, config.floor, config.mode
-        if self.scene is None or looks != self._config:
-            self.scene, self._config = ViewedStation(config), looks
+        if self.scene is None or looks != self._looks:
+            self.scene, self._looks = ViewedStation(config), looks
             self._tell_scene(self.scene, config)
         positions = self.scene.initial if state is None else state.of_plant(self.scene.station)[0]
         self.show(positions)

@@ -67,7 +67,11 @@ class _Reader:
         if place is None:
             return
         if place.net:
-            self._draw_net(place)
+            for part, inner in place.net.items():
+                key = f"{place.key}.{part}"
+                self.graph.blocks.setdefault(key, DrawnBlock(key, place.role, place.robot, inner.label))
+                for source in inner.sources:
+                    self.graph.connect(f"{place.key}.{source}", key, [])
             self.graph.blocks[f"{place.key}.{next(iter(place.net))}"].systems.append(name)
             return
         new = DrawnBlock(
@@ -79,14 +83,6 @@ class _Reader:
             self.graph.connect(place.within, place.key, _STATE)
         else:
             block.systems.append(name)
-
-    def _draw_net(self, place: Drawn) -> None:
-        """Draw the blocks of a net, of which one system is made, and what they tell each other."""
-        for name, inner in place.net.items():
-            key = f"{place.key}.{name}"
-            self.graph.blocks.setdefault(key, DrawnBlock(key, place.role, place.robot, inner.label))
-            for source in inner.sources:
-                self.graph.connect(f"{place.key}.{source}", key, [])
 
     def _connect(self, name: str) -> None:
         place = self._places[name]
