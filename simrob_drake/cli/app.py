@@ -21,8 +21,7 @@ from typer.exceptions import TyperException
 
 import simrob_drake
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.interrupts import Interrupted
-from simrob_drake.cli.screen import console, errors, tell
+from simrob_drake.cli.screen import Interrupted, console, errors, tell
 from simrob_drake.errors import InvalidParameter, SimrobError, shortened
 
 _MODULES = {

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Literal
 from rich.text import Text
 
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.interrupts import finished_first
 from simrob_drake.cli.options import Saving
-from simrob_drake.cli.screen import console, errors, say
+from simrob_drake.cli.screen import console, errors, finished_first, say
 from simrob_drake.cli.tables import cells_table, result_table, table
 from simrob_drake.folders import check_folder
 from simrob_drake.results.files import COMMANDS, SUMMARY, Saved, default_folder

@@ -38,8 +38,7 @@ from simrob_drake.results.animation.camera import (
     walked_way,
 )
 from simrob_drake.results.animation.scene import RENDERER, ViewedStation, with_floor_under
-from simrob_drake.results.record.events import events_of
-from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.run import RecordedRun, events_of
 from simrob_drake.stations.config import StationConfig
 
 Pixels = npt.NDArray[np.uint8]
