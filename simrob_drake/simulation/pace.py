@@ -11,9 +11,8 @@ from math import inf, nextafter
 from time import monotonic, perf_counter, process_time
 
 import numpy as np
-from pydrake.geometry import CollisionFilterDeclaration, GeometryId, GeometrySet, Role
+from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, Role
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Joint
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
@@ -292,7 +291,9 @@ class Flight:
         self._simulator = weakref.ref(simulator)  # whose monitor holds this
         joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
         floating = [joint for joint in joints if joint.type_name() == "quaternion_floating"]
-        self._bodies = [_shapes(plant, joint) for joint in floating]
+        hanging = [plant.GetBodiesKinematicallyAffectedBy([joint.index()]) for joint in floating]
+        collision_shapes = plant.GetCollisionGeometriesForBody
+        self._bodies = [{one for body in own for one in collision_shapes(plant.get_body(body))} for own in hanging]
         self._upward = [joint.velocity_start() + 5 for joint in floating]  # after the angular part
         self._heights = [joint.position_start() + 6 for joint in floating]  # after the quaternion
         self._gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector()))
@@ -337,9 +338,3 @@ class Flight:
         pairs = query.ComputePointPairPenetration() if query.HasCollisions() else []
         touched = [(pair.id_A, pair.id_B) for pair in pairs]
         return any(all((a in shapes) == (b in shapes) for a, b in touched) for shapes in self._bodies)
-
-
-def _shapes(plant: MultibodyPlant, joint: Joint) -> set[GeometryId]:
-    """Return the collision shapes of a joint's body and of all that hangs on it."""
-    bodies = plant.GetBodiesKinematicallyAffectedBy([joint.index()])
-    return {shape for body in bodies for shape in plant.GetCollisionGeometriesForBody(plant.get_body(body))}

@@ -189,6 +189,8 @@ def _robot(
     tcp = tool_in_use(model.tools, held, entry.tcp)
     if tcp:
         one_of(f"tool of {name}", tcp, frames)
+    stops, usual = config.stops_of(name).model_dump(), JointStops().model_dump()
+    stiffness, damping = (model.axis_vector(stops[key], f"joint_stops.{key}", usual[key]) for key in stops)
     resolved = with_prescribed_axes(
         config,
         ResolvedRobot(
@@ -199,7 +201,7 @@ def _robot(
             floats=config.mode == "dynamic" and model.base == "floating",
             gains=servo_gains(model, servo, dampers=config.motors_are_dampers(name)),
             motors=tuple(station_motors(model, servo)),
-            stops=_stops(config, name, model),
+            stops=(stiffness, damping),
             initial=_initial_position(entry, name, model),
             carried=carried,
             load=sum(pieces[piece].model.mass for piece in carried),
@@ -213,14 +215,6 @@ def _robot(
     )
     check_motors(config, resolved)
     return resolved
-
-
-def _stops(config: StationConfig, robot: str, model: RobotModel) -> tuple[Vector, Vector]:
-    stops, usual = config.stops_of(robot), JointStops().model_dump()
-    stiffness, damping = (
-        model.axis_vector(value, f"joint_stops.{key}", usual[key]) for key, value in stops.model_dump().items()
-    )
-    return stiffness, damping
 
 
 def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:

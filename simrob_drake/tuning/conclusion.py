@@ -27,8 +27,9 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
     """
     own = [row for row in rows if row["of"] == WON]
     start = [row for row in rows if row["of"] == START]
-    low, high = (100 * bound for bound in _share(_held(own), len(own)))
-    held = f"{_held(own)} of {len(own)} runs of the winner hold ({low:.0f} to {high:.0f} %, 95 % sure)"
+    share = binomtest(_held(own), len(own)).proportion_ci(_SURE, method="wilson")
+    sure = f"{100 * share.low:.0f} to {100 * share.high:.0f} %, 95 % sure"
+    held = f"{_held(own)} of {len(own)} runs of the winner hold ({sure})"
     words = [held + (f", and {_held(start)} of {len(start)} of the start." if start else ".")]
     worse = []
     for doubt in dict.fromkeys(row["doubt"] for row in own):
@@ -93,12 +94,6 @@ def _numerical_error(name: str, pairs: Sequence[tuple[Row, Row]]) -> float | Non
         if kind in NUMERICAL and thought
     ]
     return max(errors, default=None)
-
-
-def _share(count: int, of: int) -> tuple[float, float]:
-    """Return between which parts (95 %, Wilson) the share lies of which so many were drawn."""
-    interval = binomtest(count, of).proportion_ci(_SURE, method="wilson")
-    return float(interval.low), float(interval.high)
 
 
 def cost_columns(row: Row) -> list[str]:

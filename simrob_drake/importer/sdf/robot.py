@@ -171,7 +171,18 @@ class RobotWriter:
             return
         element, place = self._frames.links[full], origin.inverse() @ self._frames.pose(full)
         _add_inertia(link, element, place, self.report)
-        _add_shapes(link, element, place, self.report)
+        for tag in ("visual", "collision"):
+            for shape in element.iterfind(tag):
+                where = f"link '{name_of(link)}' <{tag}> '{name_of(shape)}'"
+                geometry, problem = _geometry(shape)
+                if geometry is None:
+                    self.report.add("dropped", where, problem)
+                    continue
+                new = ET.SubElement(link, tag, name=name_of(shape))
+                place(new, place @ own_pose(shape, self.report, where))
+                ET.SubElement(new, "geometry").append(geometry)
+                if tag == "visual":
+                    _add_colour(new, geometry, shape)
 
 
 _ENDLESS = 1e15  # SDF's own default limits are 1e16
@@ -244,22 +255,6 @@ def _add_inertia(link: ET.Element, element: ET.Element, pose: RigidTransform, re
     if mass is None or not values:
         defaults = " and ".join(["1 kg"] * (mass is None) + ["1 kg m²"] * (not values))
         report.add("defaulted", where, f"does not tell its inertia: {defaults}, as the format has it")
-
-
-def _add_shapes(link: ET.Element, element: ET.Element, pose: RigidTransform, report: ImportReport) -> None:
-    """Add the visuals and collision shapes of an SDF link, whose frame has a pose in the link."""
-    for tag in ("visual", "collision"):
-        for shape in element.iterfind(tag):
-            where = f"link '{name_of(link)}' <{tag}> '{name_of(shape)}'"
-            geometry, problem = _geometry(shape)
-            if geometry is None:
-                report.add("dropped", where, problem)
-                continue
-            new = ET.SubElement(link, tag, name=name_of(shape))
-            place(new, pose @ own_pose(shape, report, where))
-            ET.SubElement(new, "geometry").append(geometry)
-            if tag == "visual":
-                _add_colour(new, geometry, shape)
 
 
 def _geometry(shape: ET.Element) -> tuple[ET.Element | None, str]:
