@@ -157,7 +157,6 @@ class BetweenPoints(Between, CouplingSection):
     """Where on the other [m]; in the world's axes unless `other` is given."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station has both bodies."""
         super().check(key, station)
         self.check_bodies(key, station)
         if self.body == self.other:
@@ -176,7 +175,6 @@ class Ball(BetweenPoints):
     kind: Literal["ball"]
 
     def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized."""
         one, other = self.anchored(plant)
         plant.plant.AddBallConstraint(one.body, one.pose.translation(), other.body, other.pose.translation())
 
@@ -185,7 +183,6 @@ class Ball(BetweenPoints):
         return self.distance(plant, context)
 
     def caption(self) -> str:
-        """Return it in words."""
         return f"a ball joint between {self.body} and {self.other}"
 
 
@@ -198,7 +195,6 @@ class Rod(BetweenPoints):
     """[m]."""
 
     def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized."""
         one, other = self.anchored(plant)
         points = one.pose.translation(), other.pose.translation()
         plant.plant.AddDistanceConstraint(one.body, points[0], other.body, points[1], self.length)
@@ -208,7 +204,6 @@ class Rod(BetweenPoints):
         return abs(self.distance(plant, context) - self.length)
 
     def caption(self) -> str:
-        """Return it in words."""
         return f"a rod of {self.length:g} m from {self.body} to {self.other}"
 
 
@@ -221,7 +216,6 @@ class BetweenFrames(Between, CouplingSection):
     """The frame on the other."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station has both bodies."""
         super().check(key, station)
         self.check_bodies(key, station)
 
@@ -237,7 +231,6 @@ class Weld(BetweenFrames):
     kind: Literal["weld"]
 
     def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized."""
         if not plant.plant.time_step():
             add_bushing(plant.plant, *self.ends(plant))
             return
@@ -250,7 +243,6 @@ class Weld(BetweenFrames):
         return max(self.distance(plant, context), float(turn.ToAngleAxis().angle()))
 
     def caption(self) -> str:
-        """Return it in words."""
         return f"{self.body} welded to {self.other}"
 
 
@@ -275,7 +267,6 @@ class Hinge(BetweenFrames):
         return max(self.distance(plant, context), float(tilt))
 
     def caption(self) -> str:
-        """Return it in words."""
         return f"a hinge between {self.body} and {self.other}"
 
 
@@ -346,7 +337,6 @@ class Gear(CouplingSection):
         site.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
 
     def caption(self) -> str:
-        """Return it in words."""
         return "a gear: " + " + ".join(f"{ratio:g} {axis}" for axis, ratio in self.ratios.items()) + " stays as it is"
 
 
@@ -368,7 +358,6 @@ class Spring(BetweenPoints):
     """[N·s/m]."""
 
     def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized."""
         one, other = self.ends(plant)
         points = one.pose.translation(), other.pose.translation()
         length = max(self.length, _SHORTEST)
@@ -376,7 +365,6 @@ class Spring(BetweenPoints):
         plant.plant.AddForceElement(spring)
 
     def caption(self) -> str:
-        """Return it in words."""
         return f"a spring of {self.stiffness:g} N/m from {self.body} to {self.other}"
 
 

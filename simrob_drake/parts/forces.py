@@ -146,7 +146,6 @@ class Push(ForceSection):
         return PiecewisePolynomial.ZeroOrderHold(times[known], np.array(values[known]).T)
 
     def caption(self) -> str:
-        """Return it in words."""
         return f"{float(np.linalg.norm(self.force)):.3g} N at {self.start:g} s"
 
 
@@ -167,7 +166,6 @@ class SineForce(ForceSection):
         return Sine(np.array(self.amplitude), frequency, phase)
 
     def caption(self) -> str:
-        """Return it in words."""
         return f"sine ±{float(np.linalg.norm(self.amplitude)):g} N, {self.frequency:.3g} Hz"
 
 
@@ -227,7 +225,6 @@ class Drag(ForceSection):
         return fed(builder, f"{name}.spring", spring, applied, site.state)
 
     def caption(self) -> str:
-        """Return it in words."""
         return f"drag from {self.start:g} to {self.end:g} s"
 
 

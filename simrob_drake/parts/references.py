@@ -64,7 +64,6 @@ class ToOnePosture(ReferenceSection):
     """When it begins [s]."""
 
     def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
         late = f", from {self.start:g} s" if self.start else ""
         return f"{self.kind} to {shown_positions(self.target_deg, model)} in {self.duration:g} s{late}"
 
@@ -77,11 +76,9 @@ class Hold(ReferenceSection):
     """Posture, per axis; the initial one unless given."""
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory, shape (n, 1) [rad or m]."""
         return hold(start if self.target_deg is None else si_positions(self.target_deg, robot, start))
 
     def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
         return "hold the start" if self.target_deg is None else f"hold {shown_positions(self.target_deg, model)}"
 
 
@@ -91,7 +88,6 @@ class SmoothMove(ToOnePosture):
     kind: Literal["move"]
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory, shape (n, 1) [rad or m]."""
         target = si_positions(self.target_deg, robot, start)
         return move(start, target, duration=self.duration, start_time=self.start)
 
@@ -110,7 +106,6 @@ class Ramp(ToOnePosture):
         return self
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory, shape (n, 1) [rad or m]."""
         target = si_positions(self.target_deg, robot, start)
         return ramp(start, target, duration=self.duration, start_time=self.start, blend=self.blend)
 
@@ -142,7 +137,6 @@ class Cruise(ReferenceSection):
         return np.full(len(robot.axes), np.inf)
 
     def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
         late = f", from {self.start:g} s" if self.start else ""
         return f"{self.kind.replace('_', '-')} to {shown_positions(self.target_deg, model)}{late}"
 
@@ -203,18 +197,15 @@ class Sequence(ReferenceSection):
         return self
 
     def axis_values(self) -> dict[str, AxisValues | None]:
-        """Return the targets."""
         return {f"targets at {target.time:g} s": target.target_deg for target in self.targets}
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory, shape (n, 1) [rad or m]."""
         postures = [start]
         for waypoint in self.targets:
             postures.append(si_positions(waypoint.target_deg, robot, postures[-1]))
         return sequence(start, [waypoint.time for waypoint in self.targets], postures[1:])
 
     def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
         return f"sequence of {len(self.targets)} postures in {self.targets[-1].time:g} s"
 
 
@@ -240,7 +231,6 @@ class SineWave(ReferenceSection):
         )
 
     def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
         return f"sine ±{shown_positions(self.amplitude_deg, model)}, {self.frequency:g} Hz"
 
 
@@ -289,7 +279,6 @@ class Table(ReferenceSection):
         return times, values[:, 1:]
 
     def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
         return f"table {self.file.name}"
 
 

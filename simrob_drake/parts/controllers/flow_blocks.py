@@ -170,11 +170,9 @@ class Sums(FlowBlock):
 
     @property
     def repeats(self) -> int:
-        """How often an input stands in its equation."""
         return 1
 
     def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
         return u
 
 
@@ -187,7 +185,6 @@ class Product(FlowBlock):
     """Places of the inputs that divide, from 0."""
 
     def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
         return (math.prod(power(part, -1) if place in self.divides else part for place, part in enumerate(u)),)
 
 
@@ -197,7 +194,6 @@ class Saturation(Bounded):
     kind: Literal["saturation"]
 
     def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
         return (self.clipped(u[0]),)
 
 
@@ -207,7 +203,6 @@ class DeadZone(Bounded):
     kind: Literal["dead_zone"]
 
     def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
         return (u[0] - self.clipped(u[0]),)
 
 
@@ -230,11 +225,9 @@ class Lookup(FlowBlock):
 
     @property
     def repeats(self) -> int:
-        """How often an input stands in its equation."""
         return 2 * len(self.points)
 
     def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
         within = least(largest(u[0], self.points[0]), self.points[-1]) if self.clip else u[0]
         if isinstance(within, float):
             return (self._line(min(max(bisect_right(self.points, within), 1), len(self.points) - 1), within),)
@@ -265,7 +258,6 @@ class Compare(FlowBlock):
     """What it is compared with."""
 
     def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
         return (chosen(_COMPARED[self.operator](u[0], self.threshold), 1.0, 0.0),)
 
 
@@ -278,7 +270,6 @@ class Logic(FlowBlock):
     """How the inputs are joined."""
 
     def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
         true = [chosen(part != 0, 1.0, 0.0) for part in u]
         all_of, any_of = math.prod(true), 1.0 - math.prod(1.0 - one for one in true)
         odd = (1.0 - math.prod(1.0 - 2.0 * one for one in true)) / 2.0
@@ -304,7 +295,6 @@ class Switch(FlowBlock):
     """What it is compared with."""
 
     def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
         return (chosen(_COMPARED[self.operator](u[1], self.threshold), u[0], u[2]),)
 
 
@@ -326,7 +316,6 @@ class MathFunction(FlowBlock):
             raise InvalidParameter(f"{key}.of", f"{len(self.inputs)} inputs", f"{count}, as {self.function} takes")
 
     def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
         return (FUNCTIONS[self.function](*u),)
 
 
@@ -344,11 +333,9 @@ class Step(FlowBlock):
 
     @property
     def edges(self) -> Sequence[float]:
-        """When it steps [s]."""
         return (self.time,)
 
     def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
         return (chosen(t >= self.time, self.after, self.before),)
 
 

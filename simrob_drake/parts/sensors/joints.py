@@ -40,7 +40,6 @@ class Encoders(SampledSensor):
     """Of the noise: the same seed, the same figures."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot exists."""
         station.robot(self.robot, key)
 
     def resolution(self, robot: ResolvedRobot) -> Vector:
@@ -95,7 +94,6 @@ class JointEncoders(SampledBlock):
         self._share, self.seed = period / (period + section.smoothing), section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return what the encoders tell now."""
         count = int(memory["count"][0])
         noise = self._noise * normal(self.seed, count, len(self._noise))
         position = rounded(read["position"] + noise, self._resolution)
@@ -181,7 +179,6 @@ class ExternalTorque(SampledSensor):
     """How fast the estimate follows [1/s]; it lags by 1/gain."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot exists."""
         station.robot(self.robot, key)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:

@@ -55,7 +55,6 @@ class ShapeSensor(Sensor):
 
     @property
     def stepped(self) -> bool:
-        """Whether it takes samples."""
         return self.rate is not None
 
 
@@ -98,7 +97,6 @@ class SampledSensor(Sensor):
 
     @property
     def stepped(self) -> bool:
-        """Whether it samples while stepping."""
         return self.in_loop
 
     def _give(
