@@ -160,11 +160,6 @@ def _placed(model: ET.Element, include: ET.Element) -> list[ET.Element]:
         model.set("placement_frame", placement.strip())
     if include.get("merge") != "true":
         return [model]
-    return _merged(model)
-
-
-def _merged(model: ET.Element) -> list[ET.Element]:
-    """Return what is in a model as parts of the one that includes it, placed in a frame that stands for its own."""
     own = f"_merged_{name_of(model)}"
     frame = ET.Element("frame", name=own)
     frame.extend(model.findall("pose"))

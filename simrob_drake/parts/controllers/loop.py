@@ -315,12 +315,8 @@ def _drive(
 ) -> None:
     """Lay loops over the reference of a robot and its feedforward, the lowest first, within the joint limits."""
     size, key = len(robot.axes), f"{robot.prefix}reference"
-    inner, stack, torques, speeds = (
-        site.inputs[key],
-        _Stack(builder, site, robot),
-        list[OutputPort](),
-        list[OutputPort](),
-    )
+    inner, stack = site.inputs[key], _Stack(builder, site, robot)
+    torques, speeds = list[OutputPort](), list[OutputPort]()
     for name, (section, wired) in layers.items():
         outputs = wired.outputs
         weight, place = section.weight or 1.0, f"{key}.{name}"

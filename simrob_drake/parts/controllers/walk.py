@@ -91,10 +91,8 @@ class Walk(LoopSection):
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
         """Return, in words, which known commands are clipped; raises InvalidParameter: one, in a strict section."""
-        max_speed, commands = (
-            self.walking(robot).max_speed,
-            {f"commands[{n}]": row.command for n, row in enumerate(self.commands)},
-        )
+        max_speed = self.walking(robot).max_speed
+        commands = {f"commands[{n}]": row.command for n, row in enumerate(self.commands)}
         if self.path is not None:
             commands["path"] = Command(complex(self.path.speed))
         found = []

@@ -170,9 +170,7 @@ def place_of(name: str, system: System, ports: StationPorts) -> Drawn | None:
     drawn = _drawing_of(name, ports)
     if isinstance(drawn, Drawn) and (drawn.net or not isinstance(system, _SILENT)):
         return drawn
-    if isinstance(system, _SILENT) or drawn is None:
-        return None
-    if _is_wire(local, system):
+    if isinstance(system, _SILENT) or drawn is None or _is_wire(local, system):
         return None
     bars: list[tuple[type, Shape, str]] = [(Multiplexer, "mux", ""), (Selector, "bus", ""), (Adder, "sum", "+")]
     for kind, shape, label in bars:
