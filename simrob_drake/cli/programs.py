@@ -68,8 +68,7 @@ def own_program(config: StationConfig) -> Program:
 def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationConfig]:
     """Return a file's program and the station that it names, with changes.
 
-    Raises:
-        InvalidConfig: a damaged program, or one that names no station.
+    Raises InvalidConfig: a damaged program, or one that names no station.
     """
     from simrob_drake.programs.program import Program
 

@@ -256,7 +256,7 @@ class PaceWatch:
                 cause = Slow(self.config, self._built(), context, *means, self._own_blocks).cause()
             left = self.config.duration - context.get_time()
             message = f"{self.config.name} makes {made / self._waited:.2g} × real time with {left:.3g} s left: {cause}"
-            warnings.warn(message, SlowRunWarning, stacklevel=2)
+            warnings.warn(message, SlowRunWarning, stacklevel=1)
         self._begin(time)
 
     def _count(self) -> None:

@@ -16,9 +16,8 @@ from simrob_drake.parts.controllers.own import OwnController, driven_inputs, nam
 from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation.arguments import ReferencesLike, by_robot, with_duration, with_pushes
 from simrob_drake.simulation.built import ByHand, Hands, StationDiagrams
-from simrob_drake.simulation.run import OnStep, Run, watched
+from simrob_drake.simulation.run import OnStep, ReferencesLike, Run, by_robot, watched, with_duration, with_pushes
 from simrob_drake.simulation.stepping import Outcome, Stepper, Ticks
 from simrob_drake.stations.closed import ClosedStation, check_reference, station_references
 from simrob_drake.stations.config import StationConfig
@@ -368,8 +367,7 @@ class Fork:
     def outcome(self, pushes: Mapping[str, Any]) -> Outcome:
         """Return how a run ends under pushes, as ``Runner.run`` takes them.
 
-        Raises:
-            InvalidParameter: a push that cannot be.
+        Raises InvalidParameter: a push that cannot be.
         """
         if self.begun.ending != "completed":
             return self.begun

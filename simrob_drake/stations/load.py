@@ -119,8 +119,7 @@ def _loaded(
 def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> StationConfig:
     """Return a station of a robot alone, by its name or the file of its URDF; kinematic unless overrides say otherwise.
 
-    Raises:
-        SimrobError: no such robot, or an override that cannot be.
+    Raises SimrobError: no such robot, or an override that cannot be.
     """
     origin = "urdf" if is_robot_file(robot) else "model"
     content = {"name": Path(robot).stem, "mode": "kinematic", ONLY_ROBOT: {origin: robot}}
@@ -130,8 +129,7 @@ def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> Stat
 def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str = "settings") -> StationConfig:
     """Return a configuration with changes, as :func:`load_station` takes them.
 
-    Raises:
-        InvalidConfig: an entry that cannot be; names ``where``, the key, and what would be right.
+    Raises InvalidConfig: an entry that cannot be; names ``where``, the key, and what would be right.
     """
     if not settings:
         return config

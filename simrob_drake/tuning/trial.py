@@ -48,8 +48,7 @@ class Trial(ABC):
     def measured(self) -> list[Row]:
         """Run it, and return the other columns of its rows: ``ended``, ``message``, and what was measured.
 
-        Raises:
-            SimrobError: a station that cannot be run.
+        Raises SimrobError: a station that cannot be run.
         """
 
     def record(self, measured: Sequence[Row]) -> Record:

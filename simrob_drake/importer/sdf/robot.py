@@ -169,8 +169,8 @@ class RobotWriter:
         link = ET.SubElement(self.robot, "link", name=self._names[full])
         if full == WORLD:
             return
-        element, place = self._frames.links[full], origin.inverse() @ self._frames.pose(full)
-        _add_inertia(link, element, place, self.report)
+        element, pose = self._frames.links[full], origin.inverse() @ self._frames.pose(full)
+        _add_inertia(link, element, pose, self.report)
         for tag in ("visual", "collision"):
             for shape in element.iterfind(tag):
                 where = f"link '{name_of(link)}' <{tag}> '{name_of(shape)}'"
@@ -179,7 +179,7 @@ class RobotWriter:
                     self.report.add("dropped", where, problem)
                     continue
                 new = ET.SubElement(link, tag, name=name_of(shape))
-                place(new, place @ own_pose(shape, self.report, where))
+                place(new, pose @ own_pose(shape, self.report, where))
                 ET.SubElement(new, "geometry").append(geometry)
                 if tag == "visual":
                     _add_colour(new, geometry, shape)

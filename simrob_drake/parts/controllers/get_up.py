@@ -47,8 +47,7 @@ class GetUp(LoopSection):
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the robot stands on feet of its own and has postures for it.
 
-        Raises:
-            SimrobError: it does not, it has none, or what every loop checks.
+        Raises SimrobError: it does not, it has none, or what every loop checks.
         """
         super().check(key, station)
         model = self.on_feet(key, station).model

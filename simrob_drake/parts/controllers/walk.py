@@ -66,8 +66,7 @@ class Walk(LoopSection):
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the robot stands on feet of its own and can walk.
 
-        Raises:
-            SimrobError: it does not, it cannot, or what every loop checks.
+        Raises SimrobError: it does not, it cannot, or what every loop checks.
         """
         super().check(key, station)
         robot = self.on_feet(key, station)

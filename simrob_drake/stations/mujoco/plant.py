@@ -50,8 +50,7 @@ class MujocoPlant(Block):
     def __init__(self, station: ResolvedStation, plant: StationPlant) -> None:
         """Make the model of a station whose plant is finalized.
 
-        Raises:
-            InvalidParameter: a part that has no place in MuJoCo; names the key.
+        Raises InvalidParameter: a part that has no place in MuJoCo; names the key.
         """
         super().__init__()
         self.set_name("plant")
