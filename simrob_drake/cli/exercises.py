@@ -12,8 +12,7 @@ from rich.text import Text
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force
 from simrob_drake.cli.screen import console, errors, say
-from simrob_drake.course.checking import MEMORY, SECONDS, checked_points
-from simrob_drake.course.exercise import Language, exercise_of, exercises
+from simrob_drake.course.exercise import MEMORY, SECONDS, Language, checked_points, exercise_of, exercises
 from simrob_drake.course.measuring import Reading
 from simrob_drake.yaml_files import read_yaml
 
