@@ -247,7 +247,17 @@ class Runner:
         """Return the diagrams for a run, which play its references and pushes."""
         references = station_references(self._station, requested, start.references if start else None)
         self._check_references(references, config.duration)
-        diagrams = self._diagrams_of(config, references, watched=watched)
+        places = watched, *((name, force.kind, force.at) for name, force in config.forces.items())
+        diagrams = self._diagrams.get(places)
+        if diagrams is None or not diagrams.fits(references):
+            if self._diagrams and self._blocks:
+                message = "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones"
+                raise SimrobError(message)
+            station = self._station
+            if config.forces != self.config.forces:
+                station = resolve(station.config.model_copy(update={"forces": config.forces}))
+                check_parts(station)
+            diagrams = self._diagrams[places] = StationDiagrams(station, references, self._blocks, watched=watched)
         diagrams.play(references, config.forces)
         return diagrams
 
@@ -257,21 +267,6 @@ class Runner:
                 check_reference(robot, references[robot.name], duration)
             for place, reference in robot.prescribed.items():
                 check_reference(alone_on(robot, place), reference, duration)
-
-    def _diagrams_of(self, config: StationConfig, played: Mapping[str, Reference], *, watched: bool) -> StationDiagrams:
-        """Return the diagrams for a run: those of other runs, if forces act at the same places."""
-        places = watched, *((name, force.kind, force.at) for name, force in config.forces.items())
-        known = self._diagrams.get(places)
-        if known is None or not known.fits(played):
-            if self._diagrams and self._blocks:
-                message = "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones"
-                raise SimrobError(message)
-            station = self._station
-            if config.forces != self.config.forces:
-                station = resolve(station.config.model_copy(update={"forces": config.forces}))
-                check_parts(station)
-            known = self._diagrams[places] = StationDiagrams(station, played, self._blocks, watched=watched)
-        return known
 
 
 @drake_asserts()
