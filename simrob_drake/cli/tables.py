@@ -7,6 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from simrob_drake.dynamics import Dynamics
+from simrob_drake.errors import listed
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ENTRY_KINDS, EntryKind, ImportReport
 from simrob_drake.linear import LinearModel
@@ -135,8 +136,7 @@ def report_table(report: ImportReport) -> Table:
     for kind in ENTRY_KINDS:
         for (of_kind, text), names in elements.items():
             if of_kind == kind:
-                rest = f" and {len(names) - 4} more" if len(names) > 4 else ""
-                table.add_row(Text(kind, _COLOURS[kind]), Text(", ".join(names[:4]) + rest), Text(text))
+                table.add_row(Text(kind, _COLOURS[kind]), Text(listed(names, 4)), Text(text))
     return table
 
 

@@ -86,9 +86,8 @@ def _free_root(robot: ET.Element, report: ImportReport) -> None:
     robot.remove(joints[0])
     robot.remove(roots[0])
     robot.set(FLOATING_MARK, "floating")
-    why = (
-        f"floats below '{name_of(roots[0])}', which is left out; '{link_of(joints[0], 'child')}' is a root that floats"
-    )
+    top = link_of(joints[0], "child")
+    why = f"floats below '{name_of(roots[0])}', which is left out; '{top}' is a root that floats"
     report.add("repaired", f"joint '{name_of(joints[0])}'", why)
 
 

@@ -139,8 +139,7 @@ def _rename_world(robot: ET.Element, report: ImportReport) -> None:
     elements = [element for top in robot for element in top.iter() if element.tag in _NAMES_A_LINK]
     references = [element for element in elements if element.get("link") == WORLD]
     own = next((link for link in robot.iterfind("link") if name_of(link) == WORLD), None)
-    meant = own is not None or any(element.tag == "parent" for element in references)
-    if not meant:
+    if own is None and not any(element.tag == "parent" for element in references):
         return
     new = free_name(f"robot_{WORLD}", names(robot, "link"))
     if own is None:

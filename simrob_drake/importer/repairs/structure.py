@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections import Counter
 
-from simrob_drake.errors import nearest
+from simrob_drake.errors import listed, nearest
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.names import names, repair_names
 from simrob_drake.importer.repairs.numbers import mend_numbers
@@ -174,18 +174,13 @@ def _keep_one_tree(robot: ET.Element, dangling: list[tuple[str, str]], held: set
     if len(moving) > 1 or (not moving and not alone):
         for where, problem in dangling:
             raise report.refusal(where, f"{problem}; without it the robot falls apart")
-        listed = _listed(moving or roots)
-        raise report.refusal("", f"has {len(moving or roots)} root links ({listed}); join them to one tree by joints")
+        ends = moving or roots
+        raise report.refusal("", f"has {len(ends)} root links ({listed(ends, 6)}); join them to one tree by joints")
     for root in roots:
         if root != kept:
             hung = [link_of(joint, "child") for joint in trees[root]]
             lost = {root, *hung}
             for element in [*trees[root], *(link for link in robot.iterfind("link") if name_of(link) in lost)]:
                 robot.remove(element)
-            with_it = f" with {_listed(hung)}" if hung else ""
+            with_it = f" with {listed(hung, 6)}" if hung else ""
             report.add("dropped", f"link '{root}'", f"no joint leads to it; left out{with_it}")
-
-
-def _listed(items: list[str], longest: int = 6) -> str:
-    more = f" and {len(items) - longest} more" if len(items) > longest else ""
-    return ", ".join(items[:longest]) + more
