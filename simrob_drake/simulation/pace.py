@@ -216,11 +216,7 @@ def creeping(config: StationConfig, times: Sequence[float]) -> str:
 
 
 class PaceWatch:
-    """Looks after each step how fast a run gets on, shows that, and warns once if it hardly does.
-
-    Attributes:
-        config: the station.
-    """
+    """Looks after each step how fast a run gets on, shows that, and warns once if it hardly does."""
 
     def __init__(
         self, config: StationConfig, built: Callable[[], ClosedStation], *, own_blocks: bool, show: Advance | None

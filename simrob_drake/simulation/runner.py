@@ -335,9 +335,6 @@ class Fork:
 
     Each ends as the whole run does, to the last bit under ``cenic`` and discrete solvers; others begin anew at the
     moment with the steps that their error control chooses. No signals are computed.
-
-    Attributes:
-        begun: how the run ended that far: completed, if nothing ended it.
     """
 
     def __init__(
@@ -356,7 +353,7 @@ class Fork:
             start.put(
                 self._stepper.built.diagram, self._stepper.built.ports, self._stepper.simulator.get_mutable_context()
             )
-        self.begun = self._outcome(self._stepper)
+        self.begun = self._outcome(self._stepper)  # how the run ended that far: completed, if nothing ended it
 
     @drake_asserts()
     def outcome(self, pushes: Mapping[str, Any]) -> Outcome:

@@ -100,14 +100,7 @@ class Proof(Strict):
 
 
 class ProofFolder:
-    """A proof and its runs, in a folder.
-
-    Attributes:
-        folder: where they stand.
-        proof: what is proven.
-        cases: all of its runs.
-        journal: those that are made.
-    """
+    """A proof and its runs, in a folder."""
 
     def __init__(self, folder: Path | str, proof: Proof, *, force: bool = False) -> None:
         """Begin a proof in a new folder, or go on; raises SimrobError: no station, a changed one, other content."""

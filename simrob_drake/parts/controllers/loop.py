@@ -248,15 +248,12 @@ class _Stack:
     """What a robot is asked, as far as loops have been laid over it: a sum of ports.
 
     Each block between reference and servos takes time at every step: so there are as few of them as can be.
-
-    Attributes:
-        ports: that are added up; None is the input of the station.
     """
 
     def __init__(self, builder: DiagramBuilder, site: Site, robot: StationRobot) -> None:
         self._builder, self._site, self._key = builder, site, f"{robot.prefix}reference"
         self._size, self._limits = len(robot.axes), robot.model.axis_limits
-        self.ports: list[OutputPort | None] = [None]
+        self.ports: list[OutputPort | None] = [None]  # that are added up; None is the input of the station
 
     def feed(self, name: str, block: LeafSystem, *above: OutputPort) -> None:
         """Feed a block with the ports, and others above them; its output takes their place."""

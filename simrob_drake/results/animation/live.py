@@ -27,17 +27,13 @@ Tell = Callable[[str, Sequence[Command]], object]
 
 
 class StationView:
-    """What a browser is told so that it shows a station.
-
-    Attributes:
-        scene: the station as it is shown.
-    """
+    """What a browser is told so that it shows a station."""
 
     def __init__(self, tell: Tell) -> None:
         """Show nothing yet; ``tell`` takes a subject, and the commands to Meshcat's page in place of its last ones."""
         self._tell = tell
         self._looks: object = None
-        self.scene: ViewedStation | None = None
+        self.scene: ViewedStation | None = None  # the station as it is shown
 
     def draw(self, config: StationConfig, state: State | None = None) -> Vector:
         """Show a station in a state, or as it begins, loaded anew where it looks otherwise; return positions (nq,)."""
@@ -82,9 +78,6 @@ class LiveView:
     """Show runs in a browser at the pace of the clock, or slower where the simulation is slower.
 
     Hand :meth:`on_step` to ``simulate(on_step=...)``. The view only reads: it makes the run wait, and nothing else.
-
-    Attributes:
-        url: where to look; it listens on this computer only.
     """
 
     def __init__(
@@ -97,7 +90,7 @@ class LiveView:
         self._window: Window | None = Window(steering.controls if steering else None)
         if steering:
             steering.board = self._window
-        self.url = self._window.url
+        self.url = self._window.url  # where to look; it listens on this computer only
         self._view = StationView(self._window.tell)
         self._next_frame = self._clock_at_zero = 0.0
         self._paths = 0

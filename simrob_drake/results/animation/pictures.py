@@ -187,10 +187,6 @@ class Studio:
     """A station before a camera that has the whole motion of a run in its picture.
 
     It stands still, but for a robot that walks: beside that it goes, and lines on the floor show the way.
-
-    Attributes:
-        way: of the camera; None where it stands still.
-        walked: how far a robot that walks goes; None where nothing walks.
     """
 
     def __init__(
@@ -212,8 +208,8 @@ class Studio:
         a robot that cannot be built.
         """
         self._result = result
-        self.walked = walked = walked_way(result)
-        self.way = way = walked if follow else None
+        self.walked = walked = walked_way(result)  # how far a robot that walks goes; None where nothing walks
+        self.way = way = walked if follow else None  # of the camera; None where it stands still
         gone = None if walked is None else walked(np.linspace(0.0, result.stop_time, _PLACES))
         config = result.config if gone is None else with_floor_under(result.config, gone)
         self._scene = scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()), way=gone)

@@ -199,18 +199,14 @@ class Stop:
 
 
 class Watch:
-    """Asks the monitors of a station about each recorded step, in their order.
-
-    Attributes:
-        stop: why the run ends; None as long as it does not.
-    """
+    """Asks the monitors of a station about each recorded step, in their order."""
 
     def __init__(self, site: Site, sampler: Sampler) -> None:
         """Watch a station whose ports a sampler evaluates."""
         self._site, self._sampler = site, sampler
         self._onsets = dict.fromkeys(site.monitors, NOT_YET)
         self._count = 0
-        self.stop: Stop | None = None
+        self.stop: Stop | None = None  # why the run ends; None as long as it does not
 
     def look(self, steps: StateHistory) -> bool:
         """Look at the steps that follow those of the last call; tell whether one of them ends the run."""
