@@ -87,14 +87,9 @@ class Runner:
     """
 
     def __init__(self, station: StationLike, *, blocks: Blocks = ()) -> None:
-        """Take a station; its diagrams are built at the first run.
+        """Take a station and blocks as :func:`simulate` does; its diagrams are built at the first run.
 
-        Args:
-            station: as :func:`simulate` takes it.
-            blocks: likewise.
-
-        Raises:
-            SimrobError: no such station, or a block that is none.
+        Raises SimrobError: no such station, or a block that is none.
         """
         self.config = config_of(station)
         made = own_blocks(self.config.controllers)
@@ -134,21 +129,11 @@ class Runner:
         ticks: Ticks | None = None,
         strict: bool = False,
     ) -> SimulationResult:
-        """Run the station, as :func:`simulate` does.
+        """Run the station, as :func:`simulate` does, whose arguments and errors these are, but for four.
 
-        Args:
-            reference: as of :func:`simulate`.
-            duration: in place of the configuration's [s].
-            start: as of :func:`simulate`.
-            pushes: in place of the configuration's, by name: ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
-            progress: show a bar on a terminal.
-            on_step: as of :func:`simulate`.
-            commands: likewise.
-            ticks: even times at which stepping begins anew, and may end.
-            strict: as of :func:`simulate`.
-
-        Raises:
-            SimrobError: as of :func:`simulate`.
+        ``duration`` [s] and ``pushes``, by name as in ``{"shove": {"start": 1, "force": [5, 0, 0]}}``, take the place
+        of the configuration's; ``progress`` shows a bar on a terminal; ``ticks`` are even times at which stepping
+        begins anew, and may end.
         """
         config = with_pushes(with_duration(self.config, duration), pushes)
         if on_step is not None and not callable(on_step):
@@ -173,25 +158,17 @@ class Runner:
     def ports(self, *, watched: bool = False) -> StationPorts:
         """Return the ports of the diagram in which signals are evaluated; it is built, so that a first run has it.
 
-        Args:
-            watched: whether the runs have ticks.
-
-        Raises:
-            SimrobError: as of :func:`simulate`.
+        ``watched``: whether the runs have ticks. Raises SimrobError: as of :func:`simulate`.
         """
         return self._playing(self.config, {}, self._started(self.config, None), watched=watched).whole.ports
 
     @drake_asserts()
     def fork(self, at: float, *, reference: ReferencesLike = None, duration: float | None = None) -> "Fork":
-        """Run the station up to a moment, from which runs with other pushes go on.
+        """Run the station up to a moment ``at`` [s], from which runs with other pushes go on.
 
-        Args:
-            at: the moment [s]: later than the start, and that at which a push of the station begins.
-            reference: as of :func:`simulate`.
-            duration: of the whole runs, in place of the configuration's [s].
-
-        Raises:
-            SimrobError: input that cannot be run at all.
+        That is later than the start, and that at which a push of the station begins. The reference is as of
+        :func:`simulate`, the duration that of the whole runs, in place of the configuration's [s]. Raises SimrobError:
+        input that cannot be run at all.
         """
         config = with_duration(self.config, duration)
         if not 0 < at < config.duration:
@@ -203,11 +180,7 @@ class Runner:
     def check(self, reference: ReferencesLike = None) -> None:
         """Check, without a run, that the state it would begin in can be read and fits, and that robots can follow.
 
-        Args:
-            reference: as of :func:`simulate`.
-
-        Raises:
-            SimrobError: they cannot.
+        The reference is as of :func:`simulate`. Raises SimrobError: they cannot.
         """
         start = _checked_start(self.config, None)
         self._check_references(self.references(reference, start), self.config.duration)
@@ -218,8 +191,7 @@ class Runner:
     def references(self, reference: ReferencesLike, start: State | None) -> dict[str, Reference]:
         """Return what each robot is asked in a run that begins in a state, as :meth:`run` takes them all.
 
-        Raises:
-            SimrobError: a reference that does not fit its robot.
+        Raises SimrobError: a reference that does not fit its robot.
         """
         return station_references(self._station, by_robot(self.config, reference), start.references if start else None)
 
