@@ -30,8 +30,7 @@ _MODULES = {
     **dict.fromkeys(("sweep", "tune", "pushes"), "Many runs"),
     **dict.fromkeys(("simulink", "engines"), "Exchange and other engines"),
     "exercises": "Teaching",
-}
-"""Those with commands, and under which title the help has them, in its order."""
+}  # those with commands, and under which title the help has them, in its order
 
 
 class _Entry(NamedTuple):

@@ -144,8 +144,7 @@ _WORDS = {
     ("tau", ""): "joint torques",
     ("tcp", "m"): "place of the tool",
     ("tcp", "1"): "orientation of the tool, quaternion",
-}
-"""What a referee calls quantities, by the ends of their names and their units; any unit where it is empty."""
+}  # what a referee calls quantities, by the ends of their names and their units; any unit where it is empty
 _HEADINGS = ("engine", "quantity", "unit", "largest", "at", "error", "within")
 
 

@@ -157,8 +157,7 @@ _FILES_OF: Mapping[str, Callable[[Path, str, ImportOptions], tuple[Path, list[Pa
     "model": _of_description,
     "mesh": lambda file, *_: (resolved(file), _with_needed([resolved(file)])),
     **dict.fromkeys(("network", "file", "start"), lambda file, *_: (resolved(file), [])),
-}
-"""By the last part of a key: the main file behind its path, and what else is read with it."""
+}  # by the last part of a key: the main file behind its path, and what else is read with it
 
 
 def _with_needed(meshes: Iterable[Path]) -> list[Path]:

@@ -45,8 +45,7 @@ _RULES: dict[tuple[str, str], _Rule] = {
     ("color", "rgba"): _Rule((3, 4)),
     (f"{DRAKE}gear_ratio", "value"): _Rule(),
     (f"{DRAKE}rotor_inertia", "value"): _Rule(),
-}
-"""By tag and attribute."""
+}  # by tag and attribute
 
 _ANYWHERE = {key: _Rule(counts) for key, counts in NUMBER_COUNTS.items()}
 """By attribute alone: the rule of places where no reader looks, but where the check wants numbers all the same."""

@@ -23,8 +23,7 @@ _KNOWN: dict[str, set[str]] = {
     "geometry": {"mesh", *SHAPE_SIZES},
     "mesh": {f"{DRAKE}declare_convex"},
     "material": {"color", "texture"},
-}
-"""By tag, what may stand in it."""
+}  # by tag, what may stand in it
 _OPAQUE = ("transmission", "collision_filter_group", "linear_bushing_rpy", "proximity_properties")
 """What is read by a stage of its own, or by Drake alone."""
 _REPEATED = {"link", "joint", "material", "transmission", "frame", "visual", "collision", *_VISUAL}

@@ -28,8 +28,7 @@ _SENSES: dict[Direction, tuple[float, float, float]] = {
     "backward": (-1, 0, 0),
     "left": (0, 1, 0),
     "right": (0, -1, 0),
-}
-"""Of each direction: its parts ahead and to the left, and the least error that counts."""
+}  # of each direction: its parts ahead and to the left, and the least error that counts
 
 
 @dataclass(frozen=True)
