@@ -86,14 +86,13 @@ def _done(
                 f"--set {setting}", "given", "left out: the gait or act says how the robot moves, and how long"
             )
 
-    def performed(cell: "Workcell") -> tuple[SimulationResult, str]:
+    def prepared(cell: "Workcell") -> Callable[[], tuple[SimulationResult, str]]:
         from simrob_drake.programs.legged_robot import LeggedRobot
 
         who = LeggedRobot(cell, robot)
-        result = perform(who)
-        return result, way_of(result, who.name)
+        return lambda: (result := perform(who), way_of(result, who.name))
 
-    return done_in_workcell(station_from(station, settings), saving, performed)
+    return done_in_workcell(station_from(station, settings), saving, prepared)
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"walk": walk, "act": act}

@@ -53,7 +53,7 @@ def run_program(
         way = "" if of_arms(cell, program) else way_of(result, cell.robot_name(program.robot))
         return replace(result, runs=tuple(runs)), way
 
-    return done_in_workcell(config, saving, performed, frames)
+    return done_in_workcell(config, saving, lambda cell: lambda: performed(cell), frames)
 
 
 def own_program(config: StationConfig) -> Program:

@@ -55,19 +55,20 @@ def wait_for_watcher(url: str) -> None:
 def done_in_workcell(
     config: StationConfig,
     saving: Saving,
-    perform: "Callable[[Workcell], tuple[SimulationResult, str]]",
+    prepare: "Callable[[Workcell], Callable[[], tuple[SimulationResult, str]]]",
     frames: Frames = None,
 ) -> ExitCode:
-    """Let something be done in a station whose motion is shown if asked; save it with what is said of it, a line."""
+    """Let what is prepared be done in a station, shown if asked; save it with what is said of it, a line."""
     from simrob_drake.programs.arm import Workcell  # few commands need programs, which load scipy
 
     cell = Workcell(config)
     folder = prepared_folder(config, saving)
     cell.progress = not saving.live
+    perform = prepare(cell)
     if saving.live:
         wait_for_watcher(cell.show())
     try:
-        result, more = perform(cell)
+        result, more = perform()
     finally:
         cell.close()
     return saved(result, folder, saving, more=more, frames=frames)
