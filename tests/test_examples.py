@@ -269,3 +269,16 @@ def test_each_foot_of_the_quadruped_is_up_in_turn():
         heights = stand.foot_heights(result, np.arange(0.0, result.stop_time, 0.02))
         assert 0.02 * (heights[foot] > stand.ASKED).sum() >= 1.0
         assert all(height.max() < 1e-3 for other, height in heights.items() if other != foot)
+
+
+def test_an_arm_takes_parts_from_where_a_seed_put_them():
+    tray = example("tray")
+    cell = tray.run(seed=4, parts=1)
+    assert tray.off_place(cell, 0) < 5e-3  # m
+
+
+@pytest.mark.long
+def test_a_tray_of_ten_parts_is_emptied():
+    tray = example("tray")
+    cell = tray.run(seed=7)
+    assert max(tray.off_place(cell, number) for number in range(tray.PARTS)) < 5e-3  # m

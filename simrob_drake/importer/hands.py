@@ -22,7 +22,7 @@ Read = Callable[[Path, Path, ImportOptions, ImportReport], ET.Element]
 
 def of_hand(options: ImportOptions) -> ImportOptions:
     """Return the choices of an import that are those of the hand, too: not arguments of a xacro, nor which model."""
-    return options.model_copy(update={"hand": None, "hand_link": "", "xacro_arg": (), "model": ""})
+    return options.model_copy(update={"hand": None, "hand_link": "", "xacro_arg": (), "model": "", "srdf": None})
 
 
 def add_hand(robot: ET.Element, read: Read, work: Path, options: ImportOptions, report: ImportReport) -> None:

@@ -34,6 +34,15 @@ from simrob_drake.importer.repairs.joints import repair_joints
 from simrob_drake.importer.repairs.materials import repair_materials
 from simrob_drake.importer.repairs.shapes import import_shapes
 from simrob_drake.importer.repairs.structure import repair_structure
+from simrob_drake.importer.semantics import (
+    HOME_STATE,
+    NOTHING,
+    Semantics,
+    add_filters,
+    described_by,
+    read_semantics,
+    srdf_of,
+)
 from simrob_drake.importer.trees import HOME, KD, KP, Notes, take_notes
 from simrob_drake.robots.catalog import RobotModel, described_robot, load_robot_from_urdf
 from simrob_drake.robots.grasps import GRASP, grasp_frame
@@ -106,6 +115,8 @@ def write_robot(
         options = options.model_copy(update={"base": described.base})
     if options.hand is not None:
         add_hand(robot, _repaired, work, options, report)
+    semantics = read_semantics(source, robot, options, report) if described is None else NOTHING
+    add_filters(robot, semantics)
     base = choose_base(robot, options, report)
     notes = take_notes(robot)
     check_urdf(robot, source)
@@ -115,7 +126,7 @@ def write_robot(
         probe(file, report)
     if described is None:
         _add_grasp(robot, file, report)
-    (work / ROBOT_FILE).write_text(_description(described, file, base, notes, report), encoding="utf-8")
+    (work / ROBOT_FILE).write_text(_description(described, file, base, notes, semantics, report), encoding="utf-8")
     (work / REPORT_FILE).write_text(json.dumps(report.as_json(), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     try:
         return load_robot_from_urdf(file)
@@ -174,9 +185,11 @@ def _check_apart(source: Path, folder: Path) -> None:
         raise OutputError(f"{folder} lies within the source {root}; choose a folder outside of it, such as {example}")
 
 
-def _description(described: RobotModel | None, file: Path, base: Base, notes: Notes, report: ImportReport) -> str:
+def _description(
+    described: RobotModel | None, file: Path, base: Base, notes: Notes, semantics: Semantics, report: ImportReport
+) -> str:
     if described is None:
-        return draft(load_robot_from_urdf(file).model_copy(update={"base": base}), notes, report)
+        return draft(load_robot_from_urdf(file).model_copy(update={"base": base}), notes, report, semantics)
     if described.base == base:
         return text_of(described.folder / ROBOT_FILE)
     report.add("repaired", ROBOT_FILE, f"base: {base} instead of {described.base}, as asked")
@@ -188,7 +201,7 @@ def _plain(name: str) -> str:
     return re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")[:_LONGEST] or "robot"
 
 
-def draft(robot: RobotModel, notes: Notes, report: ImportReport) -> str:
+def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Semantics = NOTHING) -> str:
     """Return the text of a ``robot.yaml`` for an imported robot; its home posture and gains are added to the report."""
     units = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
     home = {axis: float(f"{value / units[axis]:.6g}") for axis, value in notes.get(HOME, {}).items() if value}
@@ -204,7 +217,7 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport) -> str:
     }
     if home:
         content["home_deg"] = home
-    elif isinstance(robot.home_deg, dict):
+    elif isinstance(robot.home_deg, dict) and HOME_STATE not in semantics.states:
         content["home_deg"] = robot.home_deg
         midway = ", ".join(axis for axis in robot.home_deg if not robot.gripper or axis not in robot.gripper.axes)
         if midway:
@@ -215,6 +228,7 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport) -> str:
         report.add(
             "read", "robot.yaml", f"{names} are fingers, closed where they are nearest to each other, open at the start"
         )
+    content |= described_by(semantics, robot, report)
     if not robot.links_without_inertia:
         gains = vars(first_gains(robot)).items()
         made = {key: dict(zip(robot.axes, values.tolist(), strict=True)) for key, values in gains}
@@ -234,8 +248,8 @@ _CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]
 def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> RobotModel:
     """Return the robot of any URDF: read as it is if it is clean, imported once if it is not, or if options ask for it.
 
-    One with fingers is imported, too, unless it is described: that tells where they grasp. Raises InvalidModel: a
-    defect that no import can repair; OutputError: the cache cannot be written.
+    One with fingers or an SRDF is imported, too, unless it is described: where they grasp, and what it says, counts.
+    Raises InvalidModel: a defect that no import can repair; OutputError: the cache cannot be written.
     """
     path = robot_file(path, "path")
     if options is None or options == ImportOptions(mesh_path=options.mesh_path):
@@ -245,7 +259,7 @@ def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> R
         except SimrobError:
             pass
         else:
-            if robot.gripper is None or described_robot(path) is not None:
+            if described_robot(path) is not None or (robot.gripper is None and srdf_of(path) is None):
                 return robot
     return _imported_once(path, options or ImportOptions())
 
@@ -277,7 +291,8 @@ def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
 def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
     """Yield all that the result depends on, but for our code; the file's own name is no part of it."""
     yield options.model_dump_json().encode()
-    own_files = [file for file in (source, source.parent / ROBOT_FILE) if isfile(file)]
+    semantic = options.srdf or srdf_of(source)
+    own_files = [file for file in (source, source.parent / ROBOT_FILE, semantic) if file is not None and isfile(file)]
     robot = read_source(source, ImportReport(source), options)
     yield ET.tostring(robot)  # of a xacro with all that it includes
     for file in (*own_files, *mesh_files(robot, source=source, options=options)):

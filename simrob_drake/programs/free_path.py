@@ -3,7 +3,7 @@
 It is measured by how far tools move: a radian of an axis counts as many metres as it may move the tool.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from simrob_drake.programs.errors import NoFreePath
 from simrob_drake.programs.free_space import FreeSpace
 
 _LOOK = 0.02  # m between the looks of a search
-_CLOSE_LOOK = 0.005  # m between those at the way that is found
+CLOSE_LOOK = 0.005  # m between those at the way that is found
 _RANGE = 1.0  # m: the longest branch of a tree
 _STRAIGHT = 8  # goals that are tried by a straight way first
 _DEGREE = 5
@@ -51,6 +51,11 @@ class Search:
     scale: Vector  # how many metres a radian counts, see :func:`metres`
     seed: int  # two searches with the same one find the same, if they have the time
     seconds: float  # how long it may take
+    branches: Vector = field(init=False)  # of the trees that have grown, from posture to posture, shape (k, 2, n)
+
+    def __post_init__(self) -> None:
+        """Begin with trees of nothing."""
+        self.branches = np.zeros((0, 2, len(self.scale)))
 
     def path(self, goals: Vector) -> Vector:
         """Return corners (k, n) of a way to one of goals (m, n), nearest first; raises NoFreePath: what was near."""
@@ -66,7 +71,7 @@ class Search:
         It is a spline whose control points lie on the lines, so it cuts the corners, as near as it must to be free.
         Raises NoFreePath: it touches something at its nearest.
         """
-        whole = float(np.linalg.norm(np.diff(corners * self.scale, axis=0), axis=1).sum())
+        whole = self.length(corners)
         hit = 0.0, ("", "")
         if whole < _ROUNDING:
             return np.linspace(0.0, 1.0, 2 * _DEGREE), corners[:1].repeat(2 * _DEGREE, axis=0)
@@ -74,15 +79,23 @@ class Search:
             control = self._between(corners, min(step, whole / (2 * _DEGREE)))
             inner = np.linspace(0.0, 1.0, len(control) - _DEGREE + 1)
             knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
-            looks = int(np.ceil(whole / _CLOSE_LOOK)) + 2 * len(control)
+            looks = int(np.ceil(whole / CLOSE_LOOK)) + 2 * len(control)
             rows = np.asarray(BSpline(knots, control, _DEGREE)(np.linspace(0.0, 1.0, looks)))
             found = self.space.first_hit(rows)
             if found is None:
-                gone = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1)))
-                return gone / gone[-1], rows
+                return self.gone(rows), rows
             hit = found
         depth, (first, second) = hit
         raise NoFreePath(f"the way that was found leads {first} {1e3 * depth:.1f} mm into {second}: try another seed")
+
+    def length(self, rows: Vector) -> float:
+        """Return how long a way through postures (k, n) is [m]."""
+        return float(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1).sum())
+
+    def gone(self, rows: Vector) -> Vector:
+        """Return which part of a way is gone at postures (k, n) on it, from 0 to 1, by length, shape (k,)."""
+        gone = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1)))
+        return np.asarray(gone / gone[-1])
 
     def _between(self, corners: Vector, step: float) -> Vector:
         """Return postures on straight lines, at most a step [m] apart."""
@@ -110,8 +123,13 @@ class Search:
         planner.setProblemDefinition(problem)
         planner.setup()
         planner.solve(self.seconds)
+        planner.getPlannerData(tree := base.PlannerData(info))
+        vertices = [tree.getVertex(index) for index in range(tree.numVertices())]
+        reached = np.array([self._posture(vertex.getState()) for vertex in vertices])
         if not problem.hasExactSolution():
-            raise self._none(planner, base.PlannerData(info), goals)
+            raise self._none(reached[[vertex.getTag() == _FROM_START for vertex in vertices]], goals)
+        edges = [(index, other) for index in range(len(vertices)) for other in tree.getEdges(index)]
+        self.branches = reached[np.array(edges, dtype=int).reshape(-1, 2)]
         path, simplifier = problem.getSolutionPath(), geometric.PathSimplifier(info)
         for shorten in (simplifier.reduceVertices, simplifier.ropeShortcutPath, simplifier.partialShortcutPath):
             shorten(path)
@@ -142,11 +160,8 @@ class Search:
     def _posture(self, state: Any) -> Vector:
         return np.array([state[axis] for axis in range(len(self.scale))]) / self.scale
 
-    def _none(self, planner: Any, tree: Any, goals: Vector) -> NoFreePath:
-        """Return what to say of a search that found nothing: how near it came, and what it met."""
-        planner.getPlannerData(tree)
-        vertices = [tree.getVertex(index) for index in range(tree.numVertices())]
-        reached = [self._posture(vertex.getState()) for vertex in vertices if vertex.getTag() == _FROM_START]
+    def _none(self, reached: Vector, goals: Vector) -> NoFreePath:
+        """Return what to say of a search that found nothing: how near it came from the start, and what it met."""
         ways = np.array([self.space.posture, *reached])[:, np.newaxis] - goals
         gaps = np.linalg.norm(ways * self.scale, axis=2)
         row, which = np.unravel_index(int(gaps.argmin()), gaps.shape)

@@ -5,6 +5,8 @@ Pieces change hands in it (SimRob's PegarEn): another parent, the same place in 
 
 from collections.abc import Callable, Collection, Mapping
 from functools import cached_property
+from itertools import count
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,8 +31,11 @@ from simrob_drake.results.record.state import JointState, State, free_joint
 from simrob_drake.robots.pieces import TCP
 from simrob_drake.stations.clearance import Clearance, PosedStation
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.resolve import carriers_of, flange, tool_in_use
-from simrob_drake.stations.solver_config import ContactConfig
+from simrob_drake.stations.solver_config import ContactConfig, DiscreteSolver
+
+_THICK = 0.1  # m, of a floor that is a box
 
 
 class StationModel(PosedStation):
@@ -124,6 +129,25 @@ class StationModel(PosedStation):
             self.plant.SetFreeBodyPose(self.context, self.station.free_pieces[name], self.pose(link) @ pose)
         if self._held:
             self.place(self.plant.GetPositions(self.context))
+
+    def frozen(self) -> StationConfig:
+        """Return the station moved by forces, as it is now: free pieces on what holds them, its floor a box."""
+        pieces, floor = dict(self.config.pieces), self.config.floor
+        for name, body in self.station.free_pieces.items():
+            link, place = self._held.get(name, (None, self.pose(body.body_frame())))
+            on = {"parent": WORLD} if link is None else {"parent": self.holders[name], "frame": link.name()}
+            pose = tuple(pose_from_transform(place).tolist())
+            pieces[name] = pieces[name].model_copy(update={**on, "free": False, "pose": pose})
+        if floor is not None and floor.terrain is None:
+            pose = self.resolved.ground.tilt @ RigidTransform(np.array([0.0, 0.0, -_THICK / 2]))
+            box: Any = {"box": (floor.size, floor.size, _THICK), "pose": tuple(pose_from_transform(pose).tolist())}
+            pieces[next(name for number in count() if (name := f"floor_{number}") not in pieces)] = PieceConfig(
+                parent=WORLD, **box
+            )
+            floor = None
+        changes: dict[str, Any] = {"mode": "dynamic", "solver": DiscreteSolver(kind="discrete"), "floor": floor}
+        changes |= {"pieces": pieces, "contact": self.resolved.config.contact, "prescribed": {}, "couplings": {}}
+        return self.config.model_copy(update=changes)
 
     @property
     def holders(self) -> dict[str, str]:

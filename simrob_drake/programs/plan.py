@@ -1,7 +1,7 @@
 """A move that is planned, and whether a robot can do it: joint limits, speeds, accelerations, collisions."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -41,6 +41,7 @@ class Plan:
         check: what was looked at; collisions are again with the moves that are run at the same time.
         entry: what a program's file has of it; None if no file can say it.
         frame: where the work object was when the move was planned; None without one.
+        search: ways of the tool that a search tried, for the recording, shape (k, 2, 3) [m].
     """
 
     robot: str
@@ -50,6 +51,7 @@ class Plan:
     check: Check = CHECKED
     entry: Mapping[str, Any] | None = None
     frame: RigidTransform | None = None
+    search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
     def __repr__(self) -> str:
         times, end = (" ".join(f"{value:.4g}" for value in values) for values in (self.arrivals, self.end))
@@ -175,6 +177,22 @@ def check_rates(
         rate=float(rates[row, axis]),
         duration=slower * float(times[-1]),
         shown=f"{shown(rates[row, axis], revolute)}{unit}, {limit}; {remedy(slower, slower * times[-1])}",
+    )
+
+
+def check_tool_speed(chain: Chain, plan: Plan, limit: float, remedy: Remedy) -> None:
+    """Check that the tool centre point is no faster than a limit [m/s]; raises SpeedLimitExceeded, as above."""
+    times = plan.looks
+    postures, rates, _ = plan.motion(times)
+    speeds = np.linalg.norm(np.einsum("kin,kn->ki", chain.jacobian(postures)[:, :3], rates), axis=1)
+    row, slower = int(speeds.argmax()), _MARGIN * float(speeds.max()) / limit
+    if slower <= _MARGIN * (1 + _ROUNDING):
+        return
+    number, name = plan.named(float(times[row]))
+    duration = slower * float(times[-1])
+    beyond = f"{speeds[row]:.3g} m/s, beyond the {limit:g} m/s that it is rated for; {remedy(slower, duration)}"
+    raise SpeedLimitExceeded(
+        name, "the tool", point=number, time=float(times[row]), rate=float(speeds[row]), duration=duration, shown=beyond
     )
 
 

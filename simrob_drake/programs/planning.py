@@ -28,7 +28,7 @@ from simrob_drake.kinematics.analytic import SolverLike, solver_for
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.free_space import FreeSpace
-from simrob_drake.programs.plan import CHECKED, Check, Plan, check_limits, check_rates, target_name
+from simrob_drake.programs.plan import CHECKED, Check, Plan, check_limits, check_rates, check_tool_speed, target_name
 from simrob_drake.programs.segments import Segment, Way, pose_segment, through_zones, zone_size
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timing import How, Limits, remedy, through_all, timed
@@ -122,7 +122,9 @@ def pose_numbers(pose: PoseLike) -> list[float]:
 
 
 def row_numbers(targets: Any) -> Any:
-    """Return targets as numbers: those that were given, or pose vectors in place of matrices and transforms."""
+    """Return targets as numbers, pose vectors in place of matrices and transforms; a name stays one."""
+    if isinstance(targets, str):
+        return targets
     if is_place(targets):
         return np.asarray(targets, dtype=float).tolist()
     try:
@@ -162,14 +164,16 @@ class Planning:
         """Return the solver of the inverse kinematics, the usual one if None."""
         return solver_for(self.chain, self.solver if solver is None else solver)
 
-    def postures(self, targets: npt.ArrayLike) -> Vector:
-        """Return postures (k, n) [rad or m]; where those of fingers are left out, they stay where they are."""
+    def postures(self, targets: npt.ArrayLike | str, name: str = "targets") -> Vector:
+        """Return postures (k, n) [rad or m], also of one by name; where those of fingers are left out, they stay."""
+        if isinstance(targets, str):
+            targets = self.model.posture(targets, self.start)
         rows, fingers = numbers(targets), list(self.model.fingers)
         if fingers and rows.ndim in (1, 2) and rows.shape[-1] == len(self.start) - len(fingers):
             whole = np.tile(self.start, (*rows.shape[:-1], 1)) if rows.ndim > 1 else self.start.copy()
             whole[..., [place for place in range(len(self.start)) if place not in fingers]] = rows
             rows = whole
-        return self.chain.postures(rows if fingers else targets, "targets")
+        return self.chain.postures(rows if fingers else targets, name)
 
     def poses(self, targets: PoseTargets, wobj: WorkObject) -> Vector:
         """Return targets in a work object's frame as poses in the world, shape (k, 4, 4)."""
@@ -218,6 +222,8 @@ class Planning:
             check_limits(self.chain, looks, plan.postures(looks), plan.named)
             for order, limits in enumerate(self.rate_limits, 1):
                 check_rates(self.chain, plan.trajectory, looks, limits, order, plan.named, partial(remedy, how, order))
+            if self.model.tcp_speed is not None:
+                check_tool_speed(self.chain, plan, self.model.tcp_speed, partial(remedy, how, 1))
         return replace(plan, check=check)
 
 

@@ -207,6 +207,7 @@ def _asked(plan: Plan, model: StationModel) -> AskedMove:
         tool=model.chain(plan.robot, robot.tools[robot.tcp]).forward,
         approach=lambda rows: approach(model.colliding, plan.robot, rows),
         speed=content.get("speed"),
+        search=plan.search,
     )
 
 

@@ -20,6 +20,7 @@ from simrob_drake.parts.site import StationRobot
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.segments import Segment, Stretch, free_spline
+from simrob_drake.robots.catalog import RobotModel
 
 _GRID = 100, 300  # places on a way where limits hold, at least and at most
 _MEAN, _PART = 0.02, 0.125  # s over which accelerations are averaged, but at most this part of the motion
@@ -35,6 +36,11 @@ class Motors:
 
     model: StationModel  # of the station, with nothing free in it
     robots: Sequence[str]  # that move, in turn
+
+    @property
+    def models(self) -> list[RobotModel]:
+        """What the robots are."""
+        return [self.model.robots[robot].model for robot in self.robots]
 
     def fastest(self, segment: Segment, speed: float | None) -> tuple[Stretch, Vector]:
         """Return the motion along a segment of all robots from rest to rest, and when it passes its targets, (k,) [s].

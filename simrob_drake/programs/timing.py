@@ -11,6 +11,7 @@ from simrob_drake.blocks.cruise import LONGEST_RAMP, TimeLaw, cruise, cruise_in,
 from simrob_drake.blocks.references import PEAK
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, numbers
+from simrob_drake.programs.jerk_limited import jerk_limited
 from simrob_drake.programs.plan import Check, Plan, rate_ratio
 from simrob_drake.programs.segments import Segment, Stretch, by_law, rest
 from simrob_drake.programs.time_optimal import Motors
@@ -18,14 +19,16 @@ from simrob_drake.programs.time_optimal import Motors
 POINT_TIME = 0.1  # time that a point of a move takes unless something else is asked [s]; Ts in SimRob
 ACCELERATION = 2.0  # how fast the tool is sped up to its cruise speed unless told [m/s²], or less where an axis cannot
 
-Profile = Literal["smooth", "trapezoid", "s_curve", "time_optimal"]
+Profile = Literal["smooth", "trapezoid", "s_curve", "time_optimal", "jerk_limited"]
 """How a move is sped up and slowed down: by a polynomial of degree five, evenly, or with an acceleration that does not
-jump; the last two cruise in between. Or as fast as limits of speed, acceleration and torque of the joints allow."""
-TIME_OPTIMAL: Profile = "time_optimal"
+jump; the last two cruise in between. Or as fast as limits of the joints allow: of speed, acceleration and torque, or,
+straight in the joints, of speed, acceleration and jerk."""
+_LEAST: tuple[Profile, ...] = ("time_optimal", "jerk_limited")
 _TURN_LENGTH = 0.1  # m that a radian of a joint counts, where moves share a time
 _FASTEST = 20.0  # m/s of a tool; no arm is faster
 _AT_ONCE = 1e-6  # m: what the way to a target counts at least
 _LEAST_TIME = 0.01  # s to a target
+_STAYS = 1e-9  # rad or m: less is no way
 _LESS_THAN_FULL = 0.98  # of the joints' limits, where durations are left to us
 _TRIES = 4  # to find an acceleration that the joints allow
 Limits = tuple[Vector, Vector]
@@ -42,7 +45,7 @@ class How(TypedDict, total=False):
         speed: at which the tool centre point cruises [m/s]; on the mean, where only the joints go straight.
         acceleration: with which it is sped up to that [m/s²]; 2 unless given, or less where an axis cannot.
         profile: see :data:`Profile`; ``s_curve`` with a speed, else ``smooth``. With ``time_optimal`` a speed is the
-            most that the tool may have.
+            most that the tool may have; ``jerk_limited`` takes none.
         zone: how near to a target the tool turns to the next one: ``fine`` (the usual) to rest there, RAPID's ``z0`` to
             ``z200``, or a distance [m].
         check: what is looked at first, see :data:`Check`; ``collision`` unless told.
@@ -62,9 +65,10 @@ def profile_of(how: How) -> Profile:
     """Return by which profile a move is done; raises UnknownName: none; InvalidParameter: a needless acceleration."""
     profile: Profile = how.get("profile", "s_curve" if "speed" in how else "smooth")
     one_of("profile", profile, get_args(Profile))
-    if profile == TIME_OPTIMAL and (key := next((key for key in ("duration", "times") if key in how), None)):
-        raise InvalidParameter(key, how.get(key), "left out with profile='time_optimal', which takes the least time")
-    if "acceleration" in how and ("speed" not in how or profile in ("smooth", TIME_OPTIMAL)):
+    taken = ("duration", "times", *(("speed",) if profile == "jerk_limited" else ()))
+    if profile in _LEAST and (key := next((key for key in taken if key in how), None)):
+        raise InvalidParameter(key, how.get(key), f"left out with profile='{profile}', which takes the least time")
+    if "acceleration" in how and ("speed" not in how or profile in ("smooth", *_LEAST)):
         raise InvalidParameter("acceleration", how["acceleration"], "given with a speed, of a move that cruises")
     return profile
 
@@ -87,8 +91,8 @@ def timed(
     Past corners it keeps that speed: less acceleration would help there only by not reaching it. Raises
     InvalidParameter: as :func:`arrivals`.
     """
-    if profile_of(how) == TIME_OPTIMAL:
-        return _by_motors(robot, segments, how, points, motors())
+    if profile_of(how) in _LEAST:
+        return _in_least_time(robot, segments, how, points, motors())
     push = positive(how.get("acceleration", ACCELERATION), "acceleration", "m/s²")
     found, free = _laws(segments, how, points, push)
     made = _by_laws(robot, segments, found, points)
@@ -149,17 +153,22 @@ def _by_laws(robot: str, segments: Sequence[Segment], laws: Sequence[TimeLaw], p
     return Plan(robot, tuple(stretches), np.array(arrived), points)
 
 
-def _by_motors(robot: str, segments: Sequence[Segment], how: How, points: int, motors: Motors) -> Plan:
+def _in_least_time(robot: str, segments: Sequence[Segment], how: How, points: int, motors: Motors) -> Plan:
     stretches, arrived, begin = list[Stretch](), list[float](), 0.0
     speed = speed_of(how) if "speed" in how else None
     for segment in segments:
-        if np.ptp(segment.postures, axis=0).max() == 0.0:
-            stretch, passed = rest(segment.end, 0.0, _LEAST_TIME), np.full(len(segment.passes), _LEAST_TIME)
+        passed = np.full(len(segment.passes), _LEAST_TIME)
+        if np.ptp(segment.postures, axis=0).max() < _STAYS:
+            own: tuple[Stretch, ...] = (rest(segment.end, 0.0, _LEAST_TIME),)
+        elif profile_of(how) == "jerk_limited":
+            own = jerk_limited(motors.models, segment.postures)
+            passed = own[-1].times[-1:]
         else:
             stretch, passed = motors.fastest(segment, speed)
-        stretches.append(stretch.at(begin))
+            own = (stretch,)
+        stretches += [stretch.at(begin) for stretch in own]
         arrived += (begin + passed).tolist()
-        begin += float(stretch.times[-1])
+        begin += float(own[-1].times[-1])
     return Plan(robot, tuple(stretches), np.array(arrived), points)
 
 

@@ -15,6 +15,7 @@ GOOD, BAD = "#0f9d8a", RED
 """What can be done or was proven, and what not."""
 
 PATHS = COLOURS[2], COLOURS[3], COLOURS[6]  # the ways of the tools of one robot and the next, in recordings and views
+SEARCH = COLOURS[7]  # what a search for such a way tried
 FORCE, SUM_OF_FORCES = COLOURS[1], COLOURS[4]  # contact forces there, and their sum on a body
 AXES = "#ff0000", "#00ff00", "#0000ff"
 """The world's x, y and z, as Meshcat draws them."""

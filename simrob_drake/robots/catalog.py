@@ -29,7 +29,7 @@ from simrob_drake.robots.urdf import (
     root_link,
 )
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
-from simrob_drake.sections import FileName, Positive, Strict, default_of, is_file_name, validated
+from simrob_drake.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
 from simrob_drake.yaml_files import read_yaml
 
 
@@ -103,8 +103,14 @@ class RobotModel(Strict):
     acceleration_deg: PositiveAxisValues | None = None
     """Largest acceleration of its axes [deg/s², or m/s² of a prismatic axis]; `drake:acceleration` of the URDF's limits
     unless given, and without these none."""
+    jerk_deg: PositiveAxisValues | None = None
+    """Largest jerk of its axes [deg/s³, or m/s³ of a prismatic axis], for moves with `profile: jerk_limited`."""
     payload: Positive | None = None
     """Largest mass that it is rated to carry, beside its own links [kg]."""
+    tcp_speed: Positive | None = None
+    """Largest speed that its tool centre point is rated for [m/s]."""
+    postures: dict[str, dict[str, Number]] = Field(default_factory=dict)
+    """Named postures, for programs: where axes are [deg, or m of a prismatic axis]; the others stay where they are."""
     servo: Gains = default_of(Gains)
     """Gains of its servos, which a station may change."""
     feet: Feet | None = None
@@ -247,9 +253,26 @@ class RobotModel(Strict):
         return np.array([unit.size for unit in self.units])
 
     @property
+    def jerks(self) -> Vector:
+        """Largest jerk of every axis, shape (n,) [rad/s³ or m/s³]; infinite where none is told."""
+        return self.user_units * self.axis_vector(self.jerk_deg or {}, "jerk_deg", np.inf)
+
+    @property
     def home(self) -> Vector:
         """The home posture, shape (n,) [rad or m]."""
         return self.user_units * self.axis_vector(self.home_deg, "home_deg")
+
+    def posture(self, name: str, others: Vector) -> Vector:
+        """Return a named posture, shape (n,) [rad or m], ``home`` among them; axes that it leaves out are as others.
+
+        Raises UnknownName: no such posture, or one of an axis that is not there.
+        """
+        known = {"home": self.home_deg, **self.postures}
+        where = f"postures.{name}"
+        own = known[one_of(f"posture of {self.name}", name, known)]
+        return self.user_units * self.axis_vector(
+            own, where, others / self.user_units if name in self.postures else 0.0
+        )
 
     @cached_property
     def fingers(self) -> dict[int, tuple[float, float]]:

@@ -117,6 +117,7 @@ def _sorted_rows(
 
 
 TCP = "tcp"  # the frame that every piece has
+FORMS = "box", "cylinder", "sphere"
 
 _MOST_FRAMES = 1000  # of one series
 

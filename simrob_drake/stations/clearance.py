@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property, partial
 
 import numpy as np
-from pydrake.geometry import GeometryId, QueryObject
+from pydrake.geometry import CollisionFilterDeclaration, GeometryId, GeometrySet, QueryObject
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, RigidBody
@@ -194,6 +194,13 @@ class PosedStation:
     def query(self) -> QueryObject:
         """Return the geometry in its present configuration, for distances and pictures."""
         return self.station.query(self._scene)
+
+    def ignore_nearer_than(self, distance: float) -> None:
+        """Let shapes that are nearer to each other now [m] pass through each other from now on."""
+        scene = self.station.scene_graph
+        filters = scene.collision_filter_manager(scene.GetMyMutableContextFromRoot(self._scene))
+        for pair in self.query().ComputeSignedDistancePairwiseClosestPoints(distance):
+            filters.Apply(CollisionFilterDeclaration().ExcludeBetween(GeometrySet(pair.id_A), GeometrySet(pair.id_B)))
 
 
 TOUCH = 5e-3

@@ -23,18 +23,13 @@ from simrob_drake.parts.sensors import Sensors
 from simrob_drake.parts.terrain import Terrain
 from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
 from simrob_drake.robots.motors import CommandBusConfig, Drives, Motors
-from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.sections import (
     FASTEST_RATE,
     ORIGIN,
-    Boolean,
-    Colour,
     Duration,
     FileName,
-    Inertia,
     NotNegative,
     Number,
-    Place,
     Pose,
     Positive,
     Renamed,
@@ -42,12 +37,12 @@ from simrob_drake.sections import (
     check_plain,
     default_of,
 )
+from simrob_drake.stations.piece_config import PieceConfig, scattered
 from simrob_drake.stations.solver_config import (
     ContactConfig,
     ContinuousSolver,
     FixedSteps,
     MujocoSolver,
-    PieceContact,
     SolverConfig,
     VerdictConfig,
 )
@@ -185,58 +180,6 @@ class RobotConfig(Renamed):
         return self
 
 
-class PieceConfig(Strict):
-    """A piece of the station; every figure that is given replaces the one of the piece's own file."""
-
-    model: str | None = None
-    """A piece's name, of `simrob list`, or the path of a `piece.yaml`; the key's own name unless given."""
-    mesh: Path | None = None
-    """A mesh file instead of a model: STL, OBJ, DAE or GLB; relative paths start at the station's file."""
-    scale: Positive | None = None
-    """Of the mesh; 0.001 for one in millimetres."""
-    parent: str | None = None
-    """What it hangs on: `world`, a robot (its first tool), or another piece (its TCP); needed unless it is free."""
-    frame: str | None = None
-    """A frame of the piece that it hangs on, instead of its TCP; or a tool or link of the robot, instead of its first
-    tool, or of the root where that is a foot."""
-    pose: Pose = ORIGIN
-    """Pose in the parent's frame, [x y z Rz Ry Rx]."""
-    density: Positive | None = None
-    """Density of the material [kg/m³], instead of a mass: mass, centre of mass and inertia follow from the shapes."""
-    mass: NotNegative | None = None
-    """Mass [kg]; without an inertia of its own, a piece with shapes is taken to be evenly filled."""
-    com: Place | None = None
-    """Centre of mass in the piece's frame [m]."""
-    inertia: Inertia | None = None
-    """Moments of inertia Ixx Iyy Izz about the centre of mass [kg m²], and the products Ixy Ixz Iyz if not zero."""
-    tcp: Pose | None = None
-    """Pose of the tool centre point in the piece's frame, [x y z Rz Ry Rx]."""
-    frames: dict[str, Pose | FrameSeries] | None = None
-    """Further frames by name, instead of the piece's own: poses in its frame, or series of them."""
-    colour: Colour | None = None
-    """Red, green, blue, opacity."""
-    free: Boolean = False
-    """Moved by gravity and contact alone; its pose is that at the start, in the world."""
-    contact: PieceContact | None = None
-    """What its surface is made of and how it meets others, in place of the station's `contact`."""
-
-    @model_validator(mode="after")
-    def _free_of_parents(self) -> "PieceConfig":
-        if self.free and self.parent not in (None, "world"):
-            raise ValueError(f"a free piece hangs on nothing, so its parent is world and not {self.parent}")
-        return self
-
-    @model_validator(mode="after")
-    def _one_source(self) -> "PieceConfig":
-        if self.mesh is not None and self.model is not None:
-            raise ValueError("a piece has either a model or a mesh")
-        if self.scale is not None and self.mesh is None:
-            raise ValueError("a scale goes with a mesh")
-        if self.density is not None and self.mass is not None:
-            raise ValueError("a piece has either a mass or a density")
-        return self
-
-
 class FloorConfig(Strict):
     """A square floor around the world's origin, its top at z = 0 there."""
 
@@ -329,6 +272,11 @@ class StationConfig(Renamed):
         for name in entries:
             check_plain(name)
         return entries
+
+    @field_validator("pieces")
+    @classmethod
+    def _scattered(cls, entries: dict[str, PieceConfig]) -> dict[str, PieceConfig]:
+        return scattered(entries)
 
     @property
     def only_robot(self) -> str | None:

@@ -20,7 +20,7 @@ from simrob_drake.robots.urdf import mesh_file
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
-_OF_ROBOTS = ("urdf", "model", "reference.file", "import_options.mesh_path", "import_options.hand")
+_OF_ROBOTS = ("urdf", "model", "reference.file", *(f"import_options.{key}" for key in ("mesh_path", "hand", "srdf")))
 _KEYS = (
     "start",
     "program",

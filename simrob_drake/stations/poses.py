@@ -1,25 +1,19 @@
 """Add the pose outputs of a station: bases, tools and free pieces, and how these move."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
 from simrob_drake.blocks.frame_poses import FramePoses
-from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.site import WORLD, FromState, StationRobot
-from simrob_drake.robots.pieces import PieceModel, PieceShape, described_piece, piece_file, with_changes
+from simrob_drake.parts.site import FromState, StationRobot
 from simrob_drake.signals import Panel, Role, Signal
-from simrob_drake.stations.config import PieceConfig
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.yaml_files import YAML_SUFFIXES
 
 VELOCITY_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 _POSE_UNITS = ("m",) * 3 + ("1",) * 4
@@ -116,40 +110,3 @@ def _free_velocity(plant: MultibodyPlant, body: RigidBody) -> Vector:
     pick = np.zeros((6, plant.num_multibody_states()))
     pick[[3, 4, 5, 0, 1, 2], range(start, start + 6)] = 1.0  # Drake has the angular part first
     return pick
-
-
-_OWN_KEYS = {"density", "mass", "com", "inertia", "tcp", "frames", "colour"}
-_SIZES = 1e-4, 50.0  # of a piece from a mesh [m]
-_WITHOUT_UNIT, _UNSCALED = (".stl", ".obj"), 1.0  # files that do not tell it, and the size [m] from which we ask
-
-
-def piece_of(entry: PieceConfig, name: str) -> PieceModel:
-    """Return the piece that the section ``pieces.<name>`` of a station stands for, with all its figures.
-
-    It is the piece of the package of that name, unless the section names another source. Raises UnknownName: no such
-    piece; InvalidConfig: a figure that cannot be; InvalidModel: a mesh that cannot be read, or has no volume though a
-    density is given; InvalidParameter: a mesh that is far too large or small, as one in millimetres is; or a robot
-    carries it, and what it weighs is not said; OutputError: the cache of converted meshes cannot be written.
-    """
-    changes = {key: value for key, value in entry.model_dump(exclude_none=True).items() if key in _OWN_KEYS}
-    model = entry.model or name
-    if entry.mesh is not None:
-        piece = _mesh_piece(entry, entry.mesh, f"pieces.{name}")
-    else:
-        piece = described_piece(Path(model) if model.endswith(YAML_SUFFIXES) else piece_file(model))
-    return with_changes(piece, changes, f"pieces.{name}")
-
-
-def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:
-    from simrob_drake.importer.meshes.library import drake_mesh  # few stations need what reads meshes
-
-    mesh, scale = drake_mesh(file), entry.scale or 1.0
-    size = scale * float(np.ptp(np.array(ReadObjToTriangleSurfaceMesh(str(mesh)).vertices()), axis=0).max())
-    if not _SIZES[0] <= size <= _SIZES[1]:
-        expected = f"such that the mesh, now {size:.3g} m long, is of a piece's size; for millimetres 0.001"
-        raise InvalidParameter(f"{where}.scale", scale, expected)
-    if entry.scale is None and size > _UNSCALED and file.suffix.lower() in _WITHOUT_UNIT:
-        raise InvalidParameter(f"{where}.scale", None, f"0.001 for millimetres, or 1 if it is {size:.3g} m long")
-    if entry.mass is None and entry.density is None and (entry.free or entry.parent != WORLD):
-        raise InvalidParameter(f"{where}.mass", None, "a mass [kg], 0 if it is only seen; or give a density [kg/m³]")
-    return PieceModel(folder=mesh.parent, shapes=(PieceShape(mesh=mesh.name, scale=scale),))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidModel, InvalidParameter, UnknownName, one_of
@@ -17,10 +18,10 @@ from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroun
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.motors import Drives
-from simrob_drake.robots.pieces import TCP, PieceModel
+from simrob_drake.robots.pieces import FORMS, TCP, PieceModel, PieceShape, described_piece, piece_file, with_changes
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
-from simrob_drake.stations.poses import piece_of
+from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.prescribed import with_prescribed_axes
 from simrob_drake.stations.servos import check_motors, drives_of, servo_gains, station_motors
 from simrob_drake.stations.solver_config import FixedSteps, MujocoSolver
@@ -246,6 +247,51 @@ def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator
             pose=transform_from_pose(entry.pose),
             free=entry.free,
         )
+
+
+_OWN_KEYS = {"density", "mass", "com", "inertia", "tcp", "frames", "colour"}
+_SIZES = 1e-4, 50.0  # of a piece from a mesh [m]
+_WITHOUT_UNIT, _UNSCALED = (".stl", ".obj"), 1.0  # files that do not tell it, and the size [m] from which we ask
+
+
+def piece_of(entry: PieceConfig, name: str) -> PieceModel:
+    """Return the piece that the section ``pieces.<name>`` of a station stands for, with all its figures.
+
+    It is the piece of the package of that name, unless the section names another source. Raises UnknownName: no such
+    piece; InvalidConfig: a figure that cannot be; InvalidModel: a mesh that cannot be read, or has no volume though a
+    density is given; InvalidParameter: a mesh that is far too large or small, as one in millimetres is; or a form of
+    the station's own that is free, or that a robot carries, and what it weighs is not said; OutputError: the cache of
+    converted meshes cannot be written.
+    """
+    changes = {key: value for key, value in entry.model_dump(exclude_none=True).items() if key in _OWN_KEYS}
+    model = entry.model or name
+    forms = entry.model_dump(include={*FORMS}, exclude_none=True)
+    shapes = entry.shapes or ((PieceShape(**forms),) if forms else ())
+    if entry.mesh is not None:
+        piece = _mesh_piece(entry, entry.mesh, f"pieces.{name}")
+    elif shapes:
+        piece = PieceModel(folder=Path(), shapes=shapes)
+    else:
+        piece = described_piece(Path(model) if model.endswith(YAML_SUFFIXES) else piece_file(model))
+    weightless = entry.mass is None and entry.density is None and (entry.free or entry.parent != WORLD)
+    if weightless and (entry.mesh is not None or shapes):
+        seen = "" if entry.free else ", 0 if it is only seen"
+        expected = f"a mass [kg]{seen}; or give a density [kg/m³]"
+        raise InvalidParameter(f"pieces.{name}.mass", None, expected)
+    return with_changes(piece, changes, f"pieces.{name}")
+
+
+def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:
+    from simrob_drake.importer.meshes.library import drake_mesh  # few stations need what reads meshes
+
+    mesh, scale = drake_mesh(file), entry.scale or 1.0
+    size = scale * float(np.ptp(np.array(ReadObjToTriangleSurfaceMesh(str(mesh)).vertices()), axis=0).max())
+    if not _SIZES[0] <= size <= _SIZES[1]:
+        expected = f"such that the mesh, now {size:.3g} m long, is of a piece's size; for millimetres 0.001"
+        raise InvalidParameter(f"{where}.scale", scale, expected)
+    if entry.scale is None and size > _UNSCALED and file.suffix.lower() in _WITHOUT_UNIT:
+        raise InvalidParameter(f"{where}.scale", None, f"0.001 for millimetres, or 1 if it is {size:.3g} m long")
+    return PieceModel(folder=mesh.parent, shapes=(PieceShape(mesh=mesh.name, scale=scale),))
 
 
 def carriers_of(config: StationConfig) -> dict[str, str]:

@@ -181,6 +181,8 @@ class VerdictConfig(Strict):
     """Part of the run in which a motor gives more than its rated torque."""
     heat: Bound = 1.0
     """How warm a motor may get; 1 is as warm as its rated torque makes it in the end."""
+    tcp_speed: Bound = 1.05
+    """Largest speed of a tool centre point, as part of its rated one."""
     payload: Bound = 1.0
     """Mass of all that a robot carries, as part of its rated payload."""
     move_end: Bound = 0.002

@@ -1,6 +1,9 @@
 """Moves around obstacles: free by an independent look, by whichever posture is near, and in a line why not."""
 
+import base64
+import re
 import sys
+from itertools import product
 
 import numpy as np
 import pytest
@@ -10,11 +13,14 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.frames import as_transform
 from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.kinematics.solver import Unreachable
+from simrob_drake.programs import short_path
 from simrob_drake.programs.errors import GoalInCollision, NoFreePath, PathCollision, StartInCollision
 from simrob_drake.programs.free_path import metres
 from simrob_drake.programs.moves import move_free
 from simrob_drake.programs.plan import check_collisions
-from simrob_drake.stations.config import PieceConfig
+from simrob_drake.results.animation.recording import save_recording
+from simrob_drake.stations.clearance import PosedStation
+from simrob_drake.stations.piece_config import PieceConfig
 from tests.programs.conftest import HOME, positions_between
 
 AHEAD = (0.0, np.pi / 2, 0.0)
@@ -80,6 +86,25 @@ class TestTheWay:
         low = Arm(station).joint([0.38, 0.2, 0.3, *AHEAD])
         check_free(loaded.cell, loaded.move_free(joints=low))
 
+    def test_a_recording_shows_what_the_search_tried_where_that_is_asked_for(self, station, tmp_path):
+        cell = Arm(station).cell
+        cell.record()
+        arm = cell.arm()
+        arm.move_free(LEFT)
+        begin = arm.pose()[:3]
+        plain, shown = (arm.plan.move_free(RIGHT, **how) for how in ({}, {"show_search": True}))
+        assert plain.search.shape == (0, 2, 3)
+        ends = shown.search.reshape(-1, 3)
+        assert len(ends) > 10
+        assert min(np.linalg.norm(ends - begin, axis=1)) < 1e-6  # where both trees begin
+        assert min(np.linalg.norm(ends - RIGHT[:3], axis=1)) < 1e-6
+        np.testing.assert_array_equal(shown.end, plain.end)
+        cell.run(shown)
+        page = save_recording(cell.result(), tmp_path / "recording.html").read_text()
+        assert "what the search tried" in page
+        drawn = (base64.b64decode(found) for found in re.findall(r"base64,([A-Za-z0-9+/=]+)", page))
+        assert any(b"search/robot/1" in message for message in drawn)
+
     def test_a_move_to_where_it_is(self, arm):
         assert arm.move_free(joints=HOME).message
 
@@ -116,17 +141,19 @@ class TestHeldByFingers:
         with pytest.raises(PathCollision, match="bar would run into post"):
             holding.plan.move_abs_j(end)
         plan = holding.plan.move_free(joints=end)
-        looks = plan.postures(np.linspace(0, plan.duration, 1000))
+        looks = plan.postures(np.linspace(0, plan.duration, 500))
         np.testing.assert_allclose(looks[:, 6:], 0.0095, atol=1e-6)  # a search that opens the fingers drops the bar
         model, bar = holding.cell.collision_model, []
         held = model.plant.GetFrameByName("left_finger")
         grip = model.pose(held).inverse() @ model.pose(model.piece_origin("bar"))
+        across = np.linspace(-0.01, 0.01, 5)
+        points = np.array([*product(np.linspace(-0.2, 0.2, 161), across, across)])  # all through the bar
         for posture in looks:
             model.place_robots({"robot": posture})
-            bar.append((model.pose(held) @ grip @ np.linspace([-0.2, 0, 0], [0.2, 0, 0], 41).T).T)
+            bar.append((model.pose(held) @ grip @ points.T).T)
         beside = np.abs(np.array(bar)[..., :2] - [0.35, 0.3]).max(axis=2) - 0.02  # of the post's sides
         above = np.array(bar)[..., 2] - 0.6
-        assert np.maximum(beside, above).min() > 0.009  # half of the bar's width, but for what may touch
+        assert np.maximum(beside, above).min() > -0.001  # what may touch
 
     def test_a_post_at_the_goal_is_told(self, holding):
         with pytest.raises(GoalInCollision, match=r"bar would be .* mm deep in post"):
@@ -154,6 +181,44 @@ class TestHeldByFingers:
             before, after = (pose[:, :3, :3] @ tip[0] + pose[:, :3, 3] for pose in poses)
             assert np.linalg.norm(after - before, axis=1).max() <= 1.001e-4 * most
         assert metres(chain, tip)[5] == pytest.approx(0.2, abs=1e-3)
+
+
+class TestShort:
+    def test_what_is_optimised_takes_less_time_and_is_free(self, arm, monkeypatch):
+        arm.move_free(LEFT)
+        short = arm.plan.move_free(RIGHT, profile="time_optimal")
+        monkeypatch.setattr(move_free, "shortened", lambda *_: None)
+        rounded = arm.plan.move_free(RIGHT, profile="time_optimal")
+        assert short.duration < 0.95 * rounded.duration
+        np.testing.assert_allclose(short.end, rounded.end)
+        check_free(arm.cell, arm.cell.run(short))
+
+    def test_what_ends_in_a_hit_is_not_taken(self, arm, monkeypatch):
+        arm.move_free(LEFT)
+        monkeypatch.setattr(short_path, "_ROUNDS", 1)
+        monkeypatch.setattr(short_path, "_EVERY", 10.0)  # too far apart to see the shelf
+        plan = arm.plan.move_free(RIGHT)
+        monkeypatch.setattr(move_free, "shortened", lambda *_: None)
+        assert plan.duration == arm.plan.move_free(RIGHT).duration
+
+    def test_the_station_that_is_optimised_in_is_as_it_is_now(self, holding):
+        """The bar hangs on a finger, the other pieces where they are; nothing is free any more, and the floor a box."""
+        model = holding.cell.free_space(["robot"]).model
+        frozen = model.frozen()
+        assert not frozen.free_pieces
+        assert frozen.pieces["bar"].parent == "robot"
+        assert frozen.floor is None
+        (floor,) = {*frozen.pieces} - {*model.config.pieces}
+        copied = PosedStation(frozen)
+        assert copied.plant.num_positions() == 8
+        copied.place_robots({"robot": holding.reference})
+        for name in ("bar", "post"):
+            pose = copied.pose(copied.station.piece_frame(name, name))
+            np.testing.assert_allclose(
+                pose.GetAsMatrix4(), model.pose(model.piece_origin(name)).GetAsMatrix4(), atol=1e-9
+            )
+        top = copied.pose(copied.station.piece_frame(floor, floor)).translation()[2] + frozen.pieces[floor].box[2] / 2
+        assert top == pytest.approx(0.0)
 
 
 class TestTogether:

@@ -1,10 +1,15 @@
 """Moves in the least time: within the limits of speed, acceleration and torque, and quicker than what cruises."""
 
+import shutil
+
 import numpy as np
 import pytest
+import yaml
 
 from simrob_drake import Arm, Workcell, load_station
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.files import models_root
+from simrob_drake.programs.errors import SpeedLimitExceeded
 from tests.programs.conftest import DOWN, HOME
 
 FAR = (1.2, 0.6, -0.6, 0.5, 0.9, 1.0)
@@ -85,3 +90,61 @@ def test_around_obstacles_for_two_and_when_nothing_moves():
 def test_what_it_cannot_take(kinematic, key):
     with pytest.raises(InvalidParameter, match=key):
         kinematic.plan.move_abs_j(HOME, profile="time_optimal", **{key: 1.0})
+
+
+def own_arm(folder, **keys):
+    """Return an arm whose robot.yaml has further keys."""
+    copied = shutil.copytree(models_root() / "irb120", folder / "irb120")
+    file = copied / "robot.yaml"
+    content = {**yaml.safe_load(file.read_text()), **keys}
+    file.write_text(yaml.safe_dump({key: value for key, value in content.items() if value is not None}))
+    return Arm(load_station("irb120_kinematic", {"robot.model": str(file), "robot.initial_deg": {"joint_5": 90}}))
+
+
+@pytest.mark.parametrize("target", [FAR, (1.2, 0, 0, 0, 1.2, 0), (0.001, 0, 0, 0, np.pi / 2, 0)])
+def test_limits_of_jerk_are_kept_and_used(kinematic, target):
+    plan = kinematic.plan.move_abs_j(target, profile="jerk_limited")
+    robot = kinematic.cell.robot(kinematic.name).model
+    times = np.linspace(0, plan.duration, 2000)
+    limits = robot.speed_limits, robot.accelerations, robot.jerks
+    rates = [plan.trajectory.MakeDerivative(order).vector_values(times.tolist()).T for order in (1, 2, 3)]
+    shares = [float(np.abs(rows / limit).max()) for rows, limit in zip(rates, limits, strict=True)]
+    assert max(shares) == pytest.approx(1.0, abs=2e-3)
+    np.testing.assert_allclose([rows[[0, -1]] for rows in rates[:2]], 0.0, atol=1e-6)
+    np.testing.assert_allclose(plan.end, target, atol=1e-9)
+
+
+def test_what_limits_jerk_knows_no_curved_ways_and_needs_all_limits(kinematic, tmp_path):
+    with pytest.raises(InvalidParameter, match="it goes with moves that are straight in the axes"):
+        kinematic.plan.move_l([0.2, 0.2, 0.1, *DOWN], wobj="table", profile="jerk_limited")
+    for key in ("speed", "duration"):
+        with pytest.raises(InvalidParameter, match=f"{key} is 1; it must be left out with profile='jerk_limited'"):
+            kinematic.plan.move_abs_j(FAR, profile="jerk_limited", **{key: 1})
+    arm = own_arm(tmp_path, jerk_deg=None)
+    with pytest.raises(InvalidParameter, match="the jerk of joint_1 is not limited; it must be limited by jerk_deg in"):
+        arm.move_abs_j(FAR, profile="jerk_limited")
+
+
+def test_a_tool_is_no_faster_than_it_is_rated_for(tmp_path):
+    arm = own_arm(tmp_path, tcp_speed=0.5)
+    with pytest.raises(SpeedLimitExceeded, match=r"the tool would move at .* m/s, beyond the 0\.5 m/s that") as caught:
+        arm.move_abs_j(FAR, duration=1.0)
+    slower = arm.plan.move_abs_j(FAR, duration=caught.value.duration)
+    places = arm.chain.forward(slower.postures(times := np.linspace(0, slower.duration, 3000)))
+    speeds = np.linalg.norm(np.diff(places[:, :3, 3], axis=0), axis=1) / times[1]
+    assert 0.45 < speeds.max() <= 0.5
+    fast = arm.move_abs_j(FAR, duration=1.0, check="nothing")
+    assert any("of its rated speed" in warning for warning in fast.warnings)
+
+
+def test_postures_have_names(tmp_path):
+    arm = own_arm(tmp_path, postures={"ready": {"joint_2": 20, "joint_5": 60}})
+    arm.move_abs_j([0.5, 0, 0, 0, 1.0, 0])
+    arm.move_abs_j("ready")
+    np.testing.assert_allclose(arm.reference, [0.5, np.deg2rad(20), 0, 0, np.deg2rad(60), 0], atol=1e-9)
+    arm.do({"move_free": {"joints": "home"}})
+    np.testing.assert_allclose(arm.reference, np.deg2rad([0, 0, 0, 0, 90, 0]), atol=1e-9)
+    with pytest.raises(UnknownName, match="no posture of irb120 'redy'; did you mean 'ready'"):
+        arm.do({"move_abs_j": "redy"})
+    with pytest.raises(UnknownName, match="axis of irb120"):
+        own_arm(tmp_path / "other", postures={"ready": {"elbow": 20}}).move_abs_j("ready")

@@ -124,7 +124,7 @@ WRONG = [
     ({"pieces.load.density": 0}, r"pieces\.load\.density: .*greater than 0"),
     ({"pieces.load": {"density": 1, "mass": 1}}, r"pieces\.load: .*either a mass or a density"),
     ({"pieces.load.scale": 2}, r"pieces\.load: .*a scale goes with a mesh"),
-    ({"pieces.load.mesh": "a.stl"}, r"pieces\.load: .*either a model or a mesh"),
+    ({"pieces.load.mesh": "a.stl"}, r"pieces\.load: .*one of model and mesh, not several"),
     ({"pieces.load.frame": "tpc"}, r"no frame of gripper 'tpc'; did you mean 'tcp'\?"),
     (
         {"pieces.gripper.frame": "tcp"},

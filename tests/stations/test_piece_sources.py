@@ -88,10 +88,42 @@ def test_a_mesh_that_is_only_seen_weighs_nothing(tmp_path: Path) -> None:
     assert part(tmp_path, "{mesh: box.stl, mass: 0}").mass == 0
 
 
-@pytest.mark.parametrize("entry", ["{mesh: box.stl, parent: robot}", "{mesh: box.stl, free: true}"])
-def test_what_a_robot_carries_or_falls_says_what_it_weighs(tmp_path: Path, entry: str) -> None:
+@pytest.mark.parametrize(
+    ("entry", "seen"),
+    [
+        ("{mesh: box.stl, parent: robot}", ", 0 if it is only seen"),
+        ("{mesh: box.stl, free: true}", ""),
+        ("{sphere: 0.1, free: true}", ""),
+    ],
+)
+def test_what_a_robot_carries_or_falls_says_what_it_weighs(tmp_path: Path, entry: str, seen: str) -> None:
     box_file(tmp_path, "box.stl")
-    with pytest.raises(SimrobError, match=r"pieces\.part\.mass is None; .* a mass \[kg\], 0 if it is only seen"):
+    with pytest.raises(SimrobError, match=rf"pieces\.part\.mass is None; .* a mass \[kg\]{seen}; or give a density"):
+        station(tmp_path, entry)
+
+
+def test_simple_forms_need_no_file(tmp_path: Path) -> None:
+    box = part(tmp_path, "{box: [0.1, 0.2, 0.3], density: 1000}")
+    assert box.mass == pytest.approx(6.0)
+    np.testing.assert_allclose(box.inertia[:3], 6 / 12 * (SIDES @ SIDES - SIDES**2))
+    assert part(tmp_path, "{cylinder: [0.1, 0.2], density: 1000}").mass == pytest.approx(1000 * np.pi * 0.01 * 0.2)
+    ball = part(tmp_path, "{sphere: 0.1, mass: 2}")
+    np.testing.assert_allclose(ball.inertia[:3], 2 / 5 * 2 * 0.01)
+    two = part(tmp_path, "{shapes: [{sphere: 0.1, pose: [1, 0, 0, 0, 0, 0]}, {sphere: 0.1}], mass: 2}")
+    np.testing.assert_allclose(two.com, [0.5, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("{box: [1, 1, 1], sphere: 1, mass: 1}", "one of box and sphere, not several"),
+        ("{box: [1, 1, 1], model: cube, mass: 1}", "one of model and box, not several"),
+        ("{shapes: [{mesh: a.obj}], mass: 1}", "a mesh stands in mesh"),
+        ("{box: [1, 1], mass: 1}", r"pieces\.part\.box"),
+    ],
+)
+def test_a_piece_is_one_thing(tmp_path: Path, entry: str, message: str) -> None:
+    with pytest.raises(InvalidConfig, match=message):
         station(tmp_path, entry)
 
 
@@ -198,7 +230,7 @@ WRONG = [
     ("{mesh: box.stl, scale: -1}", r"pieces\.part\.scale: .*greater than 0"),
     ("{mesh: box.stl, scale: 0}", r"pieces\.part\.scale: .*greater than 0"),
     ("{mesh: box.stl, density: 1, mass: 1}", r"pieces\.part: .*either a mass or a density"),
-    ("{mesh: box.stl, model: rook}", r"pieces\.part: .*either a model or a mesh"),
+    ("{mesh: box.stl, model: rook}", r"pieces\.part: .*one of model and mesh, not several"),
     ("{model: rook, scale: 2}", r"pieces\.part: .*a scale goes with a mesh"),
     ("{mesh: box.stl, density: -1}", r"pieces\.part\.density: .*greater than 0"),
     ("{mesh: box.stl, mass: 1, frames: {tcp: [0, 0, 0, 0, 0, 0]}}", r"pieces\.part: .*'tcp' stands twice"),

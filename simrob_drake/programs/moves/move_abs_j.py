@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from simrob_drake.arguments import truth
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.programs.moves.motion import ArmMotion
+from simrob_drake.programs.moves.motion import ArmMotion, Rows
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import POINTS, Planning, degrees_hint, grouped, points_of, zone_of
 from simrob_drake.programs.segments import joint_segment, joint_way
@@ -23,6 +23,8 @@ class MoveAbsJ(ArmMotion):
     title: ClassVar[str] = "MoveAbsJ"
     of_axes: ClassVar[bool] = True
 
+    targets: Rows | str | None = None  # type: ignore[assignment]  # wider, of what nobody writes
+    """Where to, one posture or many [rad or m], or one of the robot's by name, such as `home`."""
     stop: Boolean = False
     """Rest at each target."""
 
@@ -31,10 +33,15 @@ class MoveAbsJ(ArmMotion):
         return plan_move_abs_j(planning, self.rows(planning), stop=self.stop, **self.how)
 
 
-def plan_move_abs_j(planning: Planning, targets: npt.ArrayLike, *, stop: bool = False, **how: Unpack[How]) -> Plan:
+def plan_move_abs_j(
+    planning: Planning, targets: npt.ArrayLike | str, *, stop: bool = False, **how: Unpack[How]
+) -> Plan:
     """Plan a move to one posture (n,) or through many (k, n) [rad or m]; without those of fingers they stay.
 
+    A name stands for a posture of the robot's, such as ``home``.
+
     Raises:
+        UnknownName: no such posture.
         InvalidParameter: targets of a wrong shape, or a duration that cannot be.
         JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
             point.

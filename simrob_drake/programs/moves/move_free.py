@@ -23,6 +23,7 @@ from simrob_drake.programs.moves.motion import ArmMotion, Row
 from simrob_drake.programs.plan import Plan, check_limits
 from simrob_drake.programs.planning import POINTS, Planning, PoseTargets, WorkObject, degrees_hint, points_of, zone_of
 from simrob_drake.programs.segments import Segment, tool_length
+from simrob_drake.programs.short_path import shortened
 from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How, timed
 from simrob_drake.sections import Boolean, Integer, Pose, Positive
@@ -30,6 +31,7 @@ from simrob_drake.sections import Boolean, Integer, Pose, Positive
 PLANNING_TIME = 10.0  # how long a search for a way may take unless told [s]
 _MOST_SEED = 2**31 - 2
 _TURNS = 24  # about the tool, where that is free
+_STRAIGHT = 2  # corners of a way that nothing makes shorter
 _GOALS, _TRIED = 16, 400  # that a search is for, and that are looked at
 
 
@@ -44,8 +46,8 @@ class MoveFree(ArmMotion):
     unless given."""
     piece: str | None = None
     """Instead of a pose: the piece, or one of its frames as `piece.frame`, where the tool is to be."""
-    joints: Row | None = None
-    """Instead of a pose: the posture [rad or m]."""
+    joints: Row | str | None = None
+    """Instead of a pose: the posture [rad or m], or one of the robot's by name, such as `home`."""
     joints_deg: Row | None = None
     """The same in degrees."""
     free_turn: Boolean = False
@@ -54,6 +56,8 @@ class MoveFree(ArmMotion):
     """Of the search; another one finds another way."""
     planning_time: Positive = PLANNING_TIME
     """How long the search may take [s]."""
+    show_search: Boolean = False
+    """The recording shows the ways of the tool that the search tried."""
 
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
@@ -62,7 +66,7 @@ class MoveFree(ArmMotion):
             raise ValueError("where to is given by one of targets, targets_deg, piece, joints and joints_deg")
         return self
 
-    def posture(self, planning: Planning) -> npt.ArrayLike | None:
+    def posture(self, planning: Planning) -> npt.ArrayLike | str | None:
         """Return the posture that it leads to in SI units, if one is given."""
         if self.joints_deg is None or len(self.joints_deg) != planning.chain.size:
             return self.joints or self.joints_deg
@@ -82,7 +86,8 @@ class MoveFree(ArmMotion):
         """Return the move, planned."""
         return plan_move_free(
             planning, self.piece or self.rows(planning), joints=self.posture(planning), wobj=self.wobj,
-            free_turn=self.free_turn, seed=self.seed, planning_time=self.planning_time, **self.how,
+            free_turn=self.free_turn, seed=self.seed, planning_time=self.planning_time, show_search=self.show_search,
+            **self.how,
         )  # fmt: skip
 
 
@@ -90,11 +95,12 @@ def plan_move_free(
     planning: Planning,
     targets: PoseTargets | str | None = None,
     *,
-    joints: npt.ArrayLike | None = None,
+    joints: npt.ArrayLike | str | None = None,
     wobj: WorkObject = None,
     free_turn: bool = False,
     seed: int = 0,
     planning_time: float = PLANNING_TIME,
+    show_search: bool = False,
     **how: Unpack[How],
 ) -> Plan:
     """Plan a move around all that stands in the way, with what the arm carries, to any posture that will do.
@@ -106,11 +112,12 @@ def plan_move_free(
         planning: what the move starts from.
         targets: a pose of the tool in the work object's frame, a place (3,) that keeps its orientation, or the name of
             a piece or of one of its frames, where the tool is to be.
-        joints: instead of it a posture (n,) [rad or m].
+        joints: instead of it a posture (n,) [rad or m], or one of the robot's by name, such as ``home``.
         wobj: the work object.
         free_turn: the tool may turn about its z axis as it likes.
         seed: of the search: with the same one it finds the same way, if it has the time.
         planning_time: how long it may take [s].
+        show_search: whether the recording shows the ways of the tool that the search tried.
         how: see :class:`How`.
 
     Raises:
@@ -120,10 +127,11 @@ def plan_move_free(
         SimrobError: as of other moves.
     """
     goals = goals_of(planning, targets, joints, wobj, free_turn, seed)
-    (plan,) = plan_around([planning], [goals], how, seed, planning_time)
+    (plan,) = plan_around([planning], [goals], how, seed, planning_time, show_search=truth(show_search, "show_search"))
     own: dict[str, Any] = {
         "joints": None if joints is None else np.asarray(joints).tolist(),
         "free_turn": free_turn or None,
+        "show_search": show_search or None,
     }
     own |= {"seed": seed or None, "planning_time": None if planning_time == PLANNING_TIME else planning_time}
     own["piece"], poses = (targets, None) if isinstance(targets, str) else (None, targets)
@@ -136,7 +144,8 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
     if any(move.how != first.how for move in moves) or len({*robots}) < len(robots):
         raise InvalidParameter("moves around obstacles together", "different", "of different robots, in the same time")
     goals = [move.goals(planning) for move, planning in zip(moves, plannings, strict=True)]
-    plans = plan_around(plannings, goals, first.how, first.seed, max(move.planning_time for move in moves))
+    shown, longest = any(move.show_search for move in moves), max(move.planning_time for move in moves)
+    plans = plan_around(plannings, goals, first.how, first.seed, longest, show_search=shown)
     return [
         replace(plan, entry=move.model_copy(update={"robot": plan.robot}).entry())
         for move, plan in zip(moves, plans, strict=True)
@@ -146,7 +155,7 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
 def goals_of(
     planning: Planning,
     targets: PoseTargets | str | None,
-    joints: npt.ArrayLike | None,
+    joints: npt.ArrayLike | str | None,
     wobj: WorkObject,
     free_turn: bool,
     seed: int,
@@ -160,7 +169,7 @@ def goals_of(
         raise InvalidParameter("the target", "given twice" if joints is not None else "missing", "a pose or joints=")
     chain, start = planning.chain, planning.start
     if joints is not None:
-        rows = chain.postures(joints, "joints")
+        rows = planning.postures(joints, "joints")
         check_limits(chain, np.zeros(len(rows)), rows, lambda _: (1, "the target"), degrees_hint(chain, rows))
     else:
         poses = planning.frame(targets).GetAsMatrix4()[np.newaxis] if isinstance(targets, str) else None
@@ -182,7 +191,13 @@ def goals_of(
 
 
 def plan_around(
-    plannings: Sequence[Planning], goals: Sequence[Vector], how: How, seed: int, planning_time: float
+    plannings: Sequence[Planning],
+    goals: Sequence[Vector],
+    how: How,
+    seed: int,
+    planning_time: float,
+    *,
+    show_search: bool = False,
 ) -> list[Plan]:
     """Plan several robots' way to postures (m, n) of each, nearest first; raises as :func:`plan_move_free`."""
     points, first = points_of(how, POINTS), plannings[0]
@@ -199,17 +214,28 @@ def plan_around(
         seed,
         positive(planning_time, "planning_time", "s"),
     )
-    parts, rows = search.rounded(search.path(_free(space, goals)))
-    ways = [tool_length(chain, own) for chain, own in zip(chains, space.parts(rows).values(), strict=True)]
     together = np.concatenate([speeds for speeds, _ in limits]), np.concatenate([pushes for _, pushes in limits])
-    segment, motors = Segment(parts, rows, max(ways), np.ones(1)), partial(first.motors, [*space.start])
-    whole_plan = timed(first.robot, [segment], how, points, together, motors)
-    found, begin = list[Plan](), 0
+
+    def plan(way: tuple[Vector, Vector]) -> Plan:
+        ways = [tool_length(chain, own) for chain, own in zip(chains, space.parts(way[1]).values(), strict=True)]
+        segment, motors = Segment(*way, max(ways), np.ones(1)), partial(first.motors, [*space.start])
+        return timed(first.robot, [segment], how, points, together, motors)
+
+    corners = search.path(_free(space, goals))
+    found = [search.rounded(corners)]
+    if len(corners) > _STRAIGHT and (short := shortened(search, found[0][1], len(corners), together)):
+        found.insert(0, short)
+    whole_plan = min(map(plan, found), key=lambda own: own.duration)
+    plans, begin = list[Plan](), 0
+    tried = space.parts(search.branches)
     for planning in plannings:
         own = whole_plan.of_axes(planning.robot, slice(begin, begin + planning.chain.size))
-        found.append(planning.looked_at(own, how, own.end[np.newaxis]))
+        if show_search and len(search.branches):
+            tool = planning.chain.forward(tried[planning.robot].reshape(-1, planning.chain.size))
+            own = replace(own, search=tool[:, :3, 3].reshape(-1, 2, 3))
+        plans.append(planning.looked_at(own, how, own.end[np.newaxis]))
         begin += planning.chain.size
-    return found
+    return plans
 
 
 def _range(planning: Planning, goals: Vector) -> Vector:

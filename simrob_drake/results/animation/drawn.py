@@ -116,6 +116,14 @@ def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> N
             meshcat.SetLine(f"tool_path/{robot.name}/{number}", np.asfortranarray(path), rgba=colour)
 
 
+def draw_searches(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> None:
+    """Draw the ways of tools that searches for the moves of a run tried, where that was asked for, as thin lines."""
+    for move in result.moves:
+        if len(move.search):
+            begin, end = (np.asfortranarray(points.T) for points in (move.search[:, 0], move.search[:, 1]))
+            meshcat.SetLineSegments(f"search/{move.robot}/{number}", begin, end, 1.0, Rgba(*rgb(colours.SEARCH)))
+
+
 def path_colour(result: RecordedRun, robot: str) -> str:
     """Return the colour of the way of a robot's tool."""
     return PATHS[list(result.plant.robots).index(robot) % len(PATHS)]

@@ -24,9 +24,9 @@ from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, frame_times, side, walked_way
-from simrob_drake.results.animation.drawn import draw_tool_paths, look, open_meshcat, path_colour
+from simrob_drake.results.animation.drawn import draw_searches, draw_tool_paths, look, open_meshcat, path_colour
 from simrob_drake.results.animation.scene import SPACING, ViewedStation, floor_lines, with_floor_under
-from simrob_drake.results.colours import AXES, FORCE, SUM_OF_FORCES, rgb
+from simrob_drake.results.colours import AXES, FORCE, SEARCH, SUM_OF_FORCES, rgb
 from simrob_drake.results.record.run import RecordedRun
 
 _SCRIPT = Path(__file__).with_suffix(".js")
@@ -53,16 +53,12 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     _record(meshcat, scene, result, times, frames_per_second)
     for number, part in enumerate(result.parts):  # the tool may change in between
         draw_tool_paths(meshcat, part, number)
+        draw_searches(meshcat, part, number)
     points = scene.extents_of_run(result, way)
     look(meshcat, camera_on(points, aspect=WINDOW_ASPECT, azimuth=side(scene.station)))
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     tilt = scene.station.ground.tilt.rotation().matrix()
     lines = floor_lines(gone @ tilt, size=config.floor.size) if config.floor else np.zeros((0, 2, 3))
-    robots = [robot for robot in result.plant.robots.values() if robot.tcp]
-    whose = {robot.name: f" of {robot.name}" if len(result.plant.robots) > 1 else "" for robot in robots}
-    found = [(path_colour(result, robot.name), f"way of the tool{whose[robot.name]}") for robot in robots]
-    if result.contacts_at is not None:
-        found += [(FORCE, "contact forces"), (SUM_OF_FORCES, "their sum on a body")]
     run = {
         "way": [] if way is None else np.round(gone, 4).tolist(),
         "rate": frames_per_second,
@@ -74,13 +70,25 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
         "message": result.end_in_words,
         "stopped": result.stopped_by is not None,
         "end": result.stop_time,
-        "legend": found,
+        "legend": _legend(result),
         "axes": AXES,
     }
     known = json.dumps(run).replace("</", "<\\/")  # a name may be anything
     script = f"<script>const RUN = {known};\n{_SCRIPT.read_text(encoding='utf-8')}</script>\n"
     before, end, after = meshcat.StaticHtml().rpartition("</body>")
     return f"{before}{script}{end}{after}"
+
+
+def _legend(result: RecordedRun) -> list[tuple[str, str]]:
+    """Return what of the colours in the picture stands for what."""
+    robots = [robot for robot in result.plant.robots.values() if robot.tcp]
+    whose = {robot.name: f" of {robot.name}" if len(result.plant.robots) > 1 else "" for robot in robots}
+    found = [(path_colour(result, robot.name), f"way of the tool{whose[robot.name]}") for robot in robots]
+    if any(len(move.search) for part in result.parts for move in part.moves):
+        found.append((SEARCH, "what the search tried"))
+    if result.contacts_at is not None:
+        found += [(FORCE, "contact forces"), (SUM_OF_FORCES, "their sum on a body")]
+    return found
 
 
 def _record(meshcat: Meshcat, scene: ViewedStation, run: RecordedRun, times: Vector, frames_per_second: float) -> None:

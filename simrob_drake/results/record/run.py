@@ -41,6 +41,8 @@ class AskedMove:
     approach: Callable[[Vector], Approach]
     speed: float | None = None  # that was asked of the tool [m/s]; None if none was
     place: str = "the move"  # what its program calls it, such as ``move 3``
+    # ways of the tool that a search for it tried and the recording shows, shape (k, 2, 3) [m]
+    search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
 
 @dataclass(frozen=True)

@@ -144,6 +144,17 @@ def _payload(run: RecordedRun) -> Measured | None:
     return Measured([*found], loads / rated, limits=(rated, ["kg"] * len(found)))
 
 
+def _tcp_speed(run: RecordedRun) -> Measured | None:
+    robots = [robot for robot in run.plant.robots.values() if robot.tcp and robot.model.tcp_speed is not None]
+    if not robots or len(run.times) < 2:
+        return None
+    places = [np.column_stack([run[f"{robot.prefix}tcp.{axis}"] for axis in "xyz"]) for robot in robots]
+    speeds = [np.linalg.norm(np.gradient(place, run.times, axis=0), axis=1) for place in places]
+    rated = np.array([robot.model.tcp_speed for robot in robots])
+    names, units = [f"tool of {robot.name}" for robot in robots], ["m/s"] * len(robots)
+    return Measured(names, *largest(np.column_stack(speeds) / rated, run.times), limits=(rated, units))
+
+
 @_of_each_robot
 def _rated_time(run: RecordedRun, robot: StationRobot) -> _Axes | None:
     rated = rated_torques(robot.motors)
@@ -249,6 +260,7 @@ def _coupling_gap(run: RecordedRun) -> Measured | None:
 
 CRITERIA = (
     *MOTION,
+    Criterion("tcp_speed", "1", "tool's speed", "{of} was at {value} of its rated speed, {amount},{when}", _tcp_speed),
     Criterion("payload", "1", "payload", "{of} carried {value} of its rated payload, {amount}", _payload),
     Criterion("below_floor", "m", "below the floor", "{of} was {value} below the floor{when}", _below_floor),
     Criterion("distance", "m", "nearest", "{of} measured a distance of {value}{when}", _distance, least=True),
