@@ -156,6 +156,7 @@ class BetweenPoints(Between, CouplingSection):
     """Where on the other [m]; in the world's axes unless `other` is given."""
 
     def check(self, key: str, station: Surroundings) -> None:
+        """Check that the station has both bodies."""
         super().check(key, station)
         self.check_bodies(key, station)
         if self.body == self.other:
@@ -174,6 +175,7 @@ class Ball(BetweenPoints):
     kind: Literal["ball"]
 
     def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
         one, other = self.anchored(plant)
         plant.plant.AddBallConstraint(one.body, one.pose.translation(), other.body, other.pose.translation())
 
@@ -182,6 +184,7 @@ class Ball(BetweenPoints):
         return self.distance(plant, context)
 
     def caption(self) -> str:
+        """Return it in words."""
         return f"a ball joint between {self.body} and {self.other}"
 
 
@@ -194,6 +197,7 @@ class Rod(BetweenPoints):
     """[m]."""
 
     def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
         one, other = self.anchored(plant)
         points = one.pose.translation(), other.pose.translation()
         plant.plant.AddDistanceConstraint(one.body, points[0], other.body, points[1], self.length)
@@ -203,6 +207,7 @@ class Rod(BetweenPoints):
         return abs(self.distance(plant, context) - self.length)
 
     def caption(self) -> str:
+        """Return it in words."""
         return f"a rod of {self.length:g} m from {self.body} to {self.other}"
 
 
@@ -215,6 +220,7 @@ class BetweenFrames(Between, CouplingSection):
     """The frame on the other."""
 
     def check(self, key: str, station: Surroundings) -> None:
+        """Check that the station has both bodies."""
         super().check(key, station)
         self.check_bodies(key, station)
 
@@ -230,6 +236,7 @@ class Weld(BetweenFrames):
     kind: Literal["weld"]
 
     def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
         if not plant.plant.time_step():
             add_bushing(plant.plant, *self.ends(plant))
             return
@@ -242,6 +249,7 @@ class Weld(BetweenFrames):
         return max(self.distance(plant, context), float(turn.ToAngleAxis().angle()))
 
     def caption(self) -> str:
+        """Return it in words."""
         return f"{self.body} welded to {self.other}"
 
 
@@ -266,6 +274,7 @@ class Hinge(BetweenFrames):
         return max(self.distance(plant, context), float(tilt))
 
     def caption(self) -> str:
+        """Return it in words."""
         return f"a hinge between {self.body} and {self.other}"
 
 
@@ -336,6 +345,7 @@ class Gear(CouplingSection):
         site.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
 
     def caption(self) -> str:
+        """Return it in words."""
         return "a gear: " + " + ".join(f"{ratio:g} {axis}" for axis, ratio in self.ratios.items()) + " stays as it is"
 
 
@@ -357,6 +367,7 @@ class Spring(BetweenPoints):
     """[N·s/m]."""
 
     def add(self, plant: StationPlant) -> None:
+        """Add it to a plant that is not finalized."""
         one, other = self.ends(plant)
         points = one.pose.translation(), other.pose.translation()
         length = max(self.length, _SHORTEST)
@@ -364,6 +375,7 @@ class Spring(BetweenPoints):
         plant.plant.AddForceElement(spring)
 
     def caption(self) -> str:
+        """Return it in words."""
         return f"a spring of {self.stiffness:g} N/m from {self.body} to {self.other}"
 
 

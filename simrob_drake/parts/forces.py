@@ -146,6 +146,7 @@ class Push(ForceSection):
         return PiecewisePolynomial.ZeroOrderHold(times[known], np.array(values[known]).T)
 
     def caption(self) -> str:
+        """Return it in words."""
         return f"{float(np.linalg.norm(self.force)):.3g} N at {self.start:g} s"
 
 
@@ -166,6 +167,7 @@ class SineForce(ForceSection):
         return Sine(np.array(self.amplitude), frequency, phase)
 
     def caption(self) -> str:
+        """Return it in words."""
         return f"sine ±{float(np.linalg.norm(self.amplitude)):g} N, {self.frequency:.3g} Hz"
 
 
@@ -225,6 +227,7 @@ class Drag(ForceSection):
         return fed(builder, f"{name}.spring", spring, applied, site.state)
 
     def caption(self) -> str:
+        """Return it in words."""
         return f"drag from {self.start:g} to {self.end:g} s"
 
 

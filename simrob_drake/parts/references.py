@@ -63,6 +63,7 @@ class ToOnePosture(ReferenceSection):
     """When it begins [s]."""
 
     def caption(self, model: RobotModel) -> str:
+        """Return it in words."""
         late = f", from {self.start:g} s" if self.start else ""
         return f"{self.kind} to {shown_positions(self.target_deg, model)} in {self.duration:g} s{late}"
 
@@ -75,9 +76,11 @@ class Hold(ReferenceSection):
     """Posture, per axis; the initial one unless given."""
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
+        """Return the trajectory, shape (n, 1) [rad or m]."""
         return hold(start if self.target_deg is None else si_positions(self.target_deg, robot, start))
 
     def caption(self, model: RobotModel) -> str:
+        """Return it in words."""
         return "hold the start" if self.target_deg is None else f"hold {shown_positions(self.target_deg, model)}"
 
 
@@ -87,6 +90,7 @@ class SmoothMove(ToOnePosture):
     kind: Literal["move"]
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
+        """Return the trajectory, shape (n, 1) [rad or m]."""
         target = si_positions(self.target_deg, robot, start)
         return move(start, target, duration=self.duration, start_time=self.start)
 
@@ -105,6 +109,7 @@ class Ramp(ToOnePosture):
         return self
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
+        """Return the trajectory, shape (n, 1) [rad or m]."""
         target = si_positions(self.target_deg, robot, start)
         return ramp(start, target, duration=self.duration, start_time=self.start, blend=self.blend)
 
@@ -136,6 +141,7 @@ class Cruise(ReferenceSection):
         return np.full(len(robot.axes), np.inf)
 
     def caption(self, model: RobotModel) -> str:
+        """Return it in words."""
         late = f", from {self.start:g} s" if self.start else ""
         return f"{self.kind.replace('_', '-')} to {shown_positions(self.target_deg, model)}{late}"
 
@@ -196,15 +202,18 @@ class Sequence(ReferenceSection):
         return self
 
     def axis_values(self) -> dict[str, AxisValues | None]:
+        """Return the targets."""
         return {f"targets at {target.time:g} s": target.target_deg for target in self.targets}
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
+        """Return the trajectory, shape (n, 1) [rad or m]."""
         postures = [start]
         for waypoint in self.targets:
             postures.append(si_positions(waypoint.target_deg, robot, postures[-1]))
         return sequence(start, [waypoint.time for waypoint in self.targets], postures[1:])
 
     def caption(self, model: RobotModel) -> str:
+        """Return it in words."""
         return f"sequence of {len(self.targets)} postures in {self.targets[-1].time:g} s"
 
 
@@ -230,6 +239,7 @@ class SineWave(ReferenceSection):
         )
 
     def caption(self, model: RobotModel) -> str:
+        """Return it in words."""
         return f"sine ±{shown_positions(self.amplitude_deg, model)}, {self.frequency:g} Hz"
 
 
@@ -278,6 +288,7 @@ class Table(ReferenceSection):
         return times, values[:, 1:]
 
     def caption(self, model: RobotModel) -> str:
+        """Return it in words."""
         return f"table {self.file.name}"
 
 

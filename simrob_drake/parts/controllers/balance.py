@@ -187,6 +187,7 @@ class Balance(LoopSection):
         return mapped(builder, f"{key}.{name}", known.matrix[part], site.state)
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Return the loop."""
         assert robot.feet is not None  # check() has asked
         feet = list(robot.feet.links)
 
@@ -267,6 +268,7 @@ class StandingBalance(SampledBlock):
         super().__init__(period=period, reads=reads, memory=memory, gives=tuple(outputs))
 
     def sample(self, memory: Named, read: Named) -> Changes:
+        """Return how far the axes are to be moved now."""
         turned, spin = rotation_of(read["orientation"]), read["angular_velocity"]
         spin = turned @ spin if self._gyroscope else spin
         balanced = self._support.balanced(read["position"], read["velocity"], turned, spin)

@@ -60,12 +60,14 @@ class ForceControl(LoopSection):
     """How far it may be from where the reference has it [m]."""
 
     def check(self, key: str, station: Surroundings) -> None:
+        """Check what is known before anything is built."""
         super().check(key, station)
         check_force_is_read(self, key)
         if not station.robot(self.robot, key).tcp:
             raise InvalidParameter(key, "for a robot without a tool", "for one that presses with a tool or a piece")
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Return the loop."""
         sensor = frame_of(site.plant, getattr(site.station.sensors.get(self.reads["force"]), "frame", WORLD))
         return PressingTool(self, site.plant.plant, robot.axis_map, robot.tools[robot.tcp], sensor)
 
@@ -178,6 +180,7 @@ class MotorProtection(LoopSection):
     """How long all must be well again before it lets go [s]; never unless given."""
 
     def check(self, key: str, station: Surroundings) -> None:
+        """Check what is known before anything is built."""
         super().check(key, station)
         robot = station.robot(self.robot, key)
         if self.weight is not None:
@@ -208,6 +211,7 @@ class MotorProtection(LoopSection):
         return spread(limit, f"{key}.limit", math.inf), spread(nominal, f"{key}.nominal", math.inf)
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Return the loop."""
         limit, nominal = self._limits(key, robot)
         sagging = (robot.gains.ki == 0) & (robot.gains.kp > 0)  # not with an integral part
         sags = np.where(sagging, 1 / np.where(sagging, robot.gains.kp, 1.0), 0.0)

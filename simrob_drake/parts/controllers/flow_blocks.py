@@ -170,9 +170,11 @@ class Sums(FlowBlock):
 
     @property
     def repeats(self) -> int:
+        """How often an input stands in its equation."""
         return 1
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return u
 
 
@@ -185,6 +187,7 @@ class Product(FlowBlock):
     """Places of the inputs that divide, from 0."""
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return (math.prod(power(part, -1) if place in self.divides else part for place, part in enumerate(u)),)
 
 
@@ -194,6 +197,7 @@ class Saturation(Bounded):
     kind: Literal["saturation"]
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return (self.clipped(u[0]),)
 
 
@@ -203,6 +207,7 @@ class DeadZone(Bounded):
     kind: Literal["dead_zone"]
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return (u[0] - self.clipped(u[0]),)
 
 
@@ -225,9 +230,11 @@ class Lookup(FlowBlock):
 
     @property
     def repeats(self) -> int:
+        """How often an input stands in its equation."""
         return 2 * len(self.points)
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         within = least(largest(u[0], self.points[0]), self.points[-1]) if self.clip else u[0]
         if isinstance(within, float):
             return (self._line(min(max(bisect_right(self.points, within), 1), len(self.points) - 1), within),)
@@ -258,6 +265,7 @@ class Compare(FlowBlock):
     """What it is compared with."""
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return (chosen(_COMPARED[self.operator](u[0], self.threshold), 1.0, 0.0),)
 
 
@@ -270,6 +278,7 @@ class Logic(FlowBlock):
     """How the inputs are joined."""
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         true = [chosen(part != 0, 1.0, 0.0) for part in u]
         all_of, any_of = math.prod(true), 1.0 - math.prod(1.0 - one for one in true)
         odd = (1.0 - math.prod(1.0 - 2.0 * one for one in true)) / 2.0
@@ -295,6 +304,7 @@ class Switch(FlowBlock):
     """What it is compared with."""
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return (chosen(_COMPARED[self.operator](u[1], self.threshold), u[0], u[2]),)
 
 
@@ -316,6 +326,7 @@ class MathFunction(FlowBlock):
             raise InvalidParameter(f"{key}.of", f"{len(self.inputs)} inputs", f"{count}, as {self.function} takes")
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return (FUNCTIONS[self.function](*u),)
 
 
@@ -333,9 +344,11 @@ class Step(FlowBlock):
 
     @property
     def edges(self) -> Sequence[float]:
+        """When it steps [s]."""
         return (self.time,)
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return (chosen(t >= self.time, self.after, self.before),)
 
 

@@ -22,16 +22,20 @@ class Integrator(Bounded):
 
     @property
     def start(self) -> Values:
+        """Its states at the start."""
         return (self.clipped(self.initial),)
 
     @property
     def fed_through(self) -> bool:
+        """Whether its output depends on its inputs at the same time."""
         return False
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return (self.clipped(x[0]),)
 
     def following(self, x: Values, u: Values) -> Values:
+        """Return what becomes of its states."""
         if self.period:
             return (self.clipped(x[0] + self.period * u[0]),)
         rate = u[0]
@@ -77,16 +81,20 @@ class StateSpace(FlowBlock):
 
     @property
     def start(self) -> Values:
+        """Its states at the start."""
         return self.initial or (0.0,) * len(self.A)
 
     @property
     def fed_through(self) -> bool:
+        """Whether its output depends on its inputs at the same time."""
         return any(map(any, self.D))
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return _rows(self.C, x, self.D, u)
 
     def following(self, x: Values, u: Values) -> Values:
+        """Return what becomes of its states."""
         return _rows(self.A, x, self.B, u)
 
 
@@ -142,16 +150,20 @@ class RateLimiter(FlowBlock):
 
     @property
     def start(self) -> Values:
+        """Its states at the start."""
         return (self.initial,)
 
     @property
     def fed_through(self) -> bool:
+        """Whether its output depends on its inputs at the same time."""
         return self.period > 0
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return self.following(x, u) if self.period else x
 
     def following(self, x: Values, u: Values) -> Values:
+        """Return what becomes of its states."""
         behind, slope = u[0] - x[0], self.period or 1.0
         if not self.period:
             behind /= self.lag
@@ -167,6 +179,7 @@ class ZeroOrderHold(FlowBlock):
     """Between samples [s]."""
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return u
 
 
@@ -188,12 +201,15 @@ class Delay(FlowBlock):
 
     @property
     def fed_through(self) -> bool:
+        """Whether its output depends on its inputs at the same time."""
         return False
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return x[:1]
 
     def following(self, x: Values, u: Values) -> Values:
+        """Return what becomes of its states."""
         return [*x[1:], u[0]]
 
 
@@ -253,9 +269,11 @@ class Pid(Bounded):
         return [own for own, has in ((self.integration_initial, self.i), (self.filtering_initial, self.d)) if has]
 
     def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
         return (self.clipped(self._free(x, u)),)
 
     def following(self, x: Values, u: Values) -> Values:
+        """Return what becomes of its states."""
         changes = []
         if self.i:
             changes.append(self._windup(self.i * u[len(u) // 2], self._free(x, u)))

@@ -137,6 +137,7 @@ class Objective(LoopSection):
 
     @property
     def named(self) -> list[str]:
+        """What it reads by names of the user's."""
         return [*super().named, self.measures]
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
@@ -188,6 +189,7 @@ class Objective(LoopSection):
         return Wired({"measured": system.get_input_port()}, outputs, {"offset": "rad", "error": unit})
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Return the loop."""
         law, weights, unit = self._law(key, robot, site)
         posture = robot.model.user_units * robot.model.axis_vector(dict(self.then_deg), f"{key}.then_deg")
         return WeightedObjective(
@@ -261,6 +263,7 @@ class WeightedObjective(SampledBlock):
         )
 
     def sample(self, memory: Named, read: Named) -> Changes:
+        """Return how far the axes are to be moved now."""
         measured = read["measured"].item()
         new, target = self._law.next(measured, {name: memory[name].item() for name in MEMORY})
         moved: Changes = {**new, "offset": self._weights * new["effort"], "error": new["asked"] - measured}

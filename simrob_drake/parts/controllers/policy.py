@@ -122,6 +122,7 @@ class Policy(LoopSection):
 
     @property
     def named(self) -> list[str]:
+        """What it reads by names of the user's."""
         return [*super().named, *self._outputs]
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
@@ -134,6 +135,7 @@ class Policy(LoopSection):
         return robot.model.user_units * robot.model.axis_vector(moves, "moves_deg")
 
     def block(self, key: str, robot: StationRobot, site: Site) -> "LearntPolicy":
+        """Return the loop."""
         for output in self._outputs:
             if output not in site.outputs:
                 raise UnknownName(f"what {key} observes", output, [*_READS, *_REMEMBERED, *site.outputs])

@@ -86,6 +86,7 @@ class Sequencer(Pace, LoopSection):
         return robot.axes
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Return the loop."""
         model = robot.model
         targets, units = [_targets(cell, model) for cell in self.cells], model.user_units
         return CellSequence(self, targets, units * self.tolerance_deg, units * self.speed_deg, robot.axes)
@@ -231,6 +232,7 @@ class FallGuard(LoopSection):
         return site.state if name == "state" else super().source(builder, name, robot, site, key)
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Return the loop."""
         plant, step = site.plant.plant, None
         if self.capture_point is not None:
             point, far = CapturePoint(plant, robot, f"{key}.capture_point"), self.capture_point

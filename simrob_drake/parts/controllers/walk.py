@@ -110,6 +110,7 @@ class Walk(LoopSection):
         return self.model_copy(update={"commands": (*before, *rows)}) if rows else self
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Return the loop."""
         parameters, feet = self.walking(robot), robot.feet
         assert feet is not None  # check() has asked
         names = [foot for group in parameters.groups for foot in group]

@@ -201,6 +201,7 @@ class CameraSensor(Sensor):
         return Lens(self.width, self.height, opening, self.near, self.far, self.depth_noise, self.seed)
 
     def check(self, key: str, station: Surroundings) -> None:
+        """Check that the frame exists."""
         check_frame(station, f"{key}.frame", self.frame)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:

@@ -54,6 +54,7 @@ class Imu(SampledSensor):
     """Likewise [rad/s]."""
 
     def check(self, key: str, station: Surroundings) -> None:
+        """Check that the frame exists."""
         check_frame(station, f"{key}.frame", self._frame_name(station, key))
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:

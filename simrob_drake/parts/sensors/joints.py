@@ -40,6 +40,7 @@ class Encoders(SampledSensor):
     """Of the noise: the same seed, the same figures."""
 
     def check(self, key: str, station: Surroundings) -> None:
+        """Check that the robot exists."""
         station.robot(self.robot, key)
 
     def resolution(self, robot: ResolvedRobot) -> Vector:
@@ -94,6 +95,7 @@ class JointEncoders(SampledBlock):
         self._share, self.seed = period / (period + section.smoothing), section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
+        """Return what the encoders tell now."""
         count = int(memory["count"][0])
         noise = self._noise * normal(self.seed, count, len(self._noise))
         position = rounded(read["position"] + noise, self._resolution)
@@ -179,6 +181,7 @@ class ExternalTorque(SampledSensor):
     """How fast the estimate follows [1/s]; it lags by 1/gain."""
 
     def check(self, key: str, station: Surroundings) -> None:
+        """Check that the robot exists."""
         station.robot(self.robot, key)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:

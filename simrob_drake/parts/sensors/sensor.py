@@ -55,6 +55,7 @@ class ShapeSensor(Sensor):
 
     @property
     def stepped(self) -> bool:
+        """Whether it takes samples."""
         return self.rate is not None
 
 
@@ -97,6 +98,7 @@ class SampledSensor(Sensor):
 
     @property
     def stepped(self) -> bool:
+        """Whether it samples while stepping."""
         return self.in_loop
 
     def _give(
