@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 _LONGEST = 2000  # letters of a message: lists of what is known are long, too, but what a user gave may be a megabyte
@@ -122,3 +122,9 @@ def shortened(value: str, length: int = 80) -> str:
     text = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in head)
     whole = len(text) <= length and len(value) <= 100 * length
     return text if whole else text[: length - 1] + "…"
+
+
+def listed(names: Sequence[str], most: int = 3) -> str:
+    """Return names in a row, of many the first ones."""
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + rest

@@ -2,7 +2,7 @@
 
 import pytest
 
-from simrob_drake.errors import InvalidConfig, InvalidModel, InvalidParameter, SimrobError, UnknownName, nearest
+from simrob_drake.errors import InvalidConfig, InvalidModel, InvalidParameter, SimrobError, UnknownName, listed, nearest
 
 
 def test_the_nearest_name_is_proposed() -> None:
@@ -39,3 +39,8 @@ def test_a_parameter_message_is_one_short_line(value: object) -> None:
 def test_every_error_can_be_caught_as_one(error: Exception) -> None:
     assert isinstance(error, SimrobError)
     assert isinstance(error, ValueError)
+
+
+def test_names_in_a_row_are_the_first_of_many():
+    assert listed(["a", "b", "c"]) == "a, b, c"
+    assert listed(["a", "b", "c", "d", "e"]) == "a, b, c and 2 more"

@@ -9,8 +9,7 @@ import pytest
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.course.checking import checked_points
-from simrob_drake.course.exercise import ExerciseFolder, exercise_of, exercises
+from simrob_drake.course.exercise import ExerciseFolder, checked_points, exercise_of, exercises
 from simrob_drake.course.measuring import Reading, at_least, at_most, between, near
 from simrob_drake.errors import SimrobError
 

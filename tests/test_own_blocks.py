@@ -13,7 +13,7 @@ from simrob_drake import build_station, load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import SimrobError
 from simrob_drake.results.block_diagram.picture import station_dot
-from simrob_drake.results.plots.files import save_plots
+from simrob_drake.results.plots.own import save_plots
 
 pytestmark = pytest.mark.usefixtures("no_plots")
 

@@ -23,7 +23,7 @@ INSTEAD = {
     "let_be": "a deadband",
 }
 """Words that no name may have among its own, and what it may be in their place."""
-FIGURES = {"results/plots/files.py", "tuning/sweep_folder.py"}
+FIGURES = {"results/plots/own.py", "tuning/sweep_folder.py"}
 """Where figures are those of Matplotlib."""
 PUBLIC = {
     ("blocks/references.py", "course"),

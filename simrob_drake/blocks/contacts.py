@@ -169,17 +169,12 @@ class ForceSensor(Block):
             return
         pose = self._poses.Eval(context)[self._index] @ self._fixed if self._moves else self._pose
         forces = senses[:, np.newaxis] * (contacts.normal_forces if self._normal_only else contacts.forces)
-        moment = _summed_cross(contacts.points - pose.translation(), forces)
+        products = (contacts.points - pose.translation()).T @ forces
+        moment = np.array([products[k - 2, k - 1] - products[k - 1, k - 2] for k in range(3)])
         if not self._normal_only:
             moment += senses @ contacts.moments
         turn = pose.rotation().inverse()
         output.SetFromVector(np.concatenate([turn @ forces.sum(axis=0), turn @ moment]))
-
-
-def _summed_cross(arms: Vector, forces: Vector) -> Vector:
-    """Return the sum of the cross products of rows (k, 3)."""
-    products = arms.T @ forces
-    return np.array([products[k - 2, k - 1] - products[k - 1, k - 2] for k in range(3)])
 
 
 Pair = tuple[GeometryId, GeometryId]

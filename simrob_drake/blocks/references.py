@@ -293,7 +293,12 @@ def add_reference(
         InvalidParameter: a trajectory that is no column.
     """
     if isinstance(reference, SineReference):
-        return _add_sine(builder, reference, name)
+        count = len(reference.centre)
+        frequency = np.full(count, 2 * np.pi * reference.frequency)
+        wave = builder.AddNamedSystem(name, Sine(reference.amplitude, frequency, reference.phase))
+        middle = fed(builder, f"{name}.centre", ConstantVectorSource(reference.centre))
+        position = summed(builder, f"{name}.sum", wave.get_output_port(0), middle)
+        return ReferenceSource(position, wave.get_output_port(1), wave.get_output_port(2))
     if reference.cols() != 1:
         raise InvalidParameter("trajectory", f"{reference.rows()} x {reference.cols()}", "of shape (n, 1)")
     source = builder.AddNamedSystem(name, TrajectorySource(reference, derivatives))
@@ -307,12 +312,3 @@ def add_reference(
 
 add_course = add_reference
 """Its former name."""
-
-
-def _add_sine(builder: DiagramBuilder, reference: SineReference, name: str) -> ReferenceSource:
-    count = len(reference.centre)
-    frequency = np.full(count, 2 * np.pi * reference.frequency)
-    wave = builder.AddNamedSystem(name, Sine(reference.amplitude, frequency, reference.phase))
-    middle = fed(builder, f"{name}.centre", ConstantVectorSource(reference.centre))
-    position = summed(builder, f"{name}.sum", wave.get_output_port(0), middle)
-    return ReferenceSource(position, wave.get_output_port(1), wave.get_output_port(2))

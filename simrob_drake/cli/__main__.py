@@ -16,7 +16,9 @@ DEBUG = "SIMROB_DEBUG"  # the environment variable that shows tracebacks
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    _use_one_blas_thread()
+    # the matrices of a robot are small: more threads only wait for each other, and take a sixth of the CPU time
+    if not {"OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"} & os.environ.keys():
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"
     for stream in ("stdout", "stderr"):  # None where the caller has closed them
         setattr(sys, stream, getattr(sys, stream) or Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):  # what its encoding lacks is escaped, as it is on stderr
@@ -50,28 +52,14 @@ def guarded(command: Callable[[list[str]], int], arguments: list[str]) -> int:
 
         if os.environ.get(DEBUG):
             traceback.print_exception(problem)
-        tell(_unexpected(problem))
+        frames = traceback.extract_tb(problem.__traceback__)
+        package = Path(__file__).parents[1]
+        own = [frame for frame in frames if package in Path(frame.filename).parents]
+        where = f"{Path(own[-1].filename).relative_to(package.parent)}, line {own[-1].lineno}" if own else "outside"
+        name = "a check of Drake" if isinstance(problem, SystemExit) else type(problem).__name__
+        message = " ".join(str(problem).split())[:1000]
+        tell(f"unexpected: {name}: {message or 'without a message'} ({where}); {DEBUG}=1 shows the traceback")
         return ExitCode.BAD_INPUT
-
-
-def _unexpected(problem: BaseException) -> str:
-    """Return what failed, and where in the package, on one line."""
-    frames = traceback.extract_tb(problem.__traceback__)
-    package = Path(__file__).parents[1]
-    own = [frame for frame in frames if package in Path(frame.filename).parents]
-    where = f"{Path(own[-1].filename).relative_to(package.parent)}, line {own[-1].lineno}" if own else "outside"
-    name = "a check of Drake" if isinstance(problem, SystemExit) else type(problem).__name__
-    message = " ".join(str(problem).split())[:1000]
-    return f"unexpected: {name}: {message or 'without a message'} ({where}); {DEBUG}=1 shows the traceback"
-
-
-def _use_one_blas_thread() -> None:
-    """Let numpy and scipy, not yet loaded, work in one thread, unless the user's environment says otherwise.
-
-    The matrices of a robot are small: more threads only wait for each other, and take a sixth of the CPU time for it.
-    """
-    if not {"OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"} & os.environ.keys():
-        os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 
 def _leave(*_: object) -> None:

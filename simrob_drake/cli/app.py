@@ -21,8 +21,7 @@ from typer.exceptions import TyperException
 
 import simrob_drake
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.interrupts import Interrupted
-from simrob_drake.cli.screen import console, errors, tell
+from simrob_drake.cli.screen import Interrupted, console, errors, tell
 from simrob_drake.errors import InvalidParameter, SimrobError, shortened
 
 _MODULES = {
@@ -31,8 +30,7 @@ _MODULES = {
     **dict.fromkeys(("sweep", "tune", "pushes"), "Many runs"),
     **dict.fromkeys(("simulink", "engines"), "Exchange and other engines"),
     "exercises": "Teaching",
-}
-"""Those with commands, and under which title the help has them, in its order."""
+}  # those with commands, and under which title the help has them, in its order
 
 
 class _Entry(NamedTuple):

@@ -12,9 +12,7 @@ from rich.text import Text
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force
 from simrob_drake.cli.screen import console, errors, say
-from simrob_drake.course.checking import MEMORY, SECONDS, CheckedPoint, checked_points
-from simrob_drake.course.exercise import Language, exercise_of, exercises
-from simrob_drake.course.measuring import Reading
+from simrob_drake.course.exercise import MEMORY, SECONDS, Language, checked_points, exercise_of, exercises
 from simrob_drake.yaml_files import read_yaml
 
 _ExerciseArgument = Annotated[
@@ -76,25 +74,17 @@ def check(
     with errors.status(Text(f"{entry.exercise.title.of(language)}: {answer}")):
         for point in checked_points(entry, answer, allow_code=allow_code, seconds=seconds, memory=memory):
             held += point.ok
-            say(_line(point, texts[point.name].of(language), words))
+            found = point.problem or words["unwritten"]
+            if point.reading is not None:
+                value = _with_unit(f"{point.reading.value:.4g}", point.reading.unit)
+                kind = "most" if isinf(point.reading.least) else "least" if isinf(point.reading.most) else "near"
+                ends = [f"{bound:.4g}" for bound in (point.reading.least, point.reading.most) if not isinf(bound)]
+                asked = _with_unit(words[kind].format(*ends), point.reading.unit)
+                found = f"{words['measured']} {value}; {words['asked']} {asked}"
+            mark, style = (words["ok"], "green") if point.ok else (words["missing"], "red")
+            say(Text.assemble((f"{mark:8}", style), f"{texts[point.name].of(language)}: {found}"))
     console.print(words["points"].format(held, len(texts)), highlight=False)
     return ExitCode.DONE if held == len(texts) else ExitCode.BEYOND
-
-
-def _line(point: CheckedPoint, text: str, words: dict[str, str]) -> Text:
-    """Return what is said of a point: what was asked, and what was measured."""
-    found = point.problem or words["unwritten"]
-    if point.reading is not None:
-        value = _with_unit(f"{point.reading.value:.4g}", point.reading.unit)
-        found = f"{words['measured']} {value}; {words['asked']} {_bounds(point.reading, words)}"
-    mark, style = (words["ok"], "green") if point.ok else (words["missing"], "red")
-    return Text.assemble((f"{mark:8}", style), f"{text}: {found}")
-
-
-def _bounds(reading: Reading, words: dict[str, str]) -> str:
-    kind = "most" if isinf(reading.least) else "least" if isinf(reading.most) else "near"
-    ends = [f"{bound:.4g}" for bound in (reading.least, reading.most) if not isinf(bound)]
-    return _with_unit(words[kind].format(*ends), reading.unit)
 
 
 def _with_unit(text: str, unit: str) -> str:

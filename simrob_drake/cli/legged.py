@@ -3,18 +3,17 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
+from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import Saving, Settings, StationArgument, with_mesh_path, with_saving
-from simrob_drake.cli.saving import prepared_folder, saved, wait_for_watcher
+from simrob_drake.cli.saving import done_in_workcell, way_of
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.stations.config import StationConfig
 
 if TYPE_CHECKING:
+    from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.legged_robot import LeggedRobot
 
 RobotOption = Annotated[
@@ -47,10 +46,7 @@ def walk(
 
         simrob walk yobotics_dynamic --gait crawl --amplitude 0.5 --live
     """
-    config = _own_timing(station, set_)
-    folder = prepared_folder(config, saving)
-    result, way = _performed(config, robot, saving.live, lambda who: who.walk(steps, amplitude, gait))
-    return saved(result, folder, saving, more=way)
+    return _done(station, set_, robot, saving, lambda who: who.walk(steps, amplitude, gait))
 
 
 @with_mesh_path
@@ -73,50 +69,30 @@ def act(
 
         simrob act yobotics_dynamic three_legs --live
     """
-    config = _own_timing(station, set_)
-    folder = prepared_folder(config, saving)
-    result, way = _performed(config, robot, saving.live, lambda who: who.act(name))
-    return saved(result, folder, saving, more=way)
+    return _done(station, set_, robot, saving, lambda who: who.act(name))
 
 
-def _performed(
-    config: StationConfig, robot: str | None, live: bool, perform: "Callable[[LeggedRobot], SimulationResult]"
-) -> tuple[SimulationResult, str]:
-    """Let a robot of a station do something; return the run, and the robot's way in words."""
-    from simrob_drake.programs.arm import Workcell
-    from simrob_drake.programs.legged_robot import LeggedRobot  # few commands need programs, which load scipy
-
-    cell = Workcell(config)
-    cell.progress = not live
-    who = LeggedRobot(cell, robot)
-    if live:
-        wait_for_watcher(cell.show())
-    try:
-        result = perform(who)
-        return result, way_of(result, who.name)
-    finally:
-        cell.close()
-
-
-def _own_timing(station: str, settings: list[str] | None) -> StationConfig:
-    """Return a station with changes, but for those that would do nothing: the gait decides on them."""
+def _done(
+    station: str,
+    settings: list[str] | None,
+    robot: str | None,
+    saving: Saving,
+    perform: "Callable[[LeggedRobot], SimulationResult]",
+) -> ExitCode:
+    """Let a robot of a station do something, and save it; changes are refused that the gait decides on."""
     for setting in settings or []:
         if setting.split("=")[0].split(".")[0].strip() in ("duration", "reference"):
             raise InvalidParameter(
                 f"--set {setting}", "given", "left out: the gait or act says how the robot moves, and how long"
             )
-    return station_from(station, settings)
 
+    def prepared(cell: "Workcell") -> Callable[[], tuple[SimulationResult, str]]:
+        from simrob_drake.programs.legged_robot import LeggedRobot
 
-def way_of(result: SimulationResult, robot: str) -> str:
-    """Return how far a robot came, and how it turned, in words; nothing of one that cannot tell."""
-    if result.ending == "diverged" or robot not in legged_robots(result):
-        return ""
-    found = locomotion(result, robot)
-    turn = np.rad2deg(found.yaw)
-    way = f"{found.distance:.3f} m at {found.speed:.3f} m/s on average, {found.ahead:.3f} m ahead"
-    side = f"{abs(found.drift):.3f} m to the {'left' if found.drift >= 0 else 'right'}"
-    return f"{robot} came {way} and {side}, and turned by {abs(turn):.1f} deg to the {'left' if turn >= 0 else 'right'}"
+        who = LeggedRobot(cell, robot)
+        return lambda: (result := perform(who), way_of(result, who.name))
+
+    return done_in_workcell(station_from(station, settings), saving, prepared)
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"walk": walk, "act": act}

@@ -3,37 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.arguments import station_from
-from simrob_drake.cli.legged import way_of
-from simrob_drake.cli.options import Saving
-from simrob_drake.cli.saving import Frames, prepared_folder, saved, wait_for_watcher
-from simrob_drake.errors import InvalidConfig
+from simrob_drake.cli.arguments import changes_of, check_file, is_program_file, refuse, station_from
+from simrob_drake.cli.options import RapidOptions, Saving
+from simrob_drake.cli.saving import Frames, done_in_workcell, way_of
+from simrob_drake.cli.screen import errors, say
+from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
+from simrob_drake.folders import written_at_once
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import bare_station, station_yaml
 from simrob_drake.stations.located import located_station
 from simrob_drake.stations.steps import Finding
 
 if TYPE_CHECKING:  # few commands need programs, which load scipy
     from simrob_drake.programs.arm import Workcell
-    from simrob_drake.programs.program import Program
-
-from dataclasses import asdict
-from typing import TYPE_CHECKING
-
-from simrob_drake.cli.arguments import changes_of, check_file, is_program_file, refuse
-from simrob_drake.cli.options import RapidOptions
-from simrob_drake.cli.screen import errors, say
-from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.folders import written_at_once
-from simrob_drake.stations.load import bare_station, station_yaml
-
-if TYPE_CHECKING:  # few commands need programs, which load scipy
     from simrob_drake.programs.program import Program
     from simrob_drake.rapid.importing import Imported
 
@@ -51,28 +40,20 @@ def run_program(
     Messages call it as ``file`` says, and the verdict its moves as ``lines`` do, by their numbers. Raises SimrobError:
     one that the robots cannot do.
     """
-    from simrob_drake.programs.arm import Workcell
+    from simrob_drake.programs.whole_program import of_arms, perform
 
-    cell = Workcell(config)
-    folder = prepared_folder(config, saving)
-    cell.progress = not saving.live
-    if saving.live:
-        wait_for_watcher(cell.show())
-    try:
-        result, way = _performed(cell, program, file)
-    finally:
-        cell.close()
-    return saved(_called(result, lines), folder, saving, more=way, frames=frames)
-
-
-def _called(result: SimulationResult, lines: Mapping[int, str]) -> SimulationResult:
-    """Return the result of a program whose moves are called as lines say, by their numbers."""
     places = {f"move {number}": line for number, line in lines.items()}
-    runs = (
-        replace(run, moves=tuple(replace(move, place=places.get(move.place, move.place)) for move in run.moves))
-        for run in result.runs
-    )
-    return replace(result, runs=tuple(runs))
+
+    def performed(cell: Workcell) -> tuple[SimulationResult, str]:
+        result = perform(cell, program, file)
+        runs = (
+            replace(run, moves=tuple(replace(move, place=places.get(move.place, move.place)) for move in run.moves))
+            for run in result.runs
+        )
+        way = "" if of_arms(cell, program) else way_of(result, cell.robot_name(program.robot))
+        return replace(result, runs=tuple(runs)), way
+
+    return done_in_workcell(config, saving, lambda cell: lambda: performed(cell), frames)
 
 
 def own_program(config: StationConfig) -> Program:
@@ -87,8 +68,7 @@ def own_program(config: StationConfig) -> Program:
 def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationConfig]:
     """Return a file's program and the station that it names, with changes.
 
-    Raises:
-        InvalidConfig: a damaged program, or one that names no station.
+    Raises InvalidConfig: a damaged program, or one that names no station.
     """
     from simrob_drake.programs.program import Program
 
@@ -119,14 +99,6 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
         return Finding("ok", "program", f"{moves} entries can be done, in {time:.4g} s")
     message = f"{seen} of {moves} entries can be done, in {time:.4g} s; moves[{seen}] depends on where a piece falls"
     return Finding("note", "program", message)
-
-
-def _performed(cell: Workcell, program: Program, file: str) -> tuple[SimulationResult, str]:
-    """Let the robots of a station do a program; return all of it, and the way of one that walks in words."""
-    from simrob_drake.programs.whole_program import of_arms, perform
-
-    result = perform(cell, program, file)
-    return result, "" if of_arms(cell, program) else way_of(result, cell.robot_name(program.robot))
 
 
 _SUFFIXES = (".mod", ".modx", ".prg", ".sys", ".sysx", ".pgf")

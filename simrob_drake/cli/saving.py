@@ -1,23 +1,28 @@
 """From a run to its folder, and to what the screen says of it; one way for all commands that simulate."""
 
 import sys
+from collections.abc import Callable
+from math import degrees
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from rich.text import Text
 
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.interrupts import finished_first
 from simrob_drake.cli.options import Saving
-from simrob_drake.cli.screen import console, errors, say
+from simrob_drake.cli.screen import console, errors, finished_first, say
 from simrob_drake.cli.tables import cells_table, result_table, table
 from simrob_drake.folders import check_folder
 from simrob_drake.results.files import COMMANDS, SUMMARY, Saved, default_folder
 from simrob_drake.results.record.summary import remarks_of
+from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.verdict.moves import table_of_moves
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
+
+if TYPE_CHECKING:
+    from simrob_drake.programs.arm import Workcell
 
 Frames = int | Literal["events"] | None
 """Of a film strip: how many, or one for each event."""
@@ -45,6 +50,39 @@ def wait_for_watcher(url: str) -> None:
     console.print(f"watch it at {url}", highlight=False)
     if sys.stdin.isatty():
         console.input("open it in a browser, then press Enter to start ")
+
+
+def done_in_workcell(
+    config: StationConfig,
+    saving: Saving,
+    prepare: "Callable[[Workcell], Callable[[], tuple[SimulationResult, str]]]",
+    frames: Frames = None,
+) -> ExitCode:
+    """Let what is prepared be done in a station, shown if asked; save it with what is said of it, a line."""
+    from simrob_drake.programs.arm import Workcell  # few commands need programs, which load scipy
+
+    cell = Workcell(config)
+    folder = prepared_folder(config, saving)
+    cell.progress = not saving.live
+    perform = prepare(cell)
+    if saving.live:
+        wait_for_watcher(cell.show())
+    try:
+        result, more = perform()
+    finally:
+        cell.close()
+    return saved(result, folder, saving, more=more, frames=frames)
+
+
+def way_of(result: SimulationResult, robot: str) -> str:
+    """Return how far a robot came, and how it turned, in words; nothing of one that cannot tell."""
+    if result.ending == "diverged" or robot not in legged_robots(result):
+        return ""
+    found = locomotion(result, robot)
+    way = f"{found.distance:.3f} m at {found.speed:.3f} m/s on average, {found.ahead:.3f} m ahead"
+    side, turn = ("left" if value >= 0 else "right" for value in (found.drift, found.yaw))
+    turned = f"turned by {abs(degrees(found.yaw)):.1f} deg to the {turn}"
+    return f"{robot} came {way} and {abs(found.drift):.3f} m to the {side}, and {turned}"
 
 
 def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str = "", frames: Frames = None) -> ExitCode:

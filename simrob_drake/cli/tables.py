@@ -7,6 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from simrob_drake.dynamics import Dynamics
+from simrob_drake.errors import listed
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ENTRY_KINDS, EntryKind, ImportReport
 from simrob_drake.linear import LinearModel
@@ -135,13 +136,8 @@ def report_table(report: ImportReport) -> Table:
     for kind in ENTRY_KINDS:
         for (of_kind, text), names in elements.items():
             if of_kind == kind:
-                table.add_row(Text(kind, _COLOURS[kind]), Text(_listed(names)), Text(text))
+                table.add_row(Text(kind, _COLOURS[kind]), Text(listed(names, 4)), Text(text))
     return table
-
-
-def _listed(names: list[str], most: int = 4) -> str:
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + rest
 
 
 def _numbers(first: str, *others: str) -> Table:

@@ -97,7 +97,8 @@ def quantities(result: SimulationResult) -> dict[Quantity, Vector]:
         held = signal.role == "pose" and not any(np.ptp(result[name]) for name in signal.names)
         for name, unit in zip(signal.names, signal.units, strict=True):
             if signal.role not in _IMPOSED and not held:
-                columns.setdefault(Quantity(_stem(name), unit), []).append(result[name])
+                kind = name.rpartition(".")[0]
+                columns.setdefault(Quantity(name if kind in ("", "distance") else kind, unit), []).append(result[name])
     return {what: np.column_stack(own) for what, own in columns.items()}
 
 
@@ -135,12 +136,6 @@ def apart(first: Vector, other: Vector) -> Vector:
     return np.asarray(distances)
 
 
-def _stem(column: str) -> str:
-    """Return a column's name without its last part: ``q.joint_1`` is a ``q``, ``distance.gap`` itself."""
-    kind = column.rpartition(".")[0]
-    return column if kind in ("", "distance") else kind
-
-
 NUMBERS = "engines.csv"  # the file that every folder of a comparison of engines holds
 _SMALLEST = 1e-4  # what a picture shows, as a part of the largest
 _WORDS = {
@@ -149,8 +144,7 @@ _WORDS = {
     ("tau", ""): "joint torques",
     ("tcp", "m"): "place of the tool",
     ("tcp", "1"): "orientation of the tool, quaternion",
-}
-"""What a referee calls quantities, by the ends of their names and their units; any unit where it is empty."""
+}  # what a referee calls quantities, by the ends of their names and their units; any unit where it is empty
 _HEADINGS = ("engine", "quantity", "unit", "largest", "at", "error", "within")
 
 

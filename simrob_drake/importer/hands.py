@@ -38,7 +38,13 @@ def add_hand(robot: ET.Element, read: Read, work: Path, options: ImportOptions, 
     report.entries += [replace(entry, element=f"{HAND}: {entry.element}") for entry in own.entries]
     links = [name_of(element) for tag in ("link", "frame") for element in robot.iterfind(tag)]
     where = one_of("link for hand_link", options.hand_link, links) if options.hand_link else tool_links(robot)[0]
-    _rename(hand, robot)
+    held, taken = ({name_of(element) for tag in _NAMED for element in tree.iterfind(tag)} for tree in (hand, robot))
+    free = FreeNames(held | taken)
+    new = {name: free.take(f"{HAND}_{name}") for name in sorted(held & taken)}
+    for element in hand.iter():
+        for key in _NAMES:
+            if element.get(key) in new:
+                element.set(key, new[element.attrib[key]])
     for mesh in hand.iter("mesh"):
         mesh.set("filename", f"{HAND}/{mesh.get('filename', '')}")
     root = root_link(hand)
@@ -46,14 +52,3 @@ def add_hand(robot: ET.Element, read: Read, work: Path, options: ImportOptions, 
     pose = transform_from_pose(options.hand_pose)
     add_joint(robot, f"{root}_mount", parent=where, child=root, pose=pose)
     report.add("read", f"link '{root}'", f"of {options.hand.name}, put on '{where}'")
-
-
-def _rename(hand: ET.Element, robot: ET.Element) -> None:
-    """Give what a hand holds, and whatever names that, names that a robot does not have, in place."""
-    own, taken = ({name_of(element) for tag in _NAMED for element in tree.iterfind(tag)} for tree in (hand, robot))
-    free = FreeNames(own | taken)
-    new = {name: free.take(f"{HAND}_{name}") for name in sorted(own & taken)}
-    for element in hand.iter():
-        for key in _NAMES:
-            if element.get(key) in new:
-                element.set(key, new[element.attrib[key]])

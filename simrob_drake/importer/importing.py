@@ -6,7 +6,7 @@ import math
 import re
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from os.path import isfile
 from pathlib import Path
@@ -203,7 +203,8 @@ def _plain(name: str) -> str:
 
 def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Semantics = NOTHING) -> str:
     """Return the text of a ``robot.yaml`` for an imported robot; its home posture and gains are added to the report."""
-    home = _in_user_units(robot, notes.get(HOME, {}))
+    units = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
+    home = {axis: float(f"{value / units[axis]:.6g}") for axis, value in notes.get(HOME, {}).items() if value}
     content: dict[str, Any] = {
         "name": robot.name,
         "description": f"{robot.name}, imported",
@@ -239,12 +240,6 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Sema
             report.add("defaulted", "robot.yaml", "servo gains from the mass matrix")
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     return _HEADER + text
-
-
-def _in_user_units(robot: RobotModel, posture: Mapping[str, float]) -> dict[str, float]:
-    """Return a posture, by joint [rad or m], as a user writes it [deg, or m of prismatic axes], without zeros."""
-    units = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
-    return {axis: float(f"{value / units[axis]:.6g}") for axis, value in posture.items() if value}
 
 
 _CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]

@@ -191,18 +191,14 @@ class OutsideBorder(Exception):
 
 @dataclass
 class Border:
-    """What may be read for one file.
-
-    Attributes:
-        root: the folder of its package.
-    """
+    """What may be read for one file."""
 
     source: Path  # the file
     mesh_path: tuple[Path, ...] = ()  # folders that the user allows, beside those of the environment
     _packages: dict[str, Path | None] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
-        self.root = package_root(self.source)
+        self.root = package_root(self.source)  # the folder of its package
         self.mesh_path = tuple(dict.fromkeys(resolved(folder) for folder in (*self.mesh_path, *granted())))
 
     def package(self, name: str) -> Path | None:

@@ -22,8 +22,7 @@ from simrob_drake.results.record.run import DIVERGED
 from simrob_drake.results.record.state import JointState, State, joints_of
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import simulate
-from simrob_drake.simulation.arguments import ReferencesLike, by_robot, with_duration, with_pushes
-from simrob_drake.simulation.run import sample_times
+from simrob_drake.simulation.run import ReferencesLike, by_robot, sample_times, with_duration, with_pushes
 from simrob_drake.simulation.stepping import Outcome
 from simrob_drake.stations.closed import check_reference, station_references
 from simrob_drake.stations.config import MOST_SAMPLES, StationConfig

@@ -56,8 +56,7 @@ class CouplingSection(Strict, ABC):
     def check(self, key: str, station: Surroundings) -> None:
         """Check that forces move the station, that its solver can hold this, and that all it names is there.
 
-        Raises:
-            SimrobError: something is not so; names the key.
+        Raises SimrobError: something is not so; names the key.
         """
         if station.mode == "kinematic":
             raise InvalidParameter(key, "a coupling in a kinematic station", "left out: its reference moves all joints")

@@ -74,17 +74,13 @@ class Ground:
         middles = np.array([pose.translation() for pose, _ in self.boxes]).reshape(-1, 1, 3)
         return turns, middles, np.array([half for _, half in self.boxes]).reshape(-1, 1, 3)
 
-    def _near(self, points: Vector) -> tuple[Vector, Vector, Vector]:
-        """Return the boxes, likewise, that may lie over or under some of the points (m, 3)."""
+    def _tops(self, points: Vector) -> Vector:
+        """Return where vertical lines through points (m, 3) leave each of k boxes, (k, m) [m], -inf where they miss."""
         turns, middles, half = self._stacked
         reach = np.linalg.norm(half[:, 0], axis=1)[:, np.newaxis]
         low, high = points[:, :2].min(axis=0) - reach, points[:, :2].max(axis=0) + reach
         near = ((middles[:, 0, :2] >= low) & (middles[:, 0, :2] <= high)).all(axis=1)
-        return turns[near], middles[near], half[near]
-
-    def _tops(self, points: Vector) -> Vector:
-        """Return where vertical lines through points (m, 3) leave each of k boxes, (k, m) [m], -inf where they miss."""
-        turns, middles, half = self._near(points)
+        turns, middles, half = turns[near], middles[near], half[near]  # of boxes over or under some of the points
         up = turns[:, 2:]  # in the boxes
         along = np.where(np.abs(up) < _UPRIGHT, _UPRIGHT, up)
         foot = (points * [1.0, 1.0, 0.0] - middles) @ turns

@@ -32,8 +32,7 @@ class ReferenceSection(Strict, ABC):
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Reference:
         """Return it over time, shape (n, 1) [rad or m], from a start (n,).
 
-        Raises:
-            SimrobError: what does not fit the robot; names the key.
+        Raises SimrobError: what does not fit the robot; names the key.
         """
 
     @abstractmethod

@@ -36,8 +36,7 @@ WORLD = "world"
 def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: str = "robot") -> str:
     """Return which of ``known`` a name means, the only one unless named.
 
-    Raises:
-        UnknownName: none of them; InvalidParameter: several, and none named.
+    Raises UnknownName: none of them; InvalidParameter: several, and none named.
     """
     if name is None:
         if len(known) != 1:
@@ -127,8 +126,7 @@ class Surroundings:
     def robot(self, name: str | None, key: str) -> ResolvedRobot:
         """Return a robot by name, the only one unless named.
 
-        Raises:
-            SimrobError: no such robot, or several and none named; names the key.
+        Raises SimrobError: no such robot, or several and none named; names the key.
         """
         return self.robots[named(name, list(self.robots), kind=f"robot for {key}", key=f"{key}.robot")]
 

@@ -20,8 +20,7 @@ from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.parts.references import TIME_COLUMN, Interpolation, Table, speed_columns
 from simrob_drake.results.plots.formats import PlotFormat, plot_format
-from simrob_drake.results.record.events import all_events
-from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.run import RecordedRun, all_events
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.results.verdict.verdict import Verdict
 from simrob_drake.stations.config import StationConfig
@@ -111,7 +110,7 @@ def save_result(
 
 
 def _save_plots(result: RecordedRun, folder: Path, kind: PlotFormat) -> None:
-    from simrob_drake.results.plots.files import save_plots  # which loads matplotlib
+    from simrob_drake.results.plots.own import save_plots  # which loads matplotlib
 
     save_plots(result, folder, kind)
 

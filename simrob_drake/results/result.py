@@ -29,7 +29,11 @@ _WIDTH = 100  # characters of a line
 def table_of(result: RecordedRun) -> list[list[str]]:
     """Return headings, and where every joint ended and its torques; without robots, where the free pieces ended."""
     if not result.plant.robots:
-        return _piece_table(result)
+        table = [["piece", "x [m]", "y [m]", "z [m]", "speed [m/s]"]]
+        for piece in result.config.free_pieces:
+            place, velocity = result.piece_pose(piece)[-1, :3], result.piece_velocity(piece)[-1, :3]
+            table.append([piece, *(f"{value:.4f}" for value in place), f"{np.linalg.norm(velocity):.4f}"])
+        return table
     kinematic = result.config.mode == "kinematic"
     table = [["joint", "reference", "position", "unit", "torque", "peak torque", "limit", "unit"]]
     for robot in result.plant.robots.values():
@@ -52,14 +56,6 @@ def html_table(lines: Sequence[Sequence[str]]) -> str:
 
     head, *body = lines
     return f"<table>{line(head, 'th')}{''.join(line(cells, 'td') for cells in body)}</table>"
-
-
-def _piece_table(result: RecordedRun) -> list[list[str]]:
-    table = [["piece", "x [m]", "y [m]", "z [m]", "speed [m/s]"]]
-    for piece in result.config.free_pieces:
-        place, velocity = result.piece_pose(piece)[-1, :3], result.piece_velocity(piece)[-1, :3]
-        table.append([piece, *(f"{value:.4f}" for value in place), f"{np.linalg.norm(velocity):.4f}"])
-    return table
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,9 @@ def joined(
     plant, positions_of = last.plant, [run.positions_at for run in runs]
     if wandering:
         config = _unbound(config, wandering)
-        plant = _plant_of(config, runs)
+        plant = PosedStation(config.model_copy(update={"contact": None})).station
+        tools = {name: ", ".join(dict.fromkeys(run.plant.robots[name].tcp for run in runs)) for name in plant.robots}
+        plant = replace(plant, robots={name: replace(robot, tcp=tools[name]) for name, robot in plant.robots.items()})
         positions_of = [partial(_positions_at, run, plant, wandering) for run in runs]
 
     def positions_at(times: Vector) -> Vector:
@@ -68,6 +70,12 @@ def joined(
         return rows
 
     kept = [slice(None, -1)] * (len(runs) - 1) + [slice(None)]
+    marks, ends = list[Event](), begins[1:].tolist()
+    for run, end, before, after in zip(runs, ends, stations[:-1], stations[1:], strict=False):
+        changes = [name for name, piece in after.pieces.items() if before.pieces[name].parent != piece.parent]
+        attached = ", ".join(f"{name} to {after.pieces[name].parent}" for name in changes)
+        if attached or len(marks) < len(runs) - 1:
+            marks.append((end, attached or f"{run.did or 'move'} ends"))
     whole = replace(
         last,
         config=config,
@@ -87,7 +95,7 @@ def joined(
         moves=(),
         runs=tuple(runs),
         begun=station,
-        marks=_marks(runs, stations, begins),
+        marks=tuple(marks),
         program=program,
     )
     return _with_signals(whole, kept, wandering)
@@ -126,13 +134,6 @@ def _unbound(config: StationConfig, pieces: Sequence[str]) -> StationConfig:
     return config.model_copy(update={"pieces": loose, "robots": robots})
 
 
-def _plant_of(config: StationConfig, runs: Sequence[RecordedRun]) -> StationPlant:
-    """Return the plant of a program, in which each robot has all tools that it had in use."""
-    plant = PosedStation(config.model_copy(update={"contact": None})).station
-    tools = {name: ", ".join(dict.fromkeys(run.plant.robots[name].tcp for run in runs)) for name in plant.robots}
-    return replace(plant, robots={name: replace(robot, tcp=tools[name]) for name, robot in plant.robots.items()})
-
-
 def _positions_at(run: RecordedRun, plant: StationPlant, wandering: Sequence[str], times: Vector) -> Vector:
     """Return positions of a program's plant at times of one of its runs, shape (k, nq)."""
     positions = run.positions_at(times)
@@ -158,17 +159,6 @@ def _carried(run: RecordedRun, pieces: Sequence[str], rows: Vector) -> _Position
         for piece, body in bodies.items():
             found[piece][row] = xyz_quaternion_from_transform(body.CalcPoseInWorld(context))
     return {free_joint(piece): np.roll(poses, -3, axis=1) for piece, poses in found.items()}
-
-
-def _marks(runs: Sequence[RecordedRun], stations: Sequence[StationConfig], begins: Vector) -> tuple[Event, ...]:
-    """Return when runs ended, and which pieces went to whom then; the end of the last one is that of the program."""
-    marks, ends = list[Event](), begins[1:].tolist()
-    for run, end, before, after in zip(runs, ends, stations[:-1], stations[1:], strict=False):
-        changes = [name for name, piece in after.pieces.items() if before.pieces[name].parent != piece.parent]
-        attached = ", ".join(f"{name} to {after.pieces[name].parent}" for name in changes)
-        if attached or len(marks) < len(runs) - 1:
-            marks.append((end, attached or f"{run.did or 'move'} ends"))
-    return tuple(marks)
 
 
 def _message(last: RecordedRun, count: int, begin: float) -> str:

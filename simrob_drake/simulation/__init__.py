@@ -1,8 +1,7 @@
 """Run stations: build their diagrams, step them, and make results of what was recorded."""
 
-from simrob_drake.simulation.arguments import ReferenceLike
 from simrob_drake.simulation.built import Hands
-from simrob_drake.simulation.run import OnStep
+from simrob_drake.simulation.run import OnStep, ReferenceLike
 from simrob_drake.simulation.runner import Runner, simulate, simulate_diagram
 from simrob_drake.simulation.stepping import Moment, Ticks
 

@@ -11,9 +11,8 @@ from math import inf, nextafter
 from time import monotonic, perf_counter, process_time
 
 import numpy as np
-from pydrake.geometry import CollisionFilterDeclaration, GeometryId, GeometrySet, Role
+from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, Role
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Joint
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
@@ -217,11 +216,7 @@ def creeping(config: StationConfig, times: Sequence[float]) -> str:
 
 
 class PaceWatch:
-    """Looks after each step how fast a run gets on, shows that, and warns once if it hardly does.
-
-    Attributes:
-        config: the station.
-    """
+    """Looks after each step how fast a run gets on, shows that, and warns once if it hardly does."""
 
     def __init__(
         self, config: StationConfig, built: Callable[[], ClosedStation], *, own_blocks: bool, show: Advance | None
@@ -249,7 +244,15 @@ class PaceWatch:
             return
         if time - self._since < _SLOWEST * self._waited:
             self._warned = True
-            self._warn(context)
+            made, share = context.get_time() - self._since, self._worked / self._waited
+            if share < _BUSY:
+                cause = f"the machine is busy with other work, this gets {100 * share:.0f} % of a processor"
+            else:
+                means = made / self._steps, self._waited / self._steps
+                cause = Slow(self.config, self._built(), context, *means, self._own_blocks).cause()
+            left = self.config.duration - context.get_time()
+            message = f"{self.config.name} makes {made / self._waited:.2g} × real time with {left:.3g} s left: {cause}"
+            warnings.warn(message, SlowRunWarning, stacklevel=1)
         self._begin(time)
 
     def _count(self) -> None:
@@ -263,17 +266,6 @@ class PaceWatch:
         self._clocks = clocks
         if waited < _PAUSE or worked > _IDLE * waited + _OFTEN:
             self._waited, self._worked = self._waited + waited, self._worked + worked
-
-    def _warn(self, context: Context) -> None:
-        made, share = context.get_time() - self._since, self._worked / self._waited
-        if share < _BUSY:
-            cause = f"the machine is busy with other work, this gets {100 * share:.0f} % of a processor"
-        else:
-            means = made / self._steps, self._waited / self._steps
-            cause = Slow(self.config, self._built(), context, *means, self._own_blocks).cause()
-        left = self.config.duration - context.get_time()
-        message = f"{self.config.name} makes {made / self._waited:.2g} × real time with {left:.3g} s left: {cause}"
-        warnings.warn(message, SlowRunWarning, stacklevel=2)
 
 
 _IN_FLIGHT = (1e-3, 1e-3)
@@ -295,7 +287,9 @@ class Flight:
         self._simulator = weakref.ref(simulator)  # whose monitor holds this
         joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
         floating = [joint for joint in joints if joint.type_name() == "quaternion_floating"]
-        self._bodies = [_shapes(plant, joint) for joint in floating]
+        hanging = [plant.GetBodiesKinematicallyAffectedBy([joint.index()]) for joint in floating]
+        collision_shapes = plant.GetCollisionGeometriesForBody
+        self._bodies = [{one for body in own for one in collision_shapes(plant.get_body(body))} for own in hanging]
         self._upward = [joint.velocity_start() + 5 for joint in floating]  # after the angular part
         self._heights = [joint.position_start() + 6 for joint in floating]  # after the quaternion
         self._gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector()))
@@ -340,9 +334,3 @@ class Flight:
         pairs = query.ComputePointPairPenetration() if query.HasCollisions() else []
         touched = [(pair.id_A, pair.id_B) for pair in pairs]
         return any(all((a in shapes) == (b in shapes) for a, b in touched) for shapes in self._bodies)
-
-
-def _shapes(plant: MultibodyPlant, joint: Joint) -> set[GeometryId]:
-    """Return the collision shapes of a joint's body and of all that hangs on it."""
-    bodies = plant.GetBodiesKinematicallyAffectedBy([joint.index()])
-    return {shape for body in bodies for shape in plant.GetCollisionGeometriesForBody(plant.get_body(body))}

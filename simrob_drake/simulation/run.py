@@ -1,16 +1,21 @@
-"""Step a station that stands ready, and make the result, however the run ends."""
+"""One run: what a caller asks of it, checked; then stepped, sampled, and made a result."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
+from pydantic import ValidationError
 from pydrake.systems.framework import Context, OutputPort
+from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
-from simrob_drake.arguments import truth
-from simrob_drake.blocks.references import Reference, Samples
-from simrob_drake.frames import Vector
+from simrob_drake.arguments import instance, seconds, truth
+from simrob_drake.blocks.references import Reference, Samples, SineReference
+from simrob_drake.errors import InvalidParameter, one_of, quoted
+from simrob_drake.frames import Vector, numbers
+from simrob_drake.parts.forces import Push
 from simrob_drake.progress import note, progress_bar
 from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import FAILED
@@ -20,7 +25,7 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.pace import PaceWatch
 from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
 from simrob_drake.stations.closed import ClosedStation
-from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.config import StationConfig, check_effort
 from simrob_drake.stations.solver_config import FixedSteps
 from simrob_drake.stations.steps import step_findings
 
@@ -178,3 +183,70 @@ def sample_times(end: float, rate: float) -> Vector:
     """Return evenly spaced times; the end of the run is the last one, wherever it lies."""
     times = np.arange(int(np.floor(end * rate + 1e-9)) + 1) / rate
     return times if times[-1] >= end else np.append(times, end)
+
+
+ReferenceLike: TypeAlias = Reference | npt.ArrayLike | Samples
+"""A trajectory (n, 1), an array (m, 1 + n) with the time first, or a pair of times (m,) and positions (m, n)."""
+ReferencesLike: TypeAlias = ReferenceLike | Mapping[str, ReferenceLike] | None
+"""One for the only robot, or some by robot; none as the station says."""
+
+
+def with_duration(config: StationConfig, duration: Any) -> StationConfig:
+    """Return a configuration with a duration [s], its own if None.
+
+    Raises InvalidParameter: no positive time, or so long that a run would have too many samples or steps.
+    """
+    if duration is None:
+        return config
+    longer = config.model_copy(update={"duration": seconds(duration)})
+    check_effort(longer)
+    return longer
+
+
+def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> StationConfig:
+    """Return a configuration with other ``forces``, sections or keys, by name; raises InvalidParameter: none such."""
+    if pushes is None:
+        return config
+    instance(pushes, "pushes", Mapping, "a mapping of names to pushes")
+    others = {name: force for name, force in config.forces.items() if not isinstance(force, Push)}
+    made = dict[str, Push]()
+    for name, push in pushes.items():
+        try:
+            made[name] = push if isinstance(push, Push) else Push.model_validate({"kind": "push", **push})
+        except (ValidationError, TypeError) as problem:
+            expected = "a mapping of at, start, duration and force, as under forces: in a station"
+            raise InvalidParameter(f"pushes: {name}", quoted(push), expected) from problem
+    return config.model_copy(update={"forces": {**others, **made}})
+
+
+def by_robot(config: StationConfig, reference: Any) -> dict[str, Reference | Samples]:
+    """Return references by robot, arrays as times and positions; raises InvalidParameter or UnknownName: for nobody."""
+    if reference is None:
+        return {}
+    if not isinstance(reference, Mapping):
+        if config.only_robot is None:
+            raise InvalidParameter("reference", "one for all", f"a mapping by robot: {', '.join(config.robots)}")
+        reference = {config.only_robot: reference}
+    return {one_of("robot", name, config.robots): _trajectory_or_samples(one) for name, one in reference.items()}
+
+
+def _trajectory_or_samples(reference: Any) -> Reference | Samples:
+    if isinstance(reference, SineReference):
+        return reference
+    if isinstance(reference, Trajectory):
+        empty = isinstance(reference, PiecewisePolynomial) and reference.get_number_of_segments() < 1
+        if empty or not reference.rows() or reference.cols() != 1:
+            shape = "no segment" if empty else f"{reference.rows()} x {reference.cols()}"
+            raise InvalidParameter("reference", f"a trajectory of {shape}", "of shape (n, 1), one row a joint")
+        return reference
+    pair = isinstance(reference, tuple) and len(reference) == 2
+    times, positions = map(numbers, reference) if pair else _split(numbers(reference))
+    if times.ndim != 1 or positions.ndim != 2 or not (times.size and positions.size):
+        expected = "a trajectory, an array (m, 1 + n) whose first column is the time, or a pair of times and positions"
+        raise InvalidParameter("reference", quoted(reference), expected)
+    return times, positions
+
+
+def _split(rows: Vector) -> tuple[Vector, Vector]:
+    """Return the first column of an array, and the others."""
+    return (rows[:, 0], rows[:, 1:]) if rows.ndim == 2 and rows.size else (rows, rows)

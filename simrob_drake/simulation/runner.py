@@ -16,9 +16,8 @@ from simrob_drake.parts.controllers.own import OwnController, driven_inputs, nam
 from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation.arguments import ReferencesLike, by_robot, with_duration, with_pushes
 from simrob_drake.simulation.built import ByHand, Hands, StationDiagrams
-from simrob_drake.simulation.run import OnStep, Run, watched
+from simrob_drake.simulation.run import OnStep, ReferencesLike, Run, by_robot, watched, with_duration, with_pushes
 from simrob_drake.simulation.stepping import Outcome, Stepper, Ticks
 from simrob_drake.stations.closed import ClosedStation, check_reference, station_references
 from simrob_drake.stations.config import StationConfig
@@ -88,14 +87,9 @@ class Runner:
     """
 
     def __init__(self, station: StationLike, *, blocks: Blocks = ()) -> None:
-        """Take a station; its diagrams are built at the first run.
+        """Take a station and blocks as :func:`simulate` does; its diagrams are built at the first run.
 
-        Args:
-            station: as :func:`simulate` takes it.
-            blocks: likewise.
-
-        Raises:
-            SimrobError: no such station, or a block that is none.
+        Raises SimrobError: no such station, or a block that is none.
         """
         self.config = config_of(station)
         made = own_blocks(self.config.controllers)
@@ -135,21 +129,11 @@ class Runner:
         ticks: Ticks | None = None,
         strict: bool = False,
     ) -> SimulationResult:
-        """Run the station, as :func:`simulate` does.
+        """Run the station, as :func:`simulate` does, whose arguments and errors these are, but for four.
 
-        Args:
-            reference: as of :func:`simulate`.
-            duration: in place of the configuration's [s].
-            start: as of :func:`simulate`.
-            pushes: in place of the configuration's, by name: ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
-            progress: show a bar on a terminal.
-            on_step: as of :func:`simulate`.
-            commands: likewise.
-            ticks: even times at which stepping begins anew, and may end.
-            strict: as of :func:`simulate`.
-
-        Raises:
-            SimrobError: as of :func:`simulate`.
+        ``duration`` [s] and ``pushes``, by name as in ``{"shove": {"start": 1, "force": [5, 0, 0]}}``, take the place
+        of the configuration's; ``progress`` shows a bar on a terminal; ``ticks`` are even times at which stepping
+        begins anew, and may end.
         """
         config = with_pushes(with_duration(self.config, duration), pushes)
         if on_step is not None and not callable(on_step):
@@ -174,25 +158,17 @@ class Runner:
     def ports(self, *, watched: bool = False) -> StationPorts:
         """Return the ports of the diagram in which signals are evaluated; it is built, so that a first run has it.
 
-        Args:
-            watched: whether the runs have ticks.
-
-        Raises:
-            SimrobError: as of :func:`simulate`.
+        ``watched``: whether the runs have ticks. Raises SimrobError: as of :func:`simulate`.
         """
         return self._playing(self.config, {}, self._started(self.config, None), watched=watched).whole.ports
 
     @drake_asserts()
     def fork(self, at: float, *, reference: ReferencesLike = None, duration: float | None = None) -> "Fork":
-        """Run the station up to a moment, from which runs with other pushes go on.
+        """Run the station up to a moment ``at`` [s], from which runs with other pushes go on.
 
-        Args:
-            at: the moment [s]: later than the start, and that at which a push of the station begins.
-            reference: as of :func:`simulate`.
-            duration: of the whole runs, in place of the configuration's [s].
-
-        Raises:
-            SimrobError: input that cannot be run at all.
+        That is later than the start, and that at which a push of the station begins. The reference is as of
+        :func:`simulate`, the duration that of the whole runs, in place of the configuration's [s]. Raises SimrobError:
+        input that cannot be run at all.
         """
         config = with_duration(self.config, duration)
         if not 0 < at < config.duration:
@@ -204,11 +180,7 @@ class Runner:
     def check(self, reference: ReferencesLike = None) -> None:
         """Check, without a run, that the state it would begin in can be read and fits, and that robots can follow.
 
-        Args:
-            reference: as of :func:`simulate`.
-
-        Raises:
-            SimrobError: they cannot.
+        The reference is as of :func:`simulate`. Raises SimrobError: they cannot.
         """
         start = _checked_start(self.config, None)
         self._check_references(self.references(reference, start), self.config.duration)
@@ -219,8 +191,7 @@ class Runner:
     def references(self, reference: ReferencesLike, start: State | None) -> dict[str, Reference]:
         """Return what each robot is asked in a run that begins in a state, as :meth:`run` takes them all.
 
-        Raises:
-            SimrobError: a reference that does not fit its robot.
+        Raises SimrobError: a reference that does not fit its robot.
         """
         return station_references(self._station, by_robot(self.config, reference), start.references if start else None)
 
@@ -248,7 +219,17 @@ class Runner:
         """Return the diagrams for a run, which play its references and pushes."""
         references = station_references(self._station, requested, start.references if start else None)
         self._check_references(references, config.duration)
-        diagrams = self._diagrams_of(config, references, watched=watched)
+        places = watched, *((name, force.kind, force.at) for name, force in config.forces.items())
+        diagrams = self._diagrams.get(places)
+        if diagrams is None or not diagrams.fits(references):
+            if self._diagrams and self._blocks:
+                message = "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones"
+                raise SimrobError(message)
+            station = self._station
+            if config.forces != self.config.forces:
+                station = resolve(station.config.model_copy(update={"forces": config.forces}))
+                check_parts(station)
+            diagrams = self._diagrams[places] = StationDiagrams(station, references, self._blocks, watched=watched)
         diagrams.play(references, config.forces)
         return diagrams
 
@@ -258,21 +239,6 @@ class Runner:
                 check_reference(robot, references[robot.name], duration)
             for place, reference in robot.prescribed.items():
                 check_reference(alone_on(robot, place), reference, duration)
-
-    def _diagrams_of(self, config: StationConfig, played: Mapping[str, Reference], *, watched: bool) -> StationDiagrams:
-        """Return the diagrams for a run: those of other runs, if forces act at the same places."""
-        places = watched, *((name, force.kind, force.at) for name, force in config.forces.items())
-        known = self._diagrams.get(places)
-        if known is None or not known.fits(played):
-            if self._diagrams and self._blocks:
-                message = "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones"
-                raise SimrobError(message)
-            station = self._station
-            if config.forces != self.config.forces:
-                station = resolve(station.config.model_copy(update={"forces": config.forces}))
-                check_parts(station)
-            known = self._diagrams[places] = StationDiagrams(station, played, self._blocks, watched=watched)
-        return known
 
 
 @drake_asserts()
@@ -341,9 +307,6 @@ class Fork:
 
     Each ends as the whole run does, to the last bit under ``cenic`` and discrete solvers; others begin anew at the
     moment with the steps that their error control chooses. No signals are computed.
-
-    Attributes:
-        begun: how the run ended that far: completed, if nothing ended it.
     """
 
     def __init__(
@@ -362,14 +325,13 @@ class Fork:
             start.put(
                 self._stepper.built.diagram, self._stepper.built.ports, self._stepper.simulator.get_mutable_context()
             )
-        self.begun = self._outcome(self._stepper)
+        self.begun = self._outcome(self._stepper)  # how the run ended that far: completed, if nothing ended it
 
     @drake_asserts()
     def outcome(self, pushes: Mapping[str, Any]) -> Outcome:
         """Return how a run ends under pushes, as ``Runner.run`` takes them.
 
-        Raises:
-            InvalidParameter: a push that cannot be.
+        Raises InvalidParameter: a push that cannot be.
         """
         if self.begun.ending != "completed":
             return self.begun

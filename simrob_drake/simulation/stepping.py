@@ -86,10 +86,6 @@ class Stepper:
 
     A run is cut at nothing but the edges: a solver's steps end where a call to advance ends, so other pieces would
     change the result.
-
-    Attributes:
-        built: the diagram that is stepped now.
-        shortened: how often the solver has tried a step again, shorter; None where all steps are of one length.
     """
 
     def __init__(
@@ -114,9 +110,10 @@ class Stepper:
         if ticks is not None:
             self._moments = set(ticks.times(config.duration, self._edges))
             self._edges = sorted({*self._edges, *self._moments})
-        self.built = diagram_at(first)
+        self.built = diagram_at(first)  # the diagram that is stepped now
         used = {id(built): built for built in map(diagram_at, [first, *self._edges[:-1]])}
         self._simulators = {key: self._simulator(built) for key, built in used.items()}
+        # how often the solver has tried a step again, shorter; None where all steps are of one length
         self.shortened = None if controlled_by(config) is None else 0
         self._in_motion = reached is not None
         if reached is not None:
@@ -147,7 +144,14 @@ class Stepper:
 
     def _outcome(self, recorder: Recorder, watch: Watch) -> Outcome:
         try:
-            status = self._advanced(recorder)
+            status = self._initialize_in_motion() if self._in_motion else self.simulator.Initialize()
+            for edge in self._edges:
+                if status.reason() == _ENDED:
+                    break
+                self._change_diagram(recorder)
+                status = self.simulator.AdvanceTo(edge)
+                if edge in self._moments and status.reason() != _ENDED and self._at_tick(edge, recorder):
+                    break
         except KeyboardInterrupt:
             return interrupted(self._config, recorder)
         except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
@@ -178,17 +182,6 @@ class Stepper:
         if not recorder.is_sane():
             raise RuntimeError("a state ran away between two recorded ones")
         return recorder.history().last()
-
-    def _advanced(self, recorder: Recorder) -> SimulatorStatus:
-        status = self._initialize_in_motion() if self._in_motion else self.simulator.Initialize()
-        for edge in self._edges:
-            if status.reason() == _ENDED:
-                break
-            self._change_diagram(recorder)
-            status = self.simulator.AdvanceTo(edge)
-            if edge in self._moments and status.reason() != _ENDED and self._at_tick(edge, recorder):
-                break
-        return status
 
     def _at_tick(self, time: float, recorder: Recorder) -> bool:
         """Tell of a tick, and whether the run ends with it; else begin anew there."""

@@ -7,6 +7,7 @@ from pydrake.systems.framework import Diagram
 
 from simrob_drake.blocks.references import Reference
 from simrob_drake.dynamics import Dynamics
+from simrob_drake.errors import listed
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.site import WORLD, StationPlant, StationRobot
@@ -23,7 +24,6 @@ from simrob_drake.stations.steps import Finding, step_findings
 
 _EVERY = 20  # of the 501 samples of a reference
 _BURIED = 5e-3  # what stands on the floor may reach below it by as much [m]
-_NAMES = 3
 _DEEP = 1e-3  # things that rest on each other are less deep in each other [m]
 _PRESSED = 1e-4  # bodies that lie deeper in each other than this at the start are pushed apart [m]
 
@@ -121,12 +121,6 @@ def _deepest(overlaps: list[tuple[float, Overlap]]) -> str:
     more = len({overlap.bodies for _, overlap in overlaps}) - 1
     text = f"{' and '.join(worst.bodies)} lie {worst.depth * 1e3:.0f} mm in each other at {time:.2f} s"
     return text + (f", and {more} more pairs" if more else "")
-
-
-def listed(names: list[str]) -> str:
-    """Return names in a row, of many the first ones."""
-    rest = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
-    return ", ".join(names[:_NAMES]) + rest
 
 
 _LISTED = 6  # links that carry

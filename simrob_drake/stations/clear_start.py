@@ -164,7 +164,12 @@ class ClearStart:
 
     def _target(self, posture: Vector) -> Vector | None:
         """Return where a clear move leads: all axes to the side with more room, else each to where it is clear."""
-        step = self._steps(posture)
+        model = self._robot.model
+        lower, upper = model.axis_limits
+        room = np.where(upper - posture >= posture - lower, upper - posture, lower - posture)
+        most = np.minimum(model.bounds(*_STEP), _SWIFT * model.speed_limits * self._duration)
+        most[[*model.fingers]] = 0.0
+        step: Vector = np.sign(room) * np.minimum(most, _ROOM * np.abs(room))
         if self._is_clear(posture, step):
             return posture + step
         moved = np.zeros_like(step)
@@ -176,15 +181,6 @@ class ClearStart:
                     moved = tried
                     break
         return posture + moved if moved.any() and self._is_clear(posture, moved) else None
-
-    def _steps(self, posture: Vector) -> Vector:
-        """Return how far each axis goes, to the side where it has more room, shape (n,) [rad or m]."""
-        model = self._robot.model
-        lower, upper = model.axis_limits
-        room = np.where(upper - posture >= posture - lower, upper - posture, lower - posture)
-        most = np.minimum(model.bounds(*_STEP), _SWIFT * model.speed_limits * self._duration)
-        most[[*model.fingers]] = 0.0
-        return np.asarray(np.sign(room) * np.minimum(most, _ROOM * np.abs(room)))
 
     def _is_clear(self, posture: Vector, step: Vector, parts: Vector = _PARTS) -> bool:
         return not any(any(self._faults(posture + part * step)) for part in parts)

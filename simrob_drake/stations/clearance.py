@@ -147,24 +147,16 @@ def _margin(points: Vector, com: Vector) -> float:
 
 
 class PosedStation:
-    """Robots, pieces and floor of a station, where they are told to be.
-
-    Attributes:
-        resolved: what it is made of.
-        station: its plant, with the robots.
-        plant: Drake's own.
-        context: of the plant, in the present configuration.
-        initial: the configuration at the start, shape (nq,).
-    """
+    """Robots, pieces and floor of a station, where they are told to be."""
 
     def __init__(
         self, config: StationConfig, add: Callable[[DiagramBuilder, StationPlant], None] = lambda *_: None
     ) -> None:
         """Build it as it begins; ``add`` puts more into its diagram; raises InvalidModel: an impossible robot."""
         builder = DiagramBuilder()
-        self.resolved = resolve(config)
-        self.station = add_plant(builder, self.resolved)
-        self.plant: MultibodyPlant = self.station.plant
+        self.resolved = resolve(config)  # what it is made of
+        self.station = add_plant(builder, self.resolved)  # its plant, with the robots
+        self.plant: MultibodyPlant = self.station.plant  # Drake's own
         stepped = config.mode == "dynamic"
         self._positions_port = None if stepped else self.station.add_geometry_poses(builder)
         add(builder, self.station)
@@ -173,7 +165,7 @@ class PosedStation:
         own = self.plant.CreateDefaultContext()
         inside = stepped and self.station.engine is None
         self.context = self.plant.GetMyMutableContextFromRoot(self._scene) if inside else own
-        self.initial: Vector = self.plant.GetPositions(own)
+        self.initial: Vector = self.plant.GetPositions(own)  # at the start, shape (nq,)
         self.place(self.initial)
 
     def place(self, positions: Vector) -> None:
@@ -231,11 +223,7 @@ class Overlap:
 
 
 class Clearance(PosedStation):
-    """A station in which it is seen what lies in what, links of one robot, too. Meshes count as convex hulls.
-
-    Attributes: those of :class:`PosedStation`, and:
-        config: of the station.
-    """
+    """A station in which it is seen what lies in what, links of one robot, too. Meshes count as convex hulls."""
 
     def __init__(self, config: StationConfig) -> None:
         """Build the station with its shapes, in its initial configuration; raises InvalidModel: an impossible robot."""

@@ -67,10 +67,14 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
         robot = robot_from_file(file, options)
         remarks.append(_UNSHAPED)
     kinematic = bool(robot.links_without_inertia)
+    near = home is not None and file.is_relative_to(home.resolve())
+    section: dict[str, Any] = {"urdf": str(file.relative_to(home.resolve()) if near and home else file)}
+    if options is not None:
+        section["import_options"] = options.model_dump(mode="json", exclude_defaults=True)
     content: dict[str, Any] = {
         "description": f"{robot.name}: first station",
         "mode": "kinematic" if kinematic else "dynamic",
-        "robot": _robot(file, options, home),
+        "robot": section,
     }
     remarks += _held(robot, content) if kinematic or robot.base == "fixed" else _on_feet(robot, content)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
@@ -188,29 +192,16 @@ def _header(robot: RobotModel, urdf: Path, options: ImportOptions | None, kinema
     if kinematic:
         missing = ", ".join(robot.links_without_inertia)
         text += f"# Kinematic, since these links have no inertia: {missing}.\n"
-        again = shlex.join(["simrob", "station", str(urdf), "--estimate-inertia", *_flags(options)])
+        values = {} if options is None else options.model_dump(mode="json", exclude_defaults=True)
+        flags = list[str]()
+        for key, value in values.items():
+            rows = value if key in _REPEATED else [value]
+            for row in rows:
+                parts = row if isinstance(row, list) else [] if row is True else [row]
+                flags += [f"--{key.replace('_', '-')}", *map(str, parts)]
+        again = shlex.join(["simrob", "station", str(urdf), "--estimate-inertia", *flags])
         text += f"# For motion by torque begin anew: {again}\n"
     return text
-
-
-def _flags(options: ImportOptions | None) -> list[str]:
-    """Return options as the command line takes them."""
-    values = {} if options is None else options.model_dump(mode="json", exclude_defaults=True)
-    flags = list[str]()
-    for key, value in values.items():
-        rows = value if key in _REPEATED else [value]
-        for row in rows:
-            parts = row if isinstance(row, list) else [] if row is True else [row]
-            flags += [f"--{key.replace('_', '-')}", *map(str, parts)]
-    return flags
-
-
-def _robot(urdf: Path, options: ImportOptions | None, folder: Path | None) -> dict[str, Any]:
-    near = folder is not None and urdf.is_relative_to(folder.resolve())
-    section: dict[str, Any] = {"urdf": str(urdf.relative_to(folder.resolve()) if near and folder else urdf)}
-    if options is not None:
-        section["import_options"] = options.model_dump(mode="json", exclude_defaults=True)
-    return section
 
 
 def _servo(robot: RobotModel, realization: str) -> dict[str, Any]:

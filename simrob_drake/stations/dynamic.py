@@ -308,15 +308,6 @@ def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
         sources = {signal: ports.inputs[f"{robot.prefix}{signal}"].get_system() for signal in _MOTION}
         position, velocity = (sources[signal].get_output_port() for signal in _MOTION[:2])
         add_motion(ports, robot, position, position, velocity)
-    force = _generalized_forces(builder, ports)
-    for robot in ports.plant.robots.values():
-        torque = mapped(builder, f"{robot.prefix}torque", robot.axis_map.velocity_matrix, force)
-        declare_torque(ports, robot, with_friction(builder, ports, robot, torque))
-    builder.Connect(ports.state, ports.plant.add_geometry_poses(builder, of_state=True))
-    builder.AddNamedSystem("steady_steps", SteadySteps(STEP))
-
-
-def _generalized_forces(builder: DiagramBuilder, ports: StationPorts) -> OutputPort:
     robots = ports.plant.robots.values()
     dynamics = InverseDynamics(ports.plant.plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)
     builder.AddNamedSystem("inverse_dynamics", dynamics)
@@ -325,4 +316,9 @@ def _generalized_forces(builder: DiagramBuilder, ports: StationPorts) -> OutputP
     spread = np.hstack([robot.axis_map.velocity_matrix.T for robot in robots])
     desired = mapped(builder, "accelerations", spread, joined(builder, "robot_accelerations", *accelerations))
     builder.Connect(desired, dynamics.get_input_port_desired_acceleration())
-    return dynamics.get_output_port_generalized_force()
+    force = dynamics.get_output_port_generalized_force()
+    for robot in ports.plant.robots.values():
+        torque = mapped(builder, f"{robot.prefix}torque", robot.axis_map.velocity_matrix, force)
+        declare_torque(ports, robot, with_friction(builder, ports, robot, torque))
+    builder.Connect(ports.state, ports.plant.add_geometry_poses(builder, of_state=True))
+    builder.AddNamedSystem("steady_steps", SteadySteps(STEP))

@@ -119,8 +119,7 @@ def _loaded(
 def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> StationConfig:
     """Return a station of a robot alone, by its name or the file of its URDF; kinematic unless overrides say otherwise.
 
-    Raises:
-        SimrobError: no such robot, or an override that cannot be.
+    Raises SimrobError: no such robot, or an override that cannot be.
     """
     origin = "urdf" if is_robot_file(robot) else "model"
     content = {"name": Path(robot).stem, "mode": "kinematic", ONLY_ROBOT: {origin: robot}}
@@ -130,8 +129,7 @@ def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> Stat
 def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str = "settings") -> StationConfig:
     """Return a configuration with changes, as :func:`load_station` takes them.
 
-    Raises:
-        InvalidConfig: an entry that cannot be; names ``where``, the key, and what would be right.
+    Raises InvalidConfig: an entry that cannot be; names ``where``, the key, and what would be right.
     """
     if not settings:
         return config
@@ -155,7 +153,12 @@ def _configured(
         _override(content, key.split("."), value, where)
     content = located(content, Path.cwd())
     content = _without_sugar(content, where)
-    _allow_imports(content, mesh_path)
+    robots = content.get("robots")
+    for robot in robots.values() if isinstance(robots, dict) and mesh_path else ():
+        options = (robot.get("import_options") or {}) if isinstance(robot, dict) and robot.get("urdf") else None
+        if isinstance(options, dict):
+            before = options.get("mesh_path") or []
+            robot["import_options"] = {**options, "mesh_path": list(dict.fromkeys([*before, *map(str, mesh_path)]))}
     try:
         config = validated(StationConfig, content, where)
     except InvalidConfig as problem:
@@ -286,16 +289,6 @@ def _accepted(model: type[BaseModel], key: str, value: Any) -> bool:
     except ValidationError:
         return False
     return True
-
-
-def _allow_imports(content: dict[str, Any], mesh_path: tuple[Path, ...]) -> None:
-    """Let the imports of a station's robots read in further folders."""
-    robots = content.get("robots")
-    for robot in robots.values() if isinstance(robots, dict) and mesh_path else ():
-        options = (robot.get("import_options") or {}) if isinstance(robot, dict) and robot.get("urdf") else None
-        if isinstance(options, dict):
-            before = options.get("mesh_path") or []
-            robot["import_options"] = {**options, "mesh_path": list(dict.fromkeys([*before, *map(str, mesh_path)]))}
 
 
 def _as_written(text: str) -> str:

@@ -123,18 +123,14 @@ def carried(config: StationConfig, folder: Path) -> StationConfig:
             with suppress(SimrobError):
                 options = ImportOptions.model_validate(section.get("import_options") or {})
                 main, files = _FILES_OF[last](Path(section[last]), key, options)
-                _copy((main, *files), main.parent, folder / place)
+                for file in dict.fromkeys((main, *files)):
+                    if file.is_relative_to(main.parent):
+                        copy = folder / place / file.relative_to(main.parent)
+                        copy.parent.mkdir(parents=True, exist_ok=True)
+                        shutil.copyfile(file, copy)
                 section[last] = str(place / main.name)
                 section.pop("import_options", None)
     return StationConfig.model_validate(content)
-
-
-def _copy(files: Iterable[Path], start: Path, target: Path) -> None:
-    for file in dict.fromkeys(files):
-        if file.is_relative_to(start):
-            copy = target / file.relative_to(start)
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file, copy)
 
 
 def _of_robot(model: RobotModel, main: Path) -> tuple[Path, list[Path]]:
@@ -161,8 +157,7 @@ _FILES_OF: Mapping[str, Callable[[Path, str, ImportOptions], tuple[Path, list[Pa
     "model": _of_description,
     "mesh": lambda file, *_: (resolved(file), _with_needed([resolved(file)])),
     **dict.fromkeys(("network", "file", "start"), lambda file, *_: (resolved(file), [])),
-}
-"""By the last part of a key: the main file behind its path, and what else is read with it."""
+}  # by the last part of a key: the main file behind its path, and what else is read with it
 
 
 def _with_needed(meshes: Iterable[Path]) -> list[Path]:

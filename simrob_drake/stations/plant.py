@@ -17,7 +17,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import FixedOffsetFrame, Joint, JointActuatorIndex, ModelInstanceIndex, RigidBody
+from pydrake.multibody.tree import FixedOffsetFrame, JointActuatorIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.passive_joints import set_friction
@@ -197,7 +197,12 @@ def add_robot(
         tcp, tools[TCP] = TCP, plant.AddFrame(offset)
     joints = [plant.GetJointByName(axis.joint, instance) for axis in model.axes.values()]
     if station.mode == "dynamic":
-        _check_rotors(plant, robot, joints)
+        motors = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
+        turning = {motor.joint().index() for motor in motors if motor.default_reflected_inertia() > 0}
+        for axis, joint, play in zip(robot.axes, joints, robot.model.play, strict=True):
+            if play > 0 and joint.index() not in turning:
+                expected = f"0, or {axis} have a rotor_inertia, which its motor moves alone in the play"
+                raise InvalidParameter(f"robots.{robot.name}.drives.backlash_deg", f"given for {axis}", expected)
         implicit = station.config.servo_of(robot.name).realization == "implicit"
         if implicit or station.scheme == "cenic":
             set_actuators(plant, [joint.index() for joint in joints], robot.gains, with_servos=implicit)
@@ -205,15 +210,6 @@ def add_robot(
             set_friction(plant, joints, model.friction, model.drives.friction_speed)
     own = {**vars(robot), "tcp": tcp}
     return StationRobot(**own, plant=plant, instance=instance, joints=joints, root=root, tools=tools)
-
-
-def _check_rotors(plant: MultibodyPlant, robot: ResolvedRobot, joints: list[Joint]) -> None:
-    motors = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
-    turning = {motor.joint().index() for motor in motors if motor.default_reflected_inertia() > 0}
-    for axis, joint, play in zip(robot.axes, joints, robot.model.play, strict=True):
-        if play > 0 and joint.index() not in turning:
-            expected = f"0, or {axis} have a rotor_inertia, which its motor moves alone in the play"
-            raise InvalidParameter(f"robots.{robot.name}.drives.backlash_deg", f"given for {axis}", expected)
 
 
 def urdf_with_pieces(station: ResolvedStation, robot: ResolvedRobot) -> Element:

@@ -49,7 +49,12 @@ def draw_plant(ports: StationPorts) -> None:
         pieces = [wrapped(f"with {', '.join(config.pieces)}")] if config.pieces else []
         ports.draw("plant", "robot", "\n".join(["Plant", *robot_texts, *pieces]))
         if robots and not config.solver.holds_joint_limits:
-            _draw_stops(ports, robots)
+            stops = zip(*(robot.stops for robot in robots), strict=True)
+            stiffness, damping = (shown_values(np.concatenate(values)) for values in stops)
+            units = list(dict.fromkeys(unit for robot in robots for unit in robot.model.units))
+            springs = ", ".join(f"{unit.effort}/{unit.si}" for unit in units)
+            dampers = ", ".join(f"{unit.effort}·s/{unit.si}" for unit in units)
+            ports.draw("stops", "force", f"Joint stops\n{stiffness} {springs}\n{damping} {dampers}")
     ports.draw("scene_graph", "scene", "Scene graph\nall geometry")
 
 
@@ -142,15 +147,6 @@ def _draw_motors(ports: StationPorts, name: str, group: list[int], robot: Statio
 def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
     limit = shown_limits(robot.gains.torque_limit[group], [robot.model.effort_units[index] for index in group])
     ports.draw(name, "servo", f"Saturation\n{wrapped(limit)}", robot)
-
-
-def _draw_stops(ports: StationPorts, robots: list[StationRobot]) -> None:
-    stops = zip(*(robot.stops for robot in robots), strict=True)
-    stiffness, damping = (shown_values(np.concatenate(values)) for values in stops)
-    units = list(dict.fromkeys(unit for robot in robots for unit in robot.model.units))
-    springs = ", ".join(f"{unit.effort}/{unit.si}" for unit in units)
-    dampers = ", ".join(f"{unit.effort}·s/{unit.si}" for unit in units)
-    ports.draw("stops", "force", f"Joint stops\n{stiffness} {springs}\n{damping} {dampers}")
 
 
 def _robot_text(robot: StationRobot) -> str:

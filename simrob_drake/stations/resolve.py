@@ -13,7 +13,7 @@ from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.ground import Ground
-from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor
+from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
@@ -50,6 +50,10 @@ def resolve(config: StationConfig) -> ResolvedStation:
             raise InvalidParameter(f"pieces.{name}", name, "a name that no robot of the station has, nor the world")
     ground = _ground(config.floor, config.contact.model if config.contact else "", pieces)
     robots = {name: _robot(config, name, model, pieces, ground) for name, model in models.items()}
+    sensors = dict(config.sensors)
+    for name in sensors_read(readers_of(config.controllers), sensors):
+        if isinstance(sensors[name], SampledSensor):
+            sensors[name] = sensors[name].model_copy(update={"in_loop": True})
     return ResolvedStation(
         mode=config.mode,
         scheme=config.solver.scheme if config.mode == "dynamic" else "",
@@ -58,24 +62,20 @@ def resolve(config: StationConfig) -> ResolvedStation:
         ground=ground,
         robots=robots,
         pieces=pieces,
-        sensors=_sensors(config),
+        sensors=dict(sorted(sensors.items(), key=lambda entry: len(entry[1].read(sensors)))),
         config=config,
     )
-
-
-def _sensors(config: StationConfig) -> dict[str, Sensor]:
-    """Return the sensors, each after those that it reads; what loops read samples while the station is stepped."""
-    sensors = dict(config.sensors)
-    for name in sensors_read(readers_of(config.controllers), sensors):
-        if isinstance(sensors[name], SampledSensor):
-            sensors[name] = sensors[name].model_copy(update={"in_loop": True})
-    return dict(sorted(sensors.items(), key=lambda entry: len(entry[1].read(sensors))))
 
 
 def check_parts(station: ResolvedStation) -> None:
     """Check that something moves, and that parts find what they name; raises SimrobError: key, what would be right."""
     config = station.config
-    _check_movers(config)
+    free = config.free_pieces
+    if not (config.robots or free):
+        expected = "given as robot: {model: ...}, or a piece have free: true: a station needs something that moves"
+        raise InvalidParameter("robots", "empty", expected)
+    if free and config.mode == "kinematic":
+        raise InvalidParameter(f"pieces.{free[0]}.free", True, "false in a kinematic station, which moves robots only")
     _check_engine(config)
     for name, sensor in config.sensors.items():
         sensor.check(f"sensors.{name}", station)
@@ -163,8 +163,14 @@ def _robot(
     config: StationConfig, name: str, model: RobotModel, pieces: Mapping[str, ResolvedPiece], ground: Ground
 ) -> ResolvedRobot:
     entry = config.robots[name]
-    _check_axes(config, name, model)
-    servo = config.servo_of(name)
+    servo, reference = config.servo_of(name), config.reference_of(name)
+    values: dict[str, AxisValues | None] = {
+        **{f"servo.{key}": getattr(servo, key) for key in _SERVO_KEYS},
+        **{f"reference.{key}": value for key, value in reference.axis_values().items()},
+    }
+    for key, value in values.items():
+        if value is not None:
+            model.axis_vector(value, key)
     if config.mode == "dynamic" and model.base == "floating" and (servo.follows_motion or servo.feedforward != "none"):
         expected = "left out: a robot on its own feet does not know what carries it"
         key = "law" if servo.law == "computed_torque" else "feedforward"
@@ -184,6 +190,8 @@ def _robot(
     tcp = tool_in_use(model.tools, held, entry.tcp)
     if tcp:
         one_of(f"tool of {name}", tcp, frames)
+    stops, usual = config.stops_of(name).model_dump(), JointStops().model_dump()
+    stiffness, damping = (model.axis_vector(stops[key], f"joint_stops.{key}", usual[key]) for key in stops)
     resolved = with_prescribed_axes(
         config,
         ResolvedRobot(
@@ -194,7 +202,7 @@ def _robot(
             floats=config.mode == "dynamic" and model.base == "floating",
             gains=servo_gains(model, servo, dampers=config.motors_are_dampers(name)),
             motors=tuple(station_motors(model, servo)),
-            stops=_stops(config, name, model),
+            stops=(stiffness, damping),
             initial=_initial_position(entry, name, model),
             carried=carried,
             load=sum(pieces[piece].model.mass for piece in carried),
@@ -210,14 +218,6 @@ def _robot(
     return resolved
 
 
-def _stops(config: StationConfig, robot: str, model: RobotModel) -> tuple[Vector, Vector]:
-    stops, usual = config.stops_of(robot), JointStops().model_dump()
-    stiffness, damping = (
-        model.axis_vector(value, f"joint_stops.{key}", usual[key]) for key, value in stops.model_dump().items()
-    )
-    return stiffness, damping
-
-
 def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:
     position = model.user_units * model.axis_vector(entry.initial_deg, f"robots.{robot}.initial_deg")
     lower, upper = model.axis_limits
@@ -227,26 +227,6 @@ def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vect
             limits = f"within {low:.5g} to {high:.5g} {model.unit_names[index]}"
             raise InvalidParameter(f"initial_deg of {axis}", f"{value:.5g}", limits)
     return position
-
-
-def _check_axes(config: StationConfig, robot: str, model: RobotModel) -> None:
-    servo, reference = config.servo_of(robot), config.reference_of(robot)
-    values: dict[str, AxisValues | None] = {
-        **{f"servo.{key}": getattr(servo, key) for key in _SERVO_KEYS},
-        **{f"reference.{key}": value for key, value in reference.axis_values().items()},
-    }
-    for key, value in values.items():
-        if value is not None:
-            model.axis_vector(value, key)
-
-
-def _check_movers(config: StationConfig) -> None:
-    free = config.free_pieces
-    if not (config.robots or free):
-        expected = "given as robot: {model: ...}, or a piece have free: true: a station needs something that moves"
-        raise InvalidParameter("robots", "empty", expected)
-    if free and config.mode == "kinematic":
-        raise InvalidParameter(f"pieces.{free[0]}.free", True, "false in a kinematic station, which moves robots only")
 
 
 def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator[ResolvedPiece]:

@@ -32,8 +32,7 @@ StationLike: TypeAlias = "str | Path | StationConfig | Station"
 def config_of(station: StationLike) -> StationConfig:
     """Return what a user means by a station.
 
-    Raises:
-        SimrobError: as :func:`load_station` does; InvalidParameter: something that is no station.
+    Raises SimrobError: as :func:`load_station` does; InvalidParameter: something that is no station.
     """
     if isinstance(station, Station):
         return station.config

@@ -28,16 +28,8 @@ def study_in_optuna(name: str, study: Study, records: Sequence[Record], *, stora
     """Return a search as a study of Optuna.
 
     Its trials are complete, or pruned with the mean of the runs that were made; broken limits are constraints, and
-    means of measures stand among the attributes.
-
-    Args:
-        name: what it is called.
-        study: what is searched for.
-        records: its trials.
-        storage: where Optuna keeps it; in memory unless given.
-
-    Raises:
-        SimrobError: the extra ``tune`` is missing.
+    means of measures stand among the attributes. It is kept in memory unless a ``storage`` of Optuna's is given. Raises
+    SimrobError: the extra ``tune`` is missing.
     """
     aims = list(named(np.zeros(len(study.aims))))
     found = _empty(name, aims, storage)

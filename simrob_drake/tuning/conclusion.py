@@ -27,8 +27,9 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
     """
     own = [row for row in rows if row["of"] == WON]
     start = [row for row in rows if row["of"] == START]
-    low, high = (100 * bound for bound in _share(_held(own), len(own)))
-    held = f"{_held(own)} of {len(own)} runs of the winner hold ({low:.0f} to {high:.0f} %, 95 % sure)"
+    share = binomtest(_held(own), len(own)).proportion_ci(_SURE, method="wilson")
+    sure = f"{100 * share.low:.0f} to {100 * share.high:.0f} %, 95 % sure"
+    held = f"{_held(own)} of {len(own)} runs of the winner hold ({sure})"
     words = [held + (f", and {_held(start)} of {len(start)} of the start." if start else ".")]
     worse = []
     for doubt in dict.fromkeys(row["doubt"] for row in own):
@@ -43,22 +44,17 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
             worse.append(doubt)
     cheaper = [_compared(name, own, start) for name in cost_columns(rows[0])] if start else []
     words += [sentence for _, sentence in cheaper]
-    words += _beyond(own)
+    beyond = [str(row["beyond"]).split() for row in own if row.get("beyond")]
+    count = Counter(name for names in beyond for name in names)
+    named = ", ".join(f"{name} ({times})" for name, times in count.most_common())
+    counted = f"{len(beyond)} of {len(own)} runs of the winner pass a bound of their verdict"
+    words += [f"{counted}: {named}."] if beyond else []
     words += [f"Not doubted: {', '.join(undoubted)}."] if undoubted else []
     proven = not worse and all(less for less, _ in cheaper) and (moved or not start)
     reasons = [f"it is less sure under {', '.join(worse)}"] if worse else []
     reasons += ["it does not cost less throughout"] if not all(less for less, _ in cheaper) else []
     reasons += ["no run makes another move; a case of proof may"] if start and not moved else []
     return proven, ["Proven." if proven else f"Not proven: {'; '.join(reasons)}.", *words]
-
-
-def _beyond(rows: Sequence[Row]) -> list[str]:
-    """Return a sentence on the runs whose verdict names something beyond its bound, though they count as held."""
-    beyond = [str(row["beyond"]).split() for row in rows if row.get("beyond")]
-    count = Counter(name for names in beyond for name in names)
-    named = ", ".join(f"{name} ({times})" for name, times in count.most_common())
-    counted = f"{len(beyond)} of {len(rows)} runs of the winner pass a bound of their verdict"
-    return [f"{counted}: {named}."] if beyond else []
 
 
 def _compared(name: str, own: Sequence[Row], start: Sequence[Row]) -> tuple[bool, str]:
@@ -98,12 +94,6 @@ def _numerical_error(name: str, pairs: Sequence[tuple[Row, Row]]) -> float | Non
         if kind in NUMERICAL and thought
     ]
     return max(errors, default=None)
-
-
-def _share(count: int, of: int) -> tuple[float, float]:
-    """Return between which parts (95 %, Wilson) the share lies of which so many were drawn."""
-    interval = binomtest(count, of).proportion_ci(_SURE, method="wilson")
-    return float(interval.low), float(interval.high)
 
 
 def cost_columns(row: Row) -> list[str]:

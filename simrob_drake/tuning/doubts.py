@@ -89,7 +89,11 @@ def doubts(scene: Scene, seeds: int) -> dict[str, list[Change]]:
     found: dict[str, list[Change]] = {THOUGHT: [{}]}
     if scene.config.mode == "kinematic":
         return found
-    thought = _Thought(scene, resolve(scene.config), _weights(scene.config))
+    station = add_plant(DiagramBuilder(), resolve(scene.config))
+    plant, context = station.plant, station.plant.CreateDefaultContext()
+    masses = {name: plant.CalcTotalMass(context, [robot.instance]) for name, robot in station.robots.items()}
+    weights = {name: float(mass * abs(scene.config.gravity)) for name, mass in masses.items()}
+    thought = _Thought(scene, resolve(scene.config), weights)
     for place, (kind, space_of) in enumerate(_KINDS.items()):
         if space := space_of(thought):
             found[kind] = [drawn_of(space, np.random.default_rng([_STREAM, place, seed])) for seed in range(seeds)]
@@ -320,11 +324,3 @@ def _in_mujoco(thought: _Thought) -> bool:
             check_sayable(thought.config, thought.station.robots)
         return True
     return False
-
-
-def _weights(config: StationConfig) -> dict[str, float]:
-    """Return the weights of the robots with what they carry [N]."""
-    station = add_plant(DiagramBuilder(), resolve(config))
-    plant, context = station.plant, station.plant.CreateDefaultContext()
-    masses = {name: plant.CalcTotalMass(context, [robot.instance]) for name, robot in station.robots.items()}
-    return {name: float(mass * abs(config.gravity)) for name, mass in masses.items()}

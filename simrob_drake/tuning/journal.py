@@ -53,12 +53,7 @@ def read_spec(folder: Path, file: str, model: type[Model]) -> Model:
 
 
 class Journal:
-    """The trials of a folder.
-
-    Attributes:
-        folder: where they are kept.
-        records: what they came to, in the order of their numbers.
-    """
+    """The trials of a folder."""
 
     def __init__(
         self,
@@ -93,7 +88,7 @@ class Journal:
                 raise InvalidConfig(folder / file, str(content["station"]), changed)
         kept = {"asked": content, "digest": digest}
         written_at_once(folder / file, yaml.safe_dump(kept, sort_keys=False, width=120))
-        self.records = self.read()
+        self.records = self.read()  # in the order of their numbers
 
     @contextmanager
     def adding(self) -> Iterator[Callable[[Record], None]]:

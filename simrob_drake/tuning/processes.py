@@ -137,11 +137,8 @@ class Processes:
         """Yield what becomes of each task, as it comes; no more are under way than there are processes.
 
         Where a process dies, all that was under way is tried again, one after the other in processes of their own.
-
-        Args:
-            work: a function of a module, for another process to import.
-            tasks: what it is given.
-            died: what becomes of a task whose own process died.
+        ``work`` is a function of a module, for another process to import; ``died`` gives what becomes of a task whose
+        own process died.
         """
         waiting = deque(tasks)
         while waiting:

@@ -24,7 +24,7 @@ from simrob_drake.sections import Integer, Strict
 from simrob_drake.tuning.conclusion import START, THOUGHT, WON, conclusion, cost_columns
 from simrob_drake.tuning.doubts import KINDS, MOVES, UNKNOWN, doubts, moves
 from simrob_drake.tuning.journal import Journal, columns_of, read_spec, run
-from simrob_drake.tuning.rollout import UNITS, Case, Margin, measured
+from simrob_drake.tuning.rollout import UNITS, Case, measured
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.study import Parameters, Study, in_table, named
 from simrob_drake.tuning.study_folder import STUDY, winner_of
@@ -66,14 +66,11 @@ class Proof(Strict):
 
     def cases(self) -> list[Case]:
         """Return all runs, numbered from 1: the same draws for all that is compared."""
+        margin = self.study.margin if self.study else None
         return [
-            Case(number, self.station, overrides, {"of": of, "doubt": kind, "draw": draw}, draw, margin=self._margin)
+            Case(number, self.station, overrides, {"of": of, "doubt": kind, "draw": draw}, draw, margin=margin)
             for number, (of, kind, draw, overrides) in enumerate(self._runs(), start=1)
         ]
-
-    @property
-    def _margin(self) -> Margin | None:
-        return self.study.margin if self.study else None
 
     def _runs(self) -> Iterator[tuple[str, str, int, dict[str, Any]]]:
         every = self.parameters.items()
@@ -103,14 +100,7 @@ class Proof(Strict):
 
 
 class ProofFolder:
-    """A proof and its runs, in a folder.
-
-    Attributes:
-        folder: where they stand.
-        proof: what is proven.
-        cases: all of its runs.
-        journal: those that are made.
-    """
+    """A proof and its runs, in a folder."""
 
     def __init__(self, folder: Path | str, proof: Proof, *, force: bool = False) -> None:
         """Begin a proof in a new folder, or go on; raises SimrobError: no station, a changed one, other content."""
@@ -123,20 +113,16 @@ class ProofFolder:
     ) -> tuple[bool, list[str]]:
         """Make runs as :func:`simrob_drake.tuning.journal.run`, write table and page; return proven or not, and why."""
         rows = table(run(self.journal, self.cases, workers=workers, scheduler=scheduler, progress=progress))
-        judged = [{**row, **self._judged(row)} for row in rows]
-        write_rows(self.folder / TABLE, judged)
-        doubted = {row["doubt"] for row in judged}
-        proven, words = conclusion(judged, self.proof.undoubted(doubted), moved=self.proof.moved(doubted))
-        title = f"{Path(self.proof.station).stem}: {len(judged)} runs"
-        written_at_once(self.folder / PAGE, page(title, proven, words, judged, self.proof.parameters))
+        if self.proof.study is not None:
+            for row in rows:
+                costs, over = self.proof.study.judged(row)
+                row |= {**named(costs), "over_limits": over}
+        write_rows(self.folder / TABLE, rows)
+        doubted = {row["doubt"] for row in rows}
+        proven, words = conclusion(rows, self.proof.undoubted(doubted), moved=self.proof.moved(doubted))
+        title = f"{Path(self.proof.station).stem}: {len(rows)} runs"
+        written_at_once(self.folder / PAGE, page(title, proven, words, rows, self.proof.parameters))
         return proven, words
-
-    def _judged(self, row: Row) -> Mapping[str, Any]:
-        study = self.proof.study
-        if study is None:
-            return {}
-        costs, over = study.judged(row)
-        return {**named(costs), "over_limits": over}
 
 
 _WIDTH, _HEIGHT, _COLUMNS, _DPI = 4.6, 2.8, 3, 100  # inches of a frame, and frames in a row

@@ -243,6 +243,4 @@ def _draw_map(
     axes.set_xlabel("moment of the push [s]")
     axes.set_ylabel("direction, from ahead to the left [deg]")
     axes.set_title(name, fontsize=9)
-    figure = axes.get_figure()
-    assert figure is not None  # it was made with one
-    figure.colorbar(image, ax=axes, label=what)
+    axes.figure.colorbar(image, ax=axes, label=what)

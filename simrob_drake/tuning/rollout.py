@@ -41,28 +41,24 @@ def measures(run: RecordedRun) -> dict[str, float | None]:
         return found
     walkers = legged_robots(run)
     for name, robot in run.plant.robots.items():
-        own = _of_joints(run, name)
+        reference, position = run.axes("q_ref", name), run.axes("q", name)
+        error, low, high = reference - position, reference.min(axis=0), reference.max(axis=0)
+        moving = high - low > _STILL
+        beyond = np.maximum(position - high, low - position)[:, moving] / (high - low)[moving]
+        limit = robot.gains.torque_limit
+        own = {
+            "tracking_error": float(np.sqrt(np.mean(error**2))),
+            "final_error": float(np.abs(error[-1]).max()),
+            "overshoot": float(max(beyond.max(), 0.0)) if moving.any() else None,
+            "peak_torque": float((np.abs(run.axes("tau", name)) / limit).max()) if np.isfinite(limit).all() else None,
+            "work": mechanical_work(run, name),
+        }
         if name in walkers:
             walk = locomotion(run, name)
             own |= {measure: getattr(walk, measure) for measure in _WALKS}
             own["fall"] = float(not walk.upright)
         found |= {f"{robot.prefix}{measure}": value for measure, value in own.items()}
     return found
-
-
-def _of_joints(run: RecordedRun, robot: str) -> dict[str, float | None]:
-    reference, position = run.axes("q_ref", robot), run.axes("q", robot)
-    error, low, high = reference - position, reference.min(axis=0), reference.max(axis=0)
-    moving = high - low > _STILL
-    beyond = (np.maximum(position - high, low - position)[:, moving]) / (high - low)[moving]
-    limit = run.plant.robots[robot].gains.torque_limit
-    return {
-        "tracking_error": float(np.sqrt(np.mean(error**2))),
-        "final_error": float(np.abs(error[-1]).max()),
-        "overshoot": float(max(beyond.max(), 0.0)) if moving.any() else None,
-        "peak_torque": float((np.abs(run.axes("tau", robot)) / limit).max()) if np.isfinite(limit).all() else None,
-        "work": mechanical_work(run, robot),
-    }
 
 
 def measured(rows: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[float, int]]]:
@@ -123,15 +119,10 @@ class Case(Trial):
         row = {"ended": result.stopped_by or result.ending, "duration": result.config.duration}
         row |= {"stop_time": result.stop_time, **measures(result), "beyond": " ".join(result.verdict.beyond)}
         if self.margin is not None and result.ending == COMPLETED:
-            row["margin"] = _withstood(scene, self.margin)
+            stood, fell = 0, len(self.margin.sizes) + 1  # places of sizes, from 1
+            while fell - stood > 1:
+                middle = (stood + fell) // 2
+                completed = scene.pushed(self.margin.push, self.margin.sizes[middle - 1]).run().ending == COMPLETED
+                stood, fell = (middle, fell) if completed else (stood, middle)
+            row["margin"] = self.margin.sizes[stood - 1] if stood else 0.0
         return [{**row, "message": result.message}]
-
-
-def _withstood(scene: Scene, margin: Margin) -> float:
-    """Return the largest size of a push after which a run still goes to its end; 0 where none does."""
-    stood, fell = 0, len(margin.sizes) + 1  # places of sizes, from 1
-    while fell - stood > 1:
-        middle = (stood + fell) // 2
-        completed = scene.pushed(margin.push, margin.sizes[middle - 1]).run().ending == COMPLETED
-        stood, fell = (middle, fell) if completed else (stood, middle)
-    return margin.sizes[stood - 1] if stood else 0.0

@@ -94,7 +94,13 @@ class Scene:
         names = {key: name for key, name in (called or {}).items() if key in own}
         config = load_station(station, own, called=names, allow_code=allow_code)
         engine = one_of("engine", overrides.get(ENGINE, DRAKE), (DRAKE, MUJOCO))
-        gait, program = _gait(overrides), carried_program(config)
+        gait: dict[str, Any] = {}
+        for key, value in overrides.items():
+            if key == GAIT:
+                gait |= value if isinstance(value, Mapping) else {"name": value}
+            elif key.startswith(f"{GAIT}."):
+                gait[key.partition(".")[2]] = value
+        program = carried_program(config)
         if gait and any(key.partition(".")[0] == PROGRAM for key in own):
             raise InvalidConfig(station, GAIT, "stands beside a program: a robot does one or the other")
         if program and not gait:
@@ -168,17 +174,6 @@ def in_mujoco(config: StationConfig) -> StationConfig:
 def of_station(overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of some changes that are of the station."""
     return {key: value for key, value in overrides.items() if key.partition(".")[0] not in (GAIT, ENGINE)}
-
-
-def _gait(overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys of a gait beside the station's, without the section's name before them."""
-    found: dict[str, Any] = {}
-    for key, value in overrides.items():
-        if key == GAIT:
-            found |= value if isinstance(value, Mapping) else {"name": value}
-        elif key.startswith(f"{GAIT}."):
-            found[key.partition(".")[2]] = value
-    return found
 
 
 @lru_cache(maxsize=4)

@@ -44,13 +44,7 @@ def winner_of(folder: Path, study: Study) -> Parameters:
 
 
 class StudyFolder:
-    """A study and its trials, in a folder.
-
-    Attributes:
-        folder: where they stand.
-        study: what is searched for.
-        journal: the trials that are made.
-    """
+    """A study and its trials, in a folder."""
 
     def __init__(self, folder: Path | str, study: Study, *, force: bool = False) -> None:
         """Begin a study in a new folder, or go on with the same one.

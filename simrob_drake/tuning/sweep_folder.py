@@ -158,9 +158,7 @@ def _map(across: _Axis, up: _Axis, axes: Axes, rows: Sequence[Row], name: str) -
     axes.set_yticks(range(len(high.values)), [_short(value) for value in high.values])
     axes.set_xlabel(first)
     axes.set_ylabel(second)
-    figure = axes.get_figure()
-    assert figure is not None  # it was made with one
-    figure.colorbar(image, ax=axes, label=axes.get_title(loc="left"))
+    axes.figure.colorbar(image, ax=axes, label=axes.get_title(loc="left"))
 
 
 def _spread(axes: Axes, rows: Sequence[Row], name: str) -> None:

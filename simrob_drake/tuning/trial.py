@@ -48,8 +48,7 @@ class Trial(ABC):
     def measured(self) -> list[Row]:
         """Run it, and return the other columns of its rows: ``ended``, ``message``, and what was measured.
 
-        Raises:
-            SimrobError: a station that cannot be run.
+        Raises SimrobError: a station that cannot be run.
         """
 
     def record(self, measured: Sequence[Row]) -> Record:
@@ -106,15 +105,11 @@ def write_rows(file: Path, rows: list[Row]) -> None:
         writer.writeheader()
         writer.writerows(rows)
     if find_spec("pyarrow") is not None:
-        _write_parquet(file.with_suffix(".parquet"), columns, rows)
+        from pyarrow import parquet, table
 
-
-def _write_parquet(file: Path, columns: list[str], rows: list[Row]) -> None:
-    from pyarrow import parquet, table
-
-    values = {name: _of_one_kind([row.get(name) for row in rows]) for name in columns}
-    with replaced_at_once(file) as work:
-        parquet.write_table(table(values), work)
+        values = {name: _of_one_kind([row.get(name) for row in rows]) for name in columns}
+        with replaced_at_once(file.with_suffix(".parquet")) as work:
+            parquet.write_table(table(values), work)
 
 
 def _of_one_kind(values: list[Any]) -> list[Any]:

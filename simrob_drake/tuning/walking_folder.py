@@ -47,7 +47,8 @@ def push_map(
     """Push a robot that walks, and return a row for each direction, moment, draw and set of settings.
 
     A row has the ``number`` of its trial, ``settings``, ``seed``, ``moment`` [s], ``direction_deg`` from ahead to the
-    left, ``force`` [N], ``impulse`` [N·s], ``impulse_per_mass`` [N·s/kg], and ``ended``, how a run ended.
+    left, ``force`` [N], ``impulse`` [N·s], ``impulse_per_mass`` [N·s/kg], and ``ended``, how a run ended. Raises
+    SimrobError: a map that cannot be.
 
     Args:
         station: a name, or a file.
@@ -55,9 +56,6 @@ def push_map(
         workers: how many processes; as many as there are processors unless given.
         progress: show a bar.
         keys: the other keys of :class:`~simrob_drake.tuning.push_map.PushMap`.
-
-    Raises:
-        SimrobError: a map that cannot be.
     """
     what = validated(PushMap, {"station": station, **keys}, "push map")
     with TemporaryDirectory() as nowhere:

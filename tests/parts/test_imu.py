@@ -11,7 +11,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.frames import transform_from_xyz_quaternion
 from simrob_drake.parts.sensors.frames import InertialUnit
 from simrob_drake.results.block_diagram.picture import station_dot
-from simrob_drake.results.plots.files import save_plots
+from simrob_drake.results.plots.own import save_plots
 
 G = 9.80665
 PERIOD = 1 / 200

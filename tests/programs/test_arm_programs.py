@@ -12,7 +12,7 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.frames import as_transform, xyz_quaternion_from_transform
 from simrob_drake.programs.moves.together import MOTIONS
 from simrob_drake.programs.timing import How
-from simrob_drake.results.record.events import all_events
+from simrob_drake.results.record.run import all_events
 from tests.programs.conftest import BARE, DOWN, HOME
 
 pytestmark = pytest.mark.usefixtures("no_plots")

@@ -124,17 +124,14 @@ def _dae(data: bytes) -> tuple[bytes, list[str]]:
         raise UnreadableMesh(f"has more than {_MOST_NODES} nodes, or nodes within themselves")
     unit = root.find("{*}asset/{*}unit")
     meter = "1" if unit is None else unit.get("meter", "1")
-    if not _is_length(meter):
+    try:
+        metres = float(meter)
+    except ValueError:
+        metres = math.nan
+    if not 0 < metres < math.inf:
         raise UnreadableMesh(f"has a unit of {shortened(meter)} m")
     up = (root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()
     return data, [] if up == "Z_UP" else [f"its up axis {up} is ignored, as ROS does"]
-
-
-def _is_length(text: str) -> bool:
-    try:
-        return 0 < float(text) < math.inf
-    except ValueError:
-        return False
 
 
 class _Builder(ET.TreeBuilder):

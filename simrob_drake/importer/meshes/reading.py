@@ -184,24 +184,20 @@ def _textured(plain: MeshPart, mesh: Any, kind: str) -> MeshPart:
     """Return a geometry with its material: a texture where it has one that can be shown, else a colour."""
     material, uv = mesh.visual.material, mesh.visual.uv
     image = usable(getattr(material, "baseColorTexture", None) or getattr(material, "image", None))
-    rgba = _material_colour(material, linear=kind in (".gltf", ".glb"))
-    if image is not None and uv is not None and len(uv) == len(mesh.vertices) and len(plain.faces) == len(mesh.faces):
-        corners = np.asarray(uv, dtype=float)[plain.faces][..., :2]
-        if np.isfinite(corners).all():
-            return MeshPart(plain.vertices, plain.faces, plain.normals, corners, image=image)
-    return MeshPart(plain.vertices, plain.faces, plain.normals, rgba=rgba)
-
-
-def _material_colour(material: Any, *, linear: bool) -> Rgba:
     colour = np.asarray(material.main_color, dtype=float)[:4] / 255
-    if linear:  # glTF's factors are amounts of light
+    if kind in (".gltf", ".glb"):  # glTF's factors are amounts of light
         colour[:3] = np.where(colour[:3] <= 0.0031308, 12.92 * colour[:3], 1.055 * colour[:3] ** (1 / 2.4) - 0.055)
     opacity = getattr(material, "kwargs", {}) or {}
     try:  # MTL: d is the opacity, Tr is what lacks to it
         alpha = float(opacity["d"][0]) if "d" in opacity else 1 - float(opacity["tr"][0]) if "tr" in opacity else None
     except (ValueError, IndexError, TypeError):
         alpha = None
-    return _rgba([*colour[:3], colour[3] if alpha is None else alpha])
+    rgba = _rgba([*colour[:3], colour[3] if alpha is None else alpha])
+    if image is not None and uv is not None and len(uv) == len(mesh.vertices) and len(plain.faces) == len(mesh.faces):
+        corners = np.asarray(uv, dtype=float)[plain.faces][..., :2]
+        if np.isfinite(corners).all():
+            return MeshPart(plain.vertices, plain.faces, plain.normals, corners, image=image)
+    return MeshPart(plain.vertices, plain.faces, plain.normals, rgba=rgba)
 
 
 def _coloured(plain: MeshPart, colours: Any, notes: list[str]) -> Iterator[MeshPart]:

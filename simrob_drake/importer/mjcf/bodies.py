@@ -151,7 +151,10 @@ class _Writer:
         link = ET.Element("link", name=name)
         shift = np.array(model.jnt_pos[mine[-1]]) if mine else np.zeros(3)
         self.links[body], self._shifts[body] = link, shift
-        self._add_inertia(link, body, shift)
+        mass = float(self.model.body_mass[body])
+        if mass > 0:
+            place = RigidTransform(-shift) @ frame(self.model.body_ipos[body], self.model.body_iquat[body])
+            set_inertia(link, mass=mass, moments=self.model.body_inertia[body].tolist(), pose=place)
         if parent in self.links:
             self._connect(link, body, motions, parent)
         self.robot.append(link)
@@ -197,12 +200,6 @@ class _Writer:
         back = RigidTransform(RotationMatrix(AngleAxis(angle=-zero, axis=axis)), np.zeros(3))
         return [_Motion(name, joint, turning, axis, back)]
 
-    def _add_inertia(self, link: ET.Element, body: int, shift: Vector) -> None:
-        mass = float(self.model.body_mass[body])
-        if mass > 0:
-            place = RigidTransform(-shift) @ frame(self.model.body_ipos[body], self.model.body_iquat[body])
-            set_inertia(link, mass=mass, moments=self.model.body_inertia[body].tolist(), pose=place)
-
     def _add_shapes(self, body: int) -> None:
         model, link, shift = self.model, self.links[body], self._shifts[body]
         for geom in map(int, np.flatnonzero(model.geom_bodyid == body)):
@@ -212,7 +209,13 @@ class _Writer:
             pose = RigidTransform(-shift) @ pose_in(model, "geom", geom) @ own
             if model.geom_group[geom] < _SHOWN and model.geom_rgba[geom][3] > 0:
                 visual = self._element(link, "visual", geom, shape, pose)
-                self._add_colour(visual, geom)
+                material, rgba = int(self.model.geom_matid[geom]), self.model.geom_rgba[geom]
+                name = ""
+                if material >= 0 and np.allclose(rgba, _DEFAULT_RGBA):
+                    name, rgba = str(self.model.mat_name[material]), self.model.mat_rgba[material]
+                colour = tuple(np.asarray(rgba, dtype=float).round(6).tolist())
+                name = self._colours.setdefault(colour, name or f"colour_{len(self._colours) + 1}")
+                add_colour(visual, name, colour)
             if model.geom_contype[geom] or model.geom_conaffinity[geom]:
                 self._element(link, "collision", geom, shape, pose)
                 self._frictions.add(float(model.geom_friction[geom][0]))
@@ -279,15 +282,6 @@ class _Writer:
         place(element, pose)
         ET.SubElement(element, "geometry").append(shape)
         return element
-
-    def _add_colour(self, visual: ET.Element, geom: int) -> None:
-        material, rgba = int(self.model.geom_matid[geom]), self.model.geom_rgba[geom]
-        name = ""
-        if material >= 0 and np.allclose(rgba, _DEFAULT_RGBA):
-            name, rgba = str(self.model.mat_name[material]), self.model.mat_rgba[material]
-        colour = tuple(np.asarray(rgba, dtype=float).round(6).tolist())
-        name = self._colours.setdefault(colour, name or f"colour_{len(self._colours) + 1}")
-        add_colour(visual, name, colour)
 
 
 def pose_in(model: Any, kind: str, index: int) -> RigidTransform:

@@ -32,8 +32,7 @@ _FIELDS = {
 }
 _NAMED = {"jnt": "joint", "mat": "material", "eq": "equality"} | {
     kind: kind for kind in ("body", "mesh", "geom", "site", "tendon", "actuator", "key")
-}
-"""What has names, by what its fields begin with, as MuJoCo calls its kind."""
+}  # what has names, by what its fields begin with, as MuJoCo calls its kind
 
 
 def compiled(job: dict[str, Any]) -> dict[str, Any]:

@@ -41,14 +41,12 @@ _LEFT_OUT = _SOFT | {
     "skin": "only rigid shapes are shown",
     "extension": "plugins are never loaded",
     "plugin": "plugins are never loaded",
-}
-"""What is left out, and why."""
+}  # what is left out, and why
 _UNUSED = ("visual", "statistic", "custom", "size", "option", "camera", "light", "texture", "layer")
 _COMPILER = (
     *("angle", "eulerseq", "autolimits", "alignfree", "inertiafromgeom", "inertiagrouprange", "balanceinertia"),
     *("boundmass", "boundinertia", "settotalmass"),
-)
-"""Settings of the compiler that make a difference to a robot."""
+)  # settings of the compiler that make a difference to a robot
 _GRAVITY = (0, 0, -9.81)
 _FLUID = ("density", "viscosity", "wind")
 

@@ -38,14 +38,10 @@ class _Loader(yaml.CSafeLoader):
 
 
 class _Expansion:
-    """One expansion, and what it may ask of the process that started it.
-
-    Attributes:
-        messages: what the file says to its reader.
-    """
+    """One expansion, and what it may ask of the process that started it."""
 
     def __init__(self) -> None:
-        self.messages: list[str] = []
+        self.messages: list[str] = []  # what the file says to its reader
         own = {
             "abs_filename": xacro.abs_filename_spec,
             "arg": lambda name: substitution_args._eval_arg(name, xacro.substitution_args_context["arg"]),

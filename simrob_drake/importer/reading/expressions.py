@@ -218,8 +218,7 @@ _RULES: dict[type[ast.expr], Callable[[_Scope, Any], Any]] = {
     ast.Attribute: lambda scope, node: _under(scope.value(node.value), node.attr),
     ast.Call: _call,
     ast.ListComp: _comprehension,
-}
-"""What may stand in an expression; everything else is refused."""
+}  # what may stand in an expression; everything else is refused
 
 
 def _operator(op: ast.AST) -> Callable[..., Any]:
@@ -343,5 +342,4 @@ _METHODS: dict[tuple[type, str], Callable[..., Any]] = {
     (str, "join"): _joined,
     (str, "replace"): _replaced,
     **{(dict, name): partial(_listed, name) for name in ("items", "keys", "values")},
-}
-"""What is written behind a value, as in ``text.lower()``: what published files need, by the value's type and name."""
+}  # what is written behind a value, as in ``text.lower()``: what published files need, by the value's type and name

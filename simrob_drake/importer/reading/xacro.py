@@ -53,7 +53,10 @@ def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport
         except ChildFailed as failure:
             problem = str(failure)
         offers = outline(files.texts.values(), files.package)
-        missing = _missing(problem, offers)
+        # an argument that was asked for before its declaration, if that gives a plain value
+        found = _UNDEFINED.match(problem)
+        default = offers.arguments.get(found[1]) if found else None
+        missing = found[1] if found and default is not None and "$" not in default else None
         if missing is None or missing in arguments:
             break
         arguments[missing] = str(offers.arguments[missing])
@@ -69,13 +72,6 @@ def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport
     for message in end["messages"]:
         report.add("read", "", f"the file says: {shortened(message, 400)}")
     return str(end["urdf"])
-
-
-def _missing(problem: str, offers: "Outline") -> str | None:
-    """Return the argument that was asked for before its declaration, if that gives a plain value."""
-    found = _UNDEFINED.match(problem)
-    default = offers.arguments.get(found[1]) if found else None
-    return found[1] if found and default is not None and "$" not in default else None
 
 
 @dataclass(frozen=True)

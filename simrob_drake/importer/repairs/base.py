@@ -46,8 +46,7 @@ def find_base(robot: ET.Element, options: ImportOptions) -> tuple[Base, str]:
     if _WORLD.fullmatch(root):
         return "fixed", "its root link is the world"
     starts = joints_at(robot)
-    stands = _named(robot, starts, root) or _shaped(starts, root)
-    if stands:
+    if stands := _named(robot, starts, root) or _shaped(starts, root):
         return "floating", stands
     arms = sum(_is_called(_ARM, joint) for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS)
     called = f"; {arms} joints are called as those of arms and hands are" if arms else ""
@@ -65,9 +64,8 @@ def _named(robot: ET.Element, starts: Mapping[str, list[ET.Element]], root: str)
     for joint in reversed(joints):
         parent, child = link_of(joint, "parent"), link_of(joint, "child")
         moves = joint.get("type") != "fixed"
-        is_leg = child in legged or _is_called(_LEG, joint)
         movable[parent] += movable[child] + moves
-        if is_leg:
+        if child in legged or _is_called(_LEG, joint):
             legged.add(parent)
             legs[body[parent]] += moves and movable[child] + 1 >= _NAMED_LEG_JOINTS
     for link, count in legs.items():

@@ -52,7 +52,14 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
     if idle:
         listed = "', '".join(idle)
         report.add("defaulted", f"joints '{listed}'", "no transmission drives them; a motor made for each")
-    _part_motors(robot, report)
+    free = FreeNames()
+    for drive in robot.iterfind("transmission"):
+        for actuator in drive.iterfind("actuator"):
+            name = name_of(actuator)
+            new = free.take(name)
+            if new != name:
+                actuator.set("name", new)
+                report.add("repaired", f"transmission '{name_of(drive)}'", f"a second motor called '{name}'; '{new}'")
     _repair_efforts(robot, options, report)
 
 
@@ -107,17 +114,6 @@ def _repair_gears(actuator: ET.Element, where: str, report: ImportReport) -> Non
             report.add("dropped", where, f"its {tag} is no number that a motor can have")
 
 
-def _part_motors(robot: ET.Element, report: ImportReport) -> None:
-    free = FreeNames()
-    for drive in robot.iterfind("transmission"):
-        for actuator in drive.iterfind("actuator"):
-            name = name_of(actuator)
-            new = free.take(name)
-            if new != name:
-                actuator.set("name", new)
-                report.add("repaired", f"transmission '{name_of(drive)}'", f"a second motor called '{name}'; '{new}'")
-
-
 def _repair_efforts(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Give every movable joint of a robot a positive effort and velocity, in place."""
     loads, floats = _loads(robot), find_base(robot, options)[0] == "floating"
@@ -137,7 +133,13 @@ def _repair_efforts(robot: ET.Element, options: ImportOptions, report: ImportRep
             why = "by what it carries" if effort >= least else "the least beside the robot's other motors"
             known = loads[link_of(joint, "child")].mass > 0
             _set_effort(joint, max(effort, least), why if known else "a guess, for no mass is known", report)
-        _set_velocities(group, prismatic, report)
+        slow = [joint for joint in group if (number(joint.find("limit"), "velocity") or 0.0) <= 0]
+        speed, unit = (PRISMATIC_SPEED, "m/s") if prismatic else (REVOLUTE_SPEED, "rad/s")
+        for joint in slow:
+            child_of(joint, "limit").set("velocity", written(speed))
+        if slow:
+            listed = "', '".join(name_of(joint) for joint in slow)
+            report.add("defaulted", f"joints '{listed}' <limit>", f"no velocity above 0; {speed:.4g} {unit}")
 
 
 class _Load(NamedTuple):
@@ -179,24 +181,10 @@ def _effort(load: _Load, whole: float, prismatic: bool) -> float:
 
 
 def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport) -> None:
-    limit, effort = child_of(joint, "limit"), _rounded_up(min(effort, _ENDLESS))
+    limit, effort = child_of(joint, "limit"), min(effort, _ENDLESS)
+    digit = 10.0 ** (math.floor(math.log10(effort)) - 1)  # the second one that counts, to which it is rounded up
+    effort = float(f"{math.ceil(round(effort / digit, 6)) * digit:.2g}")
     text, unit = limit.get("effort"), "N" if joint.get("type") == "prismatic" else "N·m"
     limit.set("effort", written(effort))
     message = "has no effort" if text is None else f"effort {text} would not move it"
     report.add("defaulted", f"joint '{name_of(joint)}' <limit>", f"{message}; {effort:g} {unit}, {why}")
-
-
-def _set_velocities(joints: list[ET.Element], prismatic: bool, report: ImportReport) -> None:
-    slow = [joint for joint in joints if (number(joint.find("limit"), "velocity") or 0.0) <= 0]
-    speed, unit = (PRISMATIC_SPEED, "m/s") if prismatic else (REVOLUTE_SPEED, "rad/s")
-    for joint in slow:
-        child_of(joint, "limit").set("velocity", written(speed))
-    if slow:
-        listed = "', '".join(name_of(joint) for joint in slow)
-        report.add("defaulted", f"joints '{listed}' <limit>", f"no velocity above 0; {speed:.4g} {unit}")
-
-
-def _rounded_up(value: float) -> float:
-    """Return a value rounded up to two significant digits."""
-    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return float(f"{math.ceil(round(value / unit, 6)) * unit:.2g}")

@@ -74,8 +74,12 @@ def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptio
         if (inertia := taken_out.get(name_of(link))) is not None:
             if options.estimate_inertia:
                 kind, how = _estimated(link, inertia, folder, options.density)
+            elif inertia.mass > 0 and inertia.moments is None and carrier[name_of(link)] in heavy:
+                point = inertia.mass, inertia.place.translation(), RotationalInertia(0, 0, 0)
+                _write(link, SpatialInertia.MakeFromCentralInertia(*point))
+                kind, how = "defaulted", f"; a point of {inertia.mass:g} kg"
             else:
-                kind, how = _left_out(link, inertia, has_moments=carrier[name_of(link)] in heavy)
+                kind, how = "dropped", "; left out"
             report.add(kind, f"link '{name_of(link)}' <inertial>", f"{inertia.problem}{how}")
     for name in _bodies_without_mass(robot, options):
         if options.estimate_inertia:
@@ -129,15 +133,6 @@ def mended(moments: Vector) -> Vector | None:
     right += np.array([1.0, 1.0, -1.0]) * (max(excess, 0.0) + margin) / 3 + margin
     result = axes @ np.diag(right) @ axes.T
     return None if impossible(result) else np.asarray((result + result.T) / 2)
-
-
-def _left_out(link: ET.Element, inertia: _Inertial, *, has_moments: bool) -> tuple[EntryKind, str]:
-    """Return what becomes of an inertia that is taken out; a mass on a body that ``has_moments`` stays, as a point."""
-    if not (inertia.mass > 0 and inertia.moments is None and has_moments):
-        return "dropped", "; left out"
-    point = RotationalInertia(0, 0, 0)
-    _write(link, SpatialInertia.MakeFromCentralInertia(inertia.mass, inertia.place.translation(), point))
-    return "defaulted", f"; a point of {inertia.mass:g} kg"
 
 
 def _estimated(link: ET.Element, inertia: _Inertial, folder: Path | None, density: float) -> tuple[EntryKind, str]:

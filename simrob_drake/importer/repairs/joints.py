@@ -86,9 +86,8 @@ def _free_root(robot: ET.Element, report: ImportReport) -> None:
     robot.remove(joints[0])
     robot.remove(roots[0])
     robot.set(FLOATING_MARK, "floating")
-    why = (
-        f"floats below '{name_of(roots[0])}', which is left out; '{link_of(joints[0], 'child')}' is a root that floats"
-    )
+    top = link_of(joints[0], "child")
+    why = f"floats below '{name_of(roots[0])}', which is left out; '{top}' is a root that floats"
     report.add("repaired", f"joint '{name_of(joints[0])}'", why)
 
 
@@ -202,7 +201,17 @@ def _repair_range(
         report.add("repaired", where, f"lower {low:g} is above upper {high:g}; exchanged")
         low, high = high, low
     if low == high:
-        _fix_at(joint, low)
+        x, y, z = (float(word) for word in child_of(joint, "axis").get("xyz", "").split())
+        length = math.hypot(x, y, z)
+        direction = [x / length, y / length, z / length]
+        if joint.get("type") == "prismatic":
+            motion = RigidTransform([low * part for part in direction])
+        else:
+            motion = RigidTransform(RotationMatrix(AngleAxis(angle=low, axis=direction)), [0, 0, 0])
+        place(joint, pose_of(joint) @ motion)
+        joint.set("type", "fixed")
+        for element in [child for child in joint if child.tag in ("axis", "limit", "dynamics")]:
+            joint.remove(element)
         report.add("repaired", where, f"lower and upper are both {low:g}, so it can't move; fixed there")
         return
     _set_range(joint, low, high)
@@ -213,20 +222,6 @@ def _repair_range(
         report.add("repaired", where, f"{said} rad stop nothing; continuous instead of revolute")
     elif joint.get("type") == "revolute" and largest > _MANY_TURNS:
         report.add("read", where, f"{said} rad are {largest / math.tau:.1f} turns; were degrees meant?")
-
-
-def _fix_at(joint: ET.Element, value: float) -> None:
-    x, y, z = (float(word) for word in child_of(joint, "axis").get("xyz", "").split())
-    length = math.hypot(x, y, z)
-    direction = [x / length, y / length, z / length]
-    if joint.get("type") == "prismatic":
-        motion = RigidTransform([value * part for part in direction])
-    else:
-        motion = RigidTransform(RotationMatrix(AngleAxis(angle=value, axis=direction)), [0, 0, 0])
-    place(joint, pose_of(joint) @ motion)
-    joint.set("type", "fixed")
-    for element in [child for child in joint if child.tag in ("axis", "limit", "dynamics")]:
-        joint.remove(element)
 
 
 def _set_range(joint: ET.Element, lower: float | None, upper: float | None) -> None:

@@ -20,7 +20,11 @@ def repair_materials(robot: ET.Element, report: ImportReport) -> None:
         for visual in link.iterfind("visual"):
             for material in visual.findall("material"):
                 _settle(robot, visual, material, colours, report)
-    _define_shared(robot, colours, report)
+    # what one visual defines and others use is defined for the robot: that one may be dropped
+    used = {name_of(material) for material in robot.iterfind("link/visual/material") if _rgba(material) is None}
+    for name in sorted(used - {name_of(material) for material in robot.iterfind("material")}):
+        robot.insert(0, add_colour(ET.Element("robot"), name, colours[name]))
+        report.add("read", f"material '{name}'", "defined in one visual and used in others; now for all of them")
 
 
 def _repair_colour(material: ET.Element, report: ImportReport) -> None:
@@ -91,14 +95,6 @@ def _settle(
         report.add(
             "repaired", f"material '{name}'", f"used with another colour, {text(rgba)}, as well; that is '{new}' now"
         )
-
-
-def _define_shared(robot: ET.Element, colours: dict[str, list[float]], report: ImportReport) -> None:
-    """Define for the robot what one visual defines and others use: that one may be dropped, or bring its own look."""
-    used = {name_of(material) for material in robot.iterfind("link/visual/material") if _rgba(material) is None}
-    for name in sorted(used - {name_of(material) for material in robot.iterfind("material")}):
-        robot.insert(0, add_colour(ET.Element("robot"), name, colours[name]))
-        report.add("read", f"material '{name}'", "defined in one visual and used in others; now for all of them")
 
 
 def _rgba(material: ET.Element) -> list[float] | None:

@@ -18,7 +18,12 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
         robot.set("name", report.source.stem or "robot")
         report.add("repaired", "<robot>", f"has no name; called '{name_of(robot)}' after its file")
     _name_links(robot, report)
-    _name_joints(robot, report)
+    free = FreeNames(names(robot, "joint"))
+    for joint in robot.iterfind("joint"):
+        if not name_of(joint):
+            name = free.take(f"{link_of(joint, 'parent')}_to_{link_of(joint, 'child')}")
+            joint.set("name", name)
+            report.add("repaired", f"joint '{name}'", "had no name; called after its links")
     _part_links(robot, report)
     _part_joints(robot, report)
     _rename_world(robot, report)
@@ -90,15 +95,6 @@ def _name_links(robot: ET.Element, report: ImportReport) -> None:
         )
 
 
-def _name_joints(robot: ET.Element, report: ImportReport) -> None:
-    free = FreeNames(names(robot, "joint"))
-    for joint in robot.iterfind("joint"):
-        if not name_of(joint):
-            name = free.take(f"{link_of(joint, 'parent')}_to_{link_of(joint, 'child')}")
-            joint.set("name", name)
-            report.add("repaired", f"joint '{name}'", "had no name; called after its links")
-
-
 def _part_links(robot: ET.Element, report: ImportReport) -> None:
     """Drop a second link of the same name where it says nothing new."""
     first: dict[str, ET.Element] = {}
@@ -143,8 +139,7 @@ def _rename_world(robot: ET.Element, report: ImportReport) -> None:
     elements = [element for top in robot for element in top.iter() if element.tag in _NAMES_A_LINK]
     references = [element for element in elements if element.get("link") == WORLD]
     own = next((link for link in robot.iterfind("link") if name_of(link) == WORLD), None)
-    meant = own is not None or any(element.tag == "parent" for element in references)
-    if not meant:
+    if own is None and not any(element.tag == "parent" for element in references):
         return
     new = free_name(f"robot_{WORLD}", names(robot, "link"))
     if own is None:

@@ -45,8 +45,7 @@ _RULES: dict[tuple[str, str], _Rule] = {
     ("color", "rgba"): _Rule((3, 4)),
     (f"{DRAKE}gear_ratio", "value"): _Rule(),
     (f"{DRAKE}rotor_inertia", "value"): _Rule(),
-}
-"""By tag and attribute."""
+}  # by tag and attribute
 
 _ANYWHERE = {key: _Rule(counts) for key, counts in NUMBER_COUNTS.items()}
 """By attribute alone: the rule of places where no reader looks, but where the check wants numbers all the same."""
@@ -60,7 +59,12 @@ def mend_numbers(robot: ET.Element, report: ImportReport) -> None:
     expression of xacro was not expanded, or a joint's axis is not readable.
     """
     for where, element in _placed(robot):
-        _refuse_leftovers(where, element, report)
+        for key, value in element.attrib.items():
+            leftover = _LEFTOVER.search(value)
+            if leftover:
+                raise report.refusal(
+                    where, f'{key}="{shortened(value)}" is an expression of xacro; import the xacro file itself'
+                )
         for key in list(element.attrib):
             rule = _RULES.get((element.tag, key), _ANYWHERE.get(key) if where.startswith(_CHECKED) else None)
             if rule is not None and key in element.attrib:  # an unreadable moment takes the others with it
@@ -80,15 +84,6 @@ def _placed(robot: ET.Element) -> Iterator[tuple[str, ET.Element]]:
         whose = f"{top.tag} '{name_of(top)}'"
         for element in top.iter():
             yield (whose if element is top else f"{whose} <{element.tag.removeprefix(DRAKE)}>"), element
-
-
-def _refuse_leftovers(where: str, element: ET.Element, report: ImportReport) -> None:
-    for key, value in element.attrib.items():
-        leftover = _LEFTOVER.search(value)
-        if leftover:
-            raise report.refusal(
-                where, f'{key}="{shortened(value)}" is an expression of xacro; import the xacro file itself'
-            )
 
 
 def _mend(element: ET.Element, key: str, rule: _Rule, where: str, report: ImportReport) -> None:

@@ -42,7 +42,11 @@ def import_shapes(
     """
     shapes = _Shapes(robot, MeshLibrary(MeshPlaces(source, options.mesh_path)), MeshWriter(folder), options, report)
     for link in robot.iterfind("link"):
-        _check_shapes(link, report)
+        for tag in ("visual", "collision"):
+            for where, element in _shapes_of(link, tag):
+                problem = _check_geometry(element, where, report)
+                if problem:
+                    _drop(link, element, where, problem, report)
         drawn = [deepcopy(element) for element in link.iterfind("visual")]
         try:
             shapes.rewrite_visuals(link)
@@ -101,7 +105,11 @@ class _Shapes:
             drawn = [self._file(link, loaded, part) for part in ([plain(loaded.parts)] if bare else loaded.parts)]
             self._shown[key] = loaded.remembered(), drawn
         note = self._library.places.find(uri).note
-        _report_mesh(self._report, where, mesh, loaded, [name for name, _, _ in drawn], [note, *_looks(element, drawn)])
+        notes = [f"{len(drawn)} colours, a <visual> for each"] if len(drawn) > 1 else []
+        notes += ["its own colour is kept"] if len(drawn) == 1 and drawn[0][1] else []
+        if any(rgba or textured for _, rgba, textured in drawn) and element.find("material") is not None:
+            notes.append("the URDF's material gives way to its own look, as in RViz")
+        _report_mesh(self._report, where, mesh, loaded, [name for name, _, _ in drawn], [note, *notes])
         index = list(link).index(element)
         link.remove(element)
         for number, file in enumerate(drawn):
@@ -203,14 +211,6 @@ class _Shapes:
         return loaded, name, change
 
 
-def _check_shapes(link: ET.Element, report: ImportReport) -> None:
-    for tag in ("visual", "collision"):
-        for where, element in _shapes_of(link, tag):
-            problem = _check_geometry(element, where, report)
-            if problem:
-                _drop(link, element, where, problem, report)
-
-
 def _check_geometry(element: ET.Element, where: str, report: ImportReport) -> str:
     """Leave one shape in a ``<visual>`` or ``<collision>``; return what is wrong if it has none that can be used."""
     geometry = element.find("geometry")
@@ -225,15 +225,6 @@ def _check_geometry(element: ET.Element, where: str, report: ImportReport) -> st
         report.add("dropped", where, f"<{child.tag}>: a <geometry> holds one shape; <{shapes[0].tag}> stays")
     defect = "" if shapes[0].tag == "mesh" else shape_defect(shapes[0])
     return f"<{shapes[0].tag.rpartition('}')[2]}> {defect}" if defect else ""
-
-
-def _looks(element: ET.Element, drawn: list[_Drawn]) -> list[str]:
-    """Say which colours are shown where the mesh brings its own."""
-    notes = [f"{len(drawn)} colours, a <visual> for each"] if len(drawn) > 1 else []
-    notes += ["its own colour is kept"] if len(drawn) == 1 and drawn[0][1] else []
-    if any(rgba or textured for _, rgba, textured in drawn) and element.find("material") is not None:
-        notes.append("the URDF's material gives way to its own look, as in RViz")
-    return notes
 
 
 def _box(element: ET.Element, loaded: Mesh) -> tuple[str, str]:

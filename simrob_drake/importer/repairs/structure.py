@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections import Counter
 
-from simrob_drake.errors import nearest
+from simrob_drake.errors import listed, nearest
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.names import names, repair_names
 from simrob_drake.importer.repairs.numbers import mend_numbers
@@ -23,8 +23,7 @@ _KNOWN: dict[str, set[str]] = {
     "geometry": {"mesh", *SHAPE_SIZES},
     "mesh": {f"{DRAKE}declare_convex"},
     "material": {"color", "texture"},
-}
-"""By tag, what may stand in it."""
+}  # by tag, what may stand in it
 _OPAQUE = ("transmission", "collision_filter_group", "linear_bushing_rpy", "proximity_properties")
 """What is read by a stage of its own, or by Drake alone."""
 _REPEATED = {"link", "joint", "material", "transmission", "frame", "visual", "collision", *_VISUAL}
@@ -38,7 +37,11 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
     _keep_known_elements(robot, options, report)
     repair_names(robot, report)
     mend_numbers(robot, report)
-    repair_tree(robot, report)
+    if not names(robot, "link"):
+        raise report.refusal("", "has no link")
+    dangling = _drop_dangling(robot, report)
+    _keep_one_tree(robot, dangling, set(check_parents(robot, report.refusal)), report)
+    drop_lost_frames(robot, report)
 
 
 def _keep_known_elements(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
@@ -98,15 +101,6 @@ def _drop_second_ones(robot: ET.Element, report: ImportReport) -> None:
                 for second in element.findall(place)[1:]:
                     element.remove(second)
                     report.add("dropped", f"{top.tag} '{name_of(top)}'", f"a second <{place}> in its <{element.tag}>")
-
-
-def repair_tree(robot: ET.Element, report: ImportReport) -> None:
-    """Make one tree of links and joints, in place; raises InvalidModel: no link, a loop, two parents, several trees."""
-    if not names(robot, "link"):
-        raise report.refusal("", "has no link")
-    dangling = _drop_dangling(robot, report)
-    _keep_one_tree(robot, dangling, set(check_parents(robot, report.refusal)), report)
-    drop_lost_frames(robot, report)
 
 
 def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
@@ -179,18 +173,13 @@ def _keep_one_tree(robot: ET.Element, dangling: list[tuple[str, str]], held: set
     if len(moving) > 1 or (not moving and not alone):
         for where, problem in dangling:
             raise report.refusal(where, f"{problem}; without it the robot falls apart")
-        listed = _listed(moving or roots)
-        raise report.refusal("", f"has {len(moving or roots)} root links ({listed}); join them to one tree by joints")
+        ends = moving or roots
+        raise report.refusal("", f"has {len(ends)} root links ({listed(ends, 6)}); join them to one tree by joints")
     for root in roots:
         if root != kept:
             hung = [link_of(joint, "child") for joint in trees[root]]
             lost = {root, *hung}
             for element in [*trees[root], *(link for link in robot.iterfind("link") if name_of(link) in lost)]:
                 robot.remove(element)
-            with_it = f" with {_listed(hung)}" if hung else ""
+            with_it = f" with {listed(hung, 6)}" if hung else ""
             report.add("dropped", f"link '{root}'", f"no joint leads to it; left out{with_it}")
-
-
-def _listed(items: list[str], longest: int = 6) -> str:
-    more = f" and {len(items) - longest} more" if len(items) > longest else ""
-    return ", ".join(items[:longest]) + more

@@ -39,7 +39,11 @@ def read_sdf(root: ET.Element, path: Path, options: ImportOptions, report: Impor
     for owner in [element for element in root.iter() if element.tag in ("world", "model", "sdf")]:
         includes.put_in(owner)
     model = _chosen(root, options.model, report)
-    _report_lost(model, report)
+    for tag, count in Counter(element.tag for element in model.iter() if element.tag in _LOST).items():
+        report.add("lost" if tag == "surface" else "dropped", f"<{tag}>", f"{count} ×: {_LOST[tag]}")
+    for link in model.iter("link"):
+        if (link.findtext("gravity") or "1").strip() in ("0", "false"):
+            report.add("lost", f"link '{name_of(link)}'", "feels no gravity: all has its weight")
     return RobotWriter(model, version_of(root), report).written()
 
 
@@ -61,14 +65,6 @@ def _chosen(root: ET.Element, name: str, report: ImportReport) -> ET.Element:
             message = f"{kind} in the world beside the robot; a piece of a station can take its place (pieces:)"
             report.add("dropped", f"model '{name_of(model)}'", message)
     return robots[0]
-
-
-def _report_lost(model: ET.Element, report: ImportReport) -> None:
-    for tag, count in Counter(element.tag for element in model.iter() if element.tag in _LOST).items():
-        report.add("lost" if tag == "surface" else "dropped", f"<{tag}>", f"{count} ×: {_LOST[tag]}")
-    for link in model.iter("link"):
-        if (link.findtext("gravity") or "1").strip() in ("0", "false"):
-            report.add("lost", f"link '{name_of(link)}'", "feels no gravity: all has its weight")
 
 
 @dataclass
@@ -164,11 +160,6 @@ def _placed(model: ET.Element, include: ET.Element) -> list[ET.Element]:
         model.set("placement_frame", placement.strip())
     if include.get("merge") != "true":
         return [model]
-    return _merged(model)
-
-
-def _merged(model: ET.Element) -> list[ET.Element]:
-    """Return what is in a model as parts of the one that includes it, placed in a frame that stands for its own."""
     own = f"_merged_{name_of(model)}"
     frame = ET.Element("frame", name=own)
     frame.extend(model.findall("pose"))

@@ -60,7 +60,13 @@ class RobotWriter:
         self._frames = Frames(self.report, place)
         self._frames.add_model(self.model)
         self._edges = [edge for edge in map(self._edge, self._frames.joints) if edge is not None]
-        self._names = _short([*self._frames.links, *self._frames.joints])
+        names = [*self._frames.links, *self._frames.joints]
+        ends = [name.rsplit(SCOPE, 1)[-1] for name in names]
+        free, counts = FreeNames(), {end: ends.count(end) for end in ends}
+        self._names = {
+            name: free.take(end if counts[end] == 1 else name.replace(SCOPE, "_"))
+            for name, end in zip(names, ends, strict=True)
+        }
         self._free = FreeNames(self._names.values())
         self._origins: dict[str, RigidTransform] = {}  # of the links of the URDF in the model
 
@@ -82,7 +88,11 @@ class RobotWriter:
         for edge in self._edges:
             where = f"{edge.name}' between '{edge.parent}' and '{edge.child}"
             ET.SubElement(self.robot, "loop_joint", name=where)
-        self._add_frames()
+        taken = FreeNames(name_of(link) for link in self.robot.iterfind("link"))
+        for frame in self.model.iterfind("frame"):
+            link = self._frames.link_of(name_of(frame))
+            pose = self._origins[link].inverse() @ self._frames.pose(name_of(frame))
+            add_frame(self.robot, taken.take(name_of(frame)), self._names[link], pose)
         return self.robot
 
     def _edge(self, full: str) -> _Edge | None:
@@ -159,26 +169,20 @@ class RobotWriter:
         link = ET.SubElement(self.robot, "link", name=self._names[full])
         if full == WORLD:
             return
-        element, place = self._frames.links[full], origin.inverse() @ self._frames.pose(full)
-        _add_inertia(link, element, place, self.report)
-        _add_shapes(link, element, place, self.report)
-
-    def _add_frames(self) -> None:
-        taken = FreeNames(name_of(link) for link in self.robot.iterfind("link"))
-        for frame in self.model.iterfind("frame"):
-            link = self._frames.link_of(name_of(frame))
-            pose = self._origins[link].inverse() @ self._frames.pose(name_of(frame))
-            add_frame(self.robot, taken.take(name_of(frame)), self._names[link], pose)
-
-
-def _short(names: list[str]) -> dict[str, str]:
-    """Return short names: without those of the models that they are in, where that is enough."""
-    ends = [name.rsplit(SCOPE, 1)[-1] for name in names]
-    free, counts = FreeNames(), {end: ends.count(end) for end in ends}
-    return {
-        name: free.take(end if counts[end] == 1 else name.replace(SCOPE, "_"))
-        for name, end in zip(names, ends, strict=True)
-    }
+        element, pose = self._frames.links[full], origin.inverse() @ self._frames.pose(full)
+        _add_inertia(link, element, pose, self.report)
+        for tag in ("visual", "collision"):
+            for shape in element.iterfind(tag):
+                where = f"link '{name_of(link)}' <{tag}> '{name_of(shape)}'"
+                geometry, problem = _geometry(shape)
+                if geometry is None:
+                    self.report.add("dropped", where, problem)
+                    continue
+                new = ET.SubElement(link, tag, name=name_of(shape))
+                place(new, pose @ own_pose(shape, self.report, where))
+                ET.SubElement(new, "geometry").append(geometry)
+                if tag == "visual":
+                    _add_colour(new, geometry, shape)
 
 
 _ENDLESS = 1e15  # SDF's own default limits are 1e16
@@ -251,22 +255,6 @@ def _add_inertia(link: ET.Element, element: ET.Element, pose: RigidTransform, re
     if mass is None or not values:
         defaults = " and ".join(["1 kg"] * (mass is None) + ["1 kg m²"] * (not values))
         report.add("defaulted", where, f"does not tell its inertia: {defaults}, as the format has it")
-
-
-def _add_shapes(link: ET.Element, element: ET.Element, pose: RigidTransform, report: ImportReport) -> None:
-    """Add the visuals and collision shapes of an SDF link, whose frame has a pose in the link."""
-    for tag in ("visual", "collision"):
-        for shape in element.iterfind(tag):
-            where = f"link '{name_of(link)}' <{tag}> '{name_of(shape)}'"
-            geometry, problem = _geometry(shape)
-            if geometry is None:
-                report.add("dropped", where, problem)
-                continue
-            new = ET.SubElement(link, tag, name=name_of(shape))
-            place(new, pose @ own_pose(shape, report, where))
-            ET.SubElement(new, "geometry").append(geometry)
-            if tag == "visual":
-                _add_colour(new, geometry, shape)
 
 
 def _geometry(shape: ET.Element) -> tuple[ET.Element | None, str]:

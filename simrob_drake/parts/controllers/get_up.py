@@ -47,8 +47,7 @@ class GetUp(LoopSection):
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the robot stands on feet of its own and has postures for it.
 
-        Raises:
-            SimrobError: it does not, it has none, or what every loop checks.
+        Raises SimrobError: it does not, it has none, or what every loop checks.
         """
         super().check(key, station)
         model = self.on_feet(key, station).model
@@ -84,15 +83,10 @@ class Rising(SampledBlock):
         ground: Ground,
         name: str,
     ) -> None:
-        """Make the block of a section.
+        """Make the block of a section, for a robot of a name, which stands from a ``height`` of its root [m] on.
 
-        Args:
-            section: its parameters.
-            ways: from the belly at odd and at even attempts, then from the back: postures, and their angles (n,) [rad].
-            height: of the root from which the robot stands [m].
-            facing: where the robot looks in the axes of its root, counterclockwise from x [rad].
-            ground: beneath it.
-            name: of the robot, for the reason of an end.
+        The ``ways`` from the belly at odd and at even attempts, then from the back, are postures and their angles (n,)
+        [rad]; ``facing`` is where the robot looks in the axes of its root, counterclockwise from x [rad].
         """
         self._section, self._ways, self._height, self._ground, self._name = section, ways, height, ground, name
         self._ahead = math.cos(facing), math.sin(facing)

@@ -248,15 +248,12 @@ class _Stack:
     """What a robot is asked, as far as loops have been laid over it: a sum of ports.
 
     Each block between reference and servos takes time at every step: so there are as few of them as can be.
-
-    Attributes:
-        ports: that are added up; None is the input of the station.
     """
 
     def __init__(self, builder: DiagramBuilder, site: Site, robot: StationRobot) -> None:
         self._builder, self._site, self._key = builder, site, f"{robot.prefix}reference"
         self._size, self._limits = len(robot.axes), robot.model.axis_limits
-        self.ports: list[OutputPort | None] = [None]
+        self.ports: list[OutputPort | None] = [None]  # that are added up; None is the input of the station
 
     def feed(self, name: str, block: LeafSystem, *above: OutputPort) -> None:
         """Feed a block with the ports, and others above them; its output takes their place."""
@@ -315,12 +312,8 @@ def _drive(
 ) -> None:
     """Lay loops over the reference of a robot and its feedforward, the lowest first, within the joint limits."""
     size, key = len(robot.axes), f"{robot.prefix}reference"
-    inner, stack, torques, speeds = (
-        site.inputs[key],
-        _Stack(builder, site, robot),
-        list[OutputPort](),
-        list[OutputPort](),
-    )
+    inner, stack = site.inputs[key], _Stack(builder, site, robot)
+    torques, speeds = list[OutputPort](), list[OutputPort]()
     for name, (section, wired) in layers.items():
         outputs = wired.outputs
         weight, place = section.weight or 1.0, f"{key}.{name}"

@@ -188,7 +188,11 @@ def wire_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Le
     for name, block in blocks.items():
         for port in _outputs(block):
             if port.get_name() in site.inputs:
-                _drive(builder, site, name, port)
+                target = site.inputs[port.get_name()]
+                if target.size() != port.size():
+                    sizes = f"of size {port.size()}", f"of size {target.size()}, as the station's input"
+                    raise InvalidParameter(f"the output {port.get_name()} of the block {name}", *sizes)
+                builder.Connect(port, target)
         for index in range(block.num_input_ports()):
             _read(builder, site, name, block.get_input_port(index))
 
@@ -207,14 +211,6 @@ def _read(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> No
         sizes = f"of size {port.size()}", f"of size {source.size()}, as the station's output"
         raise InvalidParameter(f"the input {name_of_port} of the block {name}", *sizes)
     builder.Connect(source, port)
-
-
-def _drive(builder: DiagramBuilder, site: Site, name: str, port: OutputPort) -> None:
-    target = site.inputs[port.get_name()]
-    if target.size() != port.size():
-        sizes = f"of size {port.size()}", f"of size {target.size()}, as the station's input"
-        raise InvalidParameter(f"the output {port.get_name()} of the block {name}", *sizes)
-    builder.Connect(port, target)
 
 
 def _outputs(block: LeafSystem) -> list[OutputPort]:

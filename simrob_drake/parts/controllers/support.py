@@ -28,8 +28,7 @@ _SENSES: dict[Direction, tuple[float, float, float]] = {
     "backward": (-1, 0, 0),
     "left": (0, 1, 0),
     "right": (0, -1, 0),
-}
-"""Of each direction: its parts ahead and to the left, and the least error that counts."""
+}  # of each direction: its parts ahead and to the left, and the least error that counts
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,9 @@ class Support:
             part, arm = share.sum(), share @ arms
             carried += part
             place += part * own_place
-            slip += part * motion.translational() + _cross(motion.rotational(), arm)
+            # the vector product, by hand: NumPy's takes ten times as long
+            (a, b, c), (x, y, z) = motion.rotational(), arm
+            slip += part * motion.translational() + np.array([b * z - c * y, c * x - a * z, a * y - b * x])
         centre = plant.CalcCenterOfMassPositionInWorld(scratch, [self._instance])
         speed = plant.CalcCenterOfMassTranslationalVelocityInWorld(scratch, [self._instance]) - slip / carried
         ahead, left, _ = turned @ self._ahead
@@ -117,12 +118,6 @@ class Support:
 
     def _feet(self) -> list[RigidBody]:
         return [self._plant.get_body(index) for index in self._links]
-
-
-def _cross(one: Vector, other: Vector) -> Vector:
-    """Return the vector product of two vectors (3,): NumPy's takes ten times as long."""
-    (a, b, c), (x, y, z) = one, other
-    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
 
 
 def rotation_of(quaternion: Vector) -> RotationMatrix:

@@ -119,7 +119,12 @@ class UnknownGround(SampledBlock):
             else:
                 new["offset"][leg] *= self._stays
             if self._section.holds == "torques":
-                self._hold_torques(new, phase, leg, read["position"] - plan, speed)
+                # a leg that touched early: its servos apply what they did then, and nothing beside
+                if phase == _FOLLOWS:
+                    new["torques"][leg] = 0.0
+                elif new["torques"][leg].any():
+                    new["offset"][leg], new["offset_velocity"][leg] = (read["position"] - plan)[leg], -speed[leg]
+                    new["feedforward"][leg] = new["torques"][leg]
             new["phase"][number] = phase
         return {**new, "plan": plan, "heights": np.array(heights)}
 
@@ -141,13 +146,3 @@ class UnknownGround(SampledBlock):
         step = min(self._section.search * self.period, self._section.reach - new["sought"][number])
         new["offset"][limb.places] += np.linalg.lstsq(limb.rates(plan + new["offset"]), [0.0, 0.0, -step])[0]
         new["sought"][number] += step
-
-    def _hold_torques(
-        self, new: dict[str, Vector], phase: float, leg: slice | list[int], behind: Vector, speed: Vector
-    ) -> None:
-        """Let the servos of a leg that touched early apply what they did then, and nothing beside."""
-        if phase == _FOLLOWS:
-            new["torques"][leg] = 0.0
-        elif new["torques"][leg].any():
-            new["offset"][leg], new["offset_velocity"][leg] = behind[leg], -speed[leg]
-            new["feedforward"][leg] = new["torques"][leg]

@@ -66,8 +66,7 @@ class Walk(LoopSection):
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the robot stands on feet of its own and can walk.
 
-        Raises:
-            SimrobError: it does not, it cannot, or what every loop checks.
+        Raises SimrobError: it does not, it cannot, or what every loop checks.
         """
         super().check(key, station)
         robot = self.on_feet(key, station)
@@ -91,10 +90,8 @@ class Walk(LoopSection):
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
         """Return, in words, which known commands are clipped; raises InvalidParameter: one, in a strict section."""
-        max_speed, commands = (
-            self.walking(robot).max_speed,
-            {f"commands[{n}]": row.command for n, row in enumerate(self.commands)},
-        )
+        max_speed = self.walking(robot).max_speed
+        commands = {f"commands[{n}]": row.command for n, row in enumerate(self.commands)}
         if self.path is not None:
             commands["path"] = Command(complex(self.path.speed))
         found = []
@@ -203,7 +200,12 @@ class WalkingLoop(SampledBlock):
         if not memory["active"][0]:
             return {**changes, **({} if blind else self._begun(read))}
         if memory["ready"][0] < 1.0:
-            return {**changes, **self._readied(memory)}
+            begun, end = memory["begun"], memory["posture"]
+            time = _READY * math.sqrt(np.abs(end - begun).max() / (math.pi / 4))
+            ready = min(memory["ready"][0] + self.period / max(time, self.period), 1.0)
+            target = begun + eased(ready) * (end - begun)
+            velocity = (target - memory["target"]) / self.period
+            return {**changes, "target": target, "offset_velocity": velocity, "ready": ready}
         posture, engine, (known, stride) = memory["posture"], self.engine, self._last
         if memory["stride"].tobytes() != known:
             stride = Stride.of(memory["stride"])
@@ -266,14 +268,6 @@ class WalkingLoop(SampledBlock):
             "stride": stride.numbers(),
             "ready": 0.0 if far > _SAME else 1.0,
         }
-
-    def _readied(self, memory: Named) -> Changes:
-        """Return the next point of that way: the longer, the slower."""
-        begun, end = memory["begun"], memory["posture"]
-        time = _READY * math.sqrt(np.abs(end - begun).max() / (math.pi / 4))
-        ready = min(memory["ready"][0] + self.period / max(time, self.period), 1.0)
-        target = begun + eased(ready) * (end - begun)
-        return {"target": target, "offset_velocity": (target - memory["target"]) / self.period, "ready": ready}
 
 
 _READ = ("position", "velocity", "base_pose", "base_velocity")

@@ -212,7 +212,11 @@ class MomentumBalance:
         if len(recorded.step_times) < 2:
             return forces
         contacts, rows = self._all_contacts(recorded, times)
-        across = self._across(self._totals(recorded, times), contacts, rows)
+        key = ("contact force", int(self._instance), times.tobytes())
+        if key not in recorded.memo:
+            recorded.memo[key] = self._mean_contact_forces(recorded, times)
+        totals: Vector = recorded.memo[key]
+        across = self._across(totals, contacts, rows)
         turns = np.empty((len(times), 3, 3))
         context = self._plant.CreateDefaultContext()
         for row, state in enumerate(recorded.sample([self._state], times)[0]):
@@ -252,14 +256,6 @@ class MomentumBalance:
         across = totals - (totals * along).sum(axis=1, keepdims=True) * along
         share = np.divide(here, pressed, out=np.zeros_like(here), where=loaded[:, 0])
         return np.asarray(share[:, np.newaxis] * across)
-
-    def _totals(self, recorded: Recorded, times: Vector) -> Vector:
-        """Return the mean force of all contacts on the model over the steps around ``times``, shape (m, 3) [N]."""
-        key = ("contact force", int(self._instance), times.tobytes())
-        if key not in recorded.memo:
-            recorded.memo[key] = self._mean_contact_forces(recorded, times)
-        totals: Vector = recorded.memo[key]
-        return totals
 
     def _mean_contact_forces(self, recorded: Recorded, times: Vector) -> Vector:
         plant, knots = self._plant, recorded.step_times

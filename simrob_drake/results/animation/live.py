@@ -27,22 +27,20 @@ Tell = Callable[[str, Sequence[Command]], object]
 
 
 class StationView:
-    """What a browser is told so that it shows a station.
-
-    Attributes:
-        scene: the station as it is shown.
-    """
+    """What a browser is told so that it shows a station."""
 
     def __init__(self, tell: Tell) -> None:
         """Show nothing yet; ``tell`` takes a subject, and the commands to Meshcat's page in place of its last ones."""
-        self._tell, self._config = tell, None
-        self.scene: ViewedStation | None = None
+        self._tell = tell
+        self._looks: object = None
+        self.scene: ViewedStation | None = None  # the station as it is shown
 
     def draw(self, config: StationConfig, state: State | None = None) -> Vector:
         """Show a station in a state, or as it begins, loaded anew where it looks otherwise; return positions (nq,)."""
-        looks = _looks(config)
-        if self.scene is None or looks != self._config:
-            self.scene, self._config = ViewedStation(config), looks
+        robots = {name: robot.model_copy(update={"servo": None}) for name, robot in config.robots.items()}
+        looks = robots, config.pieces, config.floor, config.mode
+        if self.scene is None or looks != self._looks:
+            self.scene, self._looks = ViewedStation(config), looks
             self._tell_scene(self.scene, config)
         positions = self.scene.initial if state is None else state.of_plant(self.scene.station)[0]
         self.show(positions)
@@ -80,9 +78,6 @@ class LiveView:
     """Show runs in a browser at the pace of the clock, or slower where the simulation is slower.
 
     Hand :meth:`on_step` to ``simulate(on_step=...)``. The view only reads: it makes the run wait, and nothing else.
-
-    Attributes:
-        url: where to look; it listens on this computer only.
     """
 
     def __init__(
@@ -95,7 +90,7 @@ class LiveView:
         self._window: Window | None = Window(steering.controls if steering else None)
         if steering:
             steering.board = self._window
-        self.url = self._window.url
+        self.url = self._window.url  # where to look; it listens on this computer only
         self._view = StationView(self._window.tell)
         self._next_frame = self._clock_at_zero = 0.0
         self._paths = 0
@@ -123,7 +118,12 @@ class LiveView:
         start, low = self._last if self._last is not None and self._last[0] < time else (time, positions)
         while self._next_frame <= time:
             part = (self._next_frame - start) / (time - start) if time > start else 1.0
-            self._wait_for(self._next_frame)
+            # time that was lost is not made up for
+            ahead = self._clock_at_zero + self._next_frame - perf_counter()
+            if ahead > 0:
+                sleep(ahead)
+            elif ahead < -FRAME:
+                self._clock_at_zero -= ahead
             self._view.show(low + part * (positions - low))
             self.say(f"{self._next_frame:.2f} s")
             self._next_frame += FRAME
@@ -139,20 +139,6 @@ class LiveView:
         if self._window is not None:
             self._window.close()
         self._window = None
-
-    def _wait_for(self, time: float) -> None:
-        """Sleep until the clock has come to a simulated time [s]; time that was lost is not made up for."""
-        ahead = self._clock_at_zero + time - perf_counter()
-        if ahead > 0:
-            sleep(ahead)
-        elif ahead < -FRAME:
-            self._clock_at_zero -= ahead
-
-
-def _looks(config: StationConfig) -> Any:
-    """Return what of a station can be seen."""
-    robots = {name: robot.model_copy(update={"servo": None}) for name, robot in config.robots.items()}
-    return robots, config.pieces, config.floor, config.mode
 
 
 _AHEAD, _LEFT, _TURN, _STOP = "ahead ↑ ↓ [m/s]", "left Q E [m/s]", "turn ← → [°/s]", "stop: space"

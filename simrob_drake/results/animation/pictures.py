@@ -38,8 +38,7 @@ from simrob_drake.results.animation.camera import (
     walked_way,
 )
 from simrob_drake.results.animation.scene import RENDERER, ViewedStation, with_floor_under
-from simrob_drake.results.record.events import events_of
-from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.run import RecordedRun, events_of
 from simrob_drake.stations.config import StationConfig
 
 Pixels = npt.NDArray[np.uint8]
@@ -140,7 +139,13 @@ def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) 
             writer.send(None)
             for image in chain([first], images):
                 writer.send(np.ascontiguousarray(image))
-        _check_video(work)
+        # ffmpeg is silent about a disk that is full: the video is read to its end
+        from imageio_ffmpeg import count_frames_and_secs
+
+        try:
+            count_frames_and_secs(str(work))
+        except RuntimeError as problem:
+            raise OutputError(f"{work} cannot be written: it broke off, the disk may be full") from problem
     return file
 
 
@@ -150,16 +155,6 @@ def frame_writer() -> Callable[..., Any]:
         import imageio_ffmpeg
     writer: Callable[..., Any] = imageio_ffmpeg.write_frames
     return writer
-
-
-def _check_video(file: Path) -> None:
-    """Read a video to its end: ffmpeg is silent about a disk that is full."""
-    from imageio_ffmpeg import count_frames_and_secs
-
-    try:
-        count_frames_and_secs(str(file))
-    except RuntimeError as problem:
-        raise OutputError(f"{file} cannot be written: it broke off, the disk may be full") from problem
 
 
 def captions(times: Vector, way: Way | None) -> list[str]:
@@ -192,10 +187,6 @@ class Studio:
     """A station before a camera that has the whole motion of a run in its picture.
 
     It stands still, but for a robot that walks: beside that it goes, and lines on the floor show the way.
-
-    Attributes:
-        way: of the camera; None where it stands still.
-        walked: how far a robot that walks goes; None where nothing walks.
     """
 
     def __init__(
@@ -217,8 +208,8 @@ class Studio:
         a robot that cannot be built.
         """
         self._result = result
-        self.walked = walked = walked_way(result)
-        self.way = way = walked if follow else None
+        self.walked = walked = walked_way(result)  # how far a robot that walks goes; None where nothing walks
+        self.way = way = walked if follow else None  # of the camera; None where it stands still
         gone = None if walked is None else walked(np.linspace(0.0, result.stop_time, _PLACES))
         config = result.config if gone is None else with_floor_under(result.config, gone)
         self._scene = scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()), way=gone)

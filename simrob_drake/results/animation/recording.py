@@ -3,7 +3,7 @@
 import gc
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -131,19 +131,8 @@ def draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, sh
     if not sizes.size:
         return
     inspector = result.plant.scene_graph.model_inspector()
-    _draw_spheres(meshcat, inspector, {each for pair in contacts.pairs for each in pair})
-    large = max(float(np.percentile(sizes, _LARGE)), np.finfo(float).tiny)
-    for number, forces in enumerate(_each(moments, _SMALLEST * large)):
-        _draw_arrow(meshcat, f"contact_forces/{number}", forces, shown, large, Rgba(*rgb(FORCE)))
-    sums = [_sums(inspector, now) for now in moments]
-    for number, bodies in enumerate(sorted({bodies for now in sums for bodies in now})):
-        own = [now.get(bodies) for now in sums]
-        _draw_arrow(meshcat, f"contact_forces/sum_{number}", own, shown, large, _SUM)
-
-
-def _draw_spheres(meshcat: Meshcat, inspector: SceneGraphInspector, touched: Set[GeometryId]) -> None:
-    """Show the contact spheres that ever touched anything on their bodies, where the body's looks do not show them."""
-    for shape in touched:
+    # contact spheres that ever touched anything, where the looks of their bodies do not show them
+    for shape in {each for pair in contacts.pairs for each in pair}:
         sphere, frame = inspector.GetShape(shape), inspector.GetFrameId(shape)
         looks = [inspector.GetShape(look) for look in inspector.GetGeometries(frame, Role.kIllustration)]
         if isinstance(sphere, Sphere) and not any(
@@ -153,6 +142,13 @@ def _draw_spheres(meshcat: Meshcat, inspector: SceneGraphInspector, touched: Set
             path = f"station/{body}/contact_sphere_{shape.get_value()}"
             meshcat.SetObject(path, sphere, _SPHERE)
             meshcat.SetTransform(path, inspector.GetPoseInFrame(shape))
+    large = max(float(np.percentile(sizes, _LARGE)), np.finfo(float).tiny)
+    for number, forces in enumerate(_each(moments, _SMALLEST * large)):
+        _draw_arrow(meshcat, f"contact_forces/{number}", forces, shown, large, Rgba(*rgb(FORCE)))
+    sums = [_sums(inspector, now) for now in moments]
+    for number, bodies in enumerate(sorted({bodies for now in sums for bodies in now})):
+        own = [now.get(bodies) for now in sums]
+        _draw_arrow(meshcat, f"contact_forces/sum_{number}", own, shown, large, _SUM)
 
 
 def _each(moments: Sequence[Contacts], least: float) -> Iterator[list[_Force | None]]:

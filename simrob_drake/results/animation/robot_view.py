@@ -26,11 +26,7 @@ _WITHOUT_LIMITS = {_DEGREES: 180.0, _METRES: 1.0}  # how far a slider goes where
 
 
 class RobotView:
-    """Show a robot on its foot in Meshcat: links, tool frames, and collision geometry that can be switched on.
-
-    Attributes:
-        url: where to look; it listens on this computer only.
-    """
+    """Show a robot on its foot in Meshcat: links, tool frames, and collision geometry that can be switched on."""
 
     def __init__(self, robot: RobotModel) -> None:
         """Open the window, with the robot at its home posture; raises InvalidModel: it cannot be built."""
@@ -49,7 +45,7 @@ class RobotView:
         self._context = self._diagram.CreateDefaultContext()
         self._query = lone.scene_graph.get_query_output_port()
         self._window = Window(_sliders(plant) | {_STOP: Control(key="Escape")})
-        self.url = self._window.url
+        self.url = self._window.url  # where to look; it listens on this computer only
         margin = np.array([[-1.0], [1.0]]) * size / 4
         camera = camera_on(np.vstack([lone.origins() + side for side in margin]), aspect=WINDOW_ASPECT)
 

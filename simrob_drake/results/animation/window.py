@@ -56,16 +56,11 @@ class Control:
 
 
 class Board:
-    """What Meshcat's page shows in every browser that looks, and what its users set there, whoever serves it.
-
-    Attributes:
-        controls: what the users may set, by name.
-        page: the page, to be served in a folder beside its ``events`` and what is ``told``.
-    """
+    """What Meshcat's page shows in every browser that looks, and what its users set there, whoever serves it."""
 
     def __init__(self, controls: dict[str, Control] | None = None, *, on_drag: Drag | None = None) -> None:
         """Begin with an empty page of controls by name; ``on_drag`` is called as a user drags a body."""
-        self.controls = controls or {}
+        self.controls = controls or {}  # what the users may set, by name
         self._on_drag = on_drag
         self._news = Condition()
         self._commands: dict[str, Sequence[Command]] = {}
@@ -74,7 +69,7 @@ class Board:
         self._open = True
         before, end, after = empty_page().rpartition("</body>")
         script = f"const drags = {json.dumps(on_drag is not None)};\n{_SCRIPT.read_text(encoding='utf-8')}"
-        self.page = f"{before}<script>{script}</script>{end}{after}".encode()
+        self.page = f"{before}<script>{script}</script>{end}{after}".encode()  # served beside ``events`` and ``told``
 
     def tell(self, subject: str, commands: Sequence[Command]) -> None:
         """Tell all pages, and those that come later, in place of what they were told of the same subject."""
@@ -164,18 +159,14 @@ def _place(coordinates: Sequence[float]) -> list[float]:
 
 
 class Window(Board):
-    """A board in a browser on this computer, at an address that nobody can guess.
-
-    Attributes of :class:`Board`, and:
-        url: where to look.
-    """
+    """A board in a browser on this computer, at an address that nobody can guess."""
 
     def __init__(self, controls: dict[str, Control] | None = None) -> None:
         """Open the window, with the controls that its user may set, by name."""
         super().__init__(controls)
         self._server = _server(self)
         self.path = f"/{secrets.token_urlsafe(9)}/"
-        self.url = f"http://{_HOST}:{self._server.server_port}{self.path}"
+        self.url = f"http://{_HOST}:{self._server.server_port}{self.path}"  # where to look
         Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True).start()
 
     def close(self) -> None:

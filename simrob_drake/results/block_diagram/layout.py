@@ -61,21 +61,15 @@ class Placed:
 
 
 class Layout:
-    """The places of a graph's blocks, and its nets.
-
-    Attributes:
-        places: the thing that a block is drawn in, by its key.
-        columns: what stands in each, from top to bottom.
-        nets: all signals.
-    """
+    """The places of a graph's blocks, and its nets."""
 
     def __init__(self, graph: BlockGraph) -> None:
         self._several = len(graph.robots) > 1
         self._robots = ["", *graph.robots]
-        self.nets = nets_of(graph)
+        self.nets = nets_of(graph)  # all signals
         numbers = columns_of(graph)
-        self.places: dict[str, Placed] = {}
-        self.columns: list[list[Placed]] = [[] for _ in range(max(numbers.values()) + 1)]
+        self.places: dict[str, Placed] = {}  # the thing that a block is drawn in, by its key
+        self.columns: list[list[Placed]] = [[] for _ in range(max(numbers.values()) + 1)]  # from top to bottom
         for things in self._things(graph):
             placed = self._placed(things, numbers[things[0].key])
             self.columns[placed.column].append(placed)

@@ -67,7 +67,11 @@ class _Reader:
         if place is None:
             return
         if place.net:
-            self._draw_net(place)
+            for part, inner in place.net.items():
+                key = f"{place.key}.{part}"
+                self.graph.blocks.setdefault(key, DrawnBlock(key, place.role, place.robot, inner.label))
+                for source in inner.sources:
+                    self.graph.connect(f"{place.key}.{source}", key, [])
             self.graph.blocks[f"{place.key}.{next(iter(place.net))}"].systems.append(name)
             return
         new = DrawnBlock(
@@ -79,14 +83,6 @@ class _Reader:
             self.graph.connect(place.within, place.key, _STATE)
         else:
             block.systems.append(name)
-
-    def _draw_net(self, place: Drawn) -> None:
-        """Draw the blocks of a net, of which one system is made, and what they tell each other."""
-        for name, inner in place.net.items():
-            key = f"{place.key}.{name}"
-            self.graph.blocks.setdefault(key, DrawnBlock(key, place.role, place.robot, inner.label))
-            for source in inner.sources:
-                self.graph.connect(f"{place.key}.{source}", key, [])
 
     def _connect(self, name: str) -> None:
         place = self._places[name]
@@ -174,9 +170,7 @@ def place_of(name: str, system: System, ports: StationPorts) -> Drawn | None:
     drawn = _drawing_of(name, ports)
     if isinstance(drawn, Drawn) and (drawn.net or not isinstance(system, _SILENT)):
         return drawn
-    if isinstance(system, _SILENT) or drawn is None:
-        return None
-    if _is_wire(local, system):
+    if isinstance(system, _SILENT) or drawn is None or _is_wire(local, system):
         return None
     bars: list[tuple[type, Shape, str]] = [(Multiplexer, "mux", ""), (Selector, "bus", ""), (Adder, "sum", "+")]
     for kind, shape, label in bars:

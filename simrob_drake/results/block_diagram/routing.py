@@ -63,12 +63,7 @@ class _Far(NamedTuple):
 
 
 class Routing:
-    """The lines of all nets of a layout, whose places it sets from left to right.
-
-    Attributes:
-        lines: of each net.
-        width: of all [px].
-    """
+    """The lines of all nets of a layout, whose places it sets from left to right."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout, self._channels = layout, len(layout.columns) + 1
@@ -84,7 +79,7 @@ class Routing:
         for channel in range(self._channels):
             self._set_tracks(channel)
         self._spread()
-        self.lines = [self._drawn(number, net) for number, net in enumerate(layout.nets)]
+        self.lines = [self._drawn(number, net) for number, net in enumerate(layout.nets)]  # of each net
 
     @property
     def span(self) -> tuple[float, float]:
@@ -209,7 +204,7 @@ class Routing:
                 for placed in column:
                     placed.x = x + (width - placed.width) / 2
                 x += width
-        self.width = x
+        self.width = x  # of all [px]
 
     def _drawn(self, number: int, net: Net) -> Lines:
         """Return the lines of a net."""

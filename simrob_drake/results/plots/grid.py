@@ -231,7 +231,11 @@ class _Grid:
             looks: dict[str, Any] = {"color": curve.colour, "linewidth": curve.weight * width, "marker": marker}
             (lines[curve.label],) = axes.plot(times, curve.values[within], curve.line, label=curve.label, **looks)
         shown = np.array([curve.values[within] for curve in plot.curves])
-        axes.set_ylim(*_limits(trusted(self._result, shown), plot.label))
+        values = _readable(trusted(self._result, shown))
+        middle = (values.min() + values.max()) / 2
+        still = 1.0 if np.ptp(values) <= _STILL * abs(middle) else 0.0  # a constant, as computed
+        half = max(0.54 * np.ptp(values), (smallest(plot.label) or still + _STILL * abs(middle)) / 2)
+        axes.set_ylim(middle - half, middle + half)
         return lines
 
     def _is_labelled(self, index: int) -> bool:
@@ -242,15 +246,6 @@ class _Grid:
 
 def _write_legend(where: Axes | Figure, lines: dict[str, Line2D], size: float, **place: Any) -> None:
     where.legend(list(lines.values()), list(lines), fontsize=size, frameon=False, **place)
-
-
-def _limits(curves: Vector, label: str) -> Span:
-    """Return what shows all of the curves, shape (k, m), with some room, but no noise at full height."""
-    values = _readable(curves)
-    middle = (values.min() + values.max()) / 2
-    still = 1.0 if np.ptp(values) <= _STILL * abs(middle) else 0.0  # a constant, as computed
-    half = max(0.54 * np.ptp(values), (smallest(label) or still + _STILL * abs(middle)) / 2)
-    return middle - half, middle + half
 
 
 def _width_of_numbers(axes: Axes) -> float:

@@ -199,18 +199,14 @@ class Stop:
 
 
 class Watch:
-    """Asks the monitors of a station about each recorded step, in their order.
-
-    Attributes:
-        stop: why the run ends; None as long as it does not.
-    """
+    """Asks the monitors of a station about each recorded step, in their order."""
 
     def __init__(self, site: Site, sampler: Sampler) -> None:
         """Watch a station whose ports a sampler evaluates."""
         self._site, self._sampler = site, sampler
         self._onsets = dict.fromkeys(site.monitors, NOT_YET)
         self._count = 0
-        self.stop: Stop | None = None
+        self.stop: Stop | None = None  # why the run ends; None as long as it does not
 
     def look(self, steps: StateHistory) -> bool:
         """Look at the steps that follow those of the last call; tell whether one of them ends the run."""
@@ -252,19 +248,15 @@ def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hol
             if stop < recorded.end:
                 sampler.history = recorded.joined(step(recorded, stop))
         else:
-            _cut(sampler, holds, step)
+            while sampler.history.end - sampler.history.times[-2] > TOLERANCE:
+                end = sampler.history.last()
+                between = step(sampler.history, _crossing(sampler, holds, end.end))
+                shorter = sampler.history.joined(between)
+                sampler.history = shorter
+                if not holds(sampler, between.end):
+                    sampler.history = shorter.joined(end)
     except (RuntimeError, SystemExit):  # Drake's failed assertions come as SystemExit
         sampler.history = recorded
-
-
-def _cut(sampler: Sampler, holds: Holds, step: Step) -> None:
-    while sampler.history.end - sampler.history.times[-2] > TOLERANCE:
-        end = sampler.history.last()
-        between = step(sampler.history, _crossing(sampler, holds, end.end))
-        shorter = sampler.history.joined(between)
-        sampler.history = shorter
-        if not holds(sampler, between.end):
-            sampler.history = shorter.joined(end)
 
 
 def _crossing(sampler: Sampler, holds: Holds, seen: float) -> float:

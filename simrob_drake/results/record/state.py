@@ -110,7 +110,13 @@ class State:
         for system in _with_memory(diagram, plant):
             own = system.GetMyContextFromRoot(context)
             if own.num_continuous_states() or own.num_discrete_state_groups() or own.num_abstract_states():
-                blocks[system.get_name()] = _block_state(own)
+                has_continuous = own.num_continuous_states() > 0
+                groups, values = range(own.num_discrete_state_groups()), range(own.num_abstract_states())
+                blocks[system.get_name()] = BlockState(
+                    own.get_continuous_state_vector().CopyToVector() if has_continuous else np.zeros(0),
+                    tuple(own.get_discrete_state(group).value().copy() for group in groups),
+                    tuple(deepcopy(own.get_abstract_state(index).get_value()) for index in values),
+                )
         joints = {}
         if diagram.HasSubsystemNamed(plant.get_name()):
             own = plant.GetMyContextFromRoot(context)
@@ -297,16 +303,6 @@ def joints_of(plant: MultibodyPlant) -> Iterator[tuple[str, slice, slice]]:
             q, v = joint.position_start(), joint.velocity_start()
             name = f"{plant.GetModelInstanceName(joint.model_instance())}/{joint.name()}"
             yield name, slice(q, q + joint.num_positions()), slice(v, v + joint.num_velocities())
-
-
-def _block_state(context: Context) -> BlockState:
-    has_continuous = context.num_continuous_states() > 0
-    groups, values = range(context.num_discrete_state_groups()), range(context.num_abstract_states())
-    return BlockState(
-        context.get_continuous_state_vector().CopyToVector() if has_continuous else np.zeros(0),
-        tuple(context.get_discrete_state(group).value().copy() for group in groups),
-        tuple(deepcopy(context.get_abstract_state(index).get_value()) for index in values),
-    )
 
 
 def _json_values(values: tuple[Any, ...]) -> list[Any]:

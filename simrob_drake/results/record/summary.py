@@ -30,17 +30,13 @@ def remarks_of(run: RecordedRun) -> list[str]:
 def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
     for name, section in run.config.controllers.items():
         for output, remark in _REMARKS.items() if section.kind == "walk" else ():
-            spans = _spans(run[f"{name}.{output}"], begin + run.times)
+            times = begin + run.times
+            turns = np.flatnonzero(np.diff(np.concatenate([[0.0], run[f"{name}.{output}"], [0.0]])))
+            spans = [(float(times[first]), float(times[last - 1])) for first, last in list(pairwise(turns))[::2]]
             if spans:
                 when = ", ".join(f"{first:.2f} to {last:.2f} s" for first, last in spans[:_MOST])
                 more = f" and {len(spans) - _MOST} times more" if len(spans) > _MOST else ""
                 yield f"{name} {remark}: {when}{more}"
-
-
-def _spans(on: Vector, times: Vector) -> list[tuple[float, float]]:
-    """Return first and last times of the stretches in which something is 1 and not 0."""
-    turns = np.flatnonzero(np.diff(np.concatenate([[0.0], on, [0.0]])))
-    return [(float(times[first]), float(times[last - 1])) for first, last in list(pairwise(turns))[::2]]
 
 
 def pose_vector(pose: Vector) -> list[float]:

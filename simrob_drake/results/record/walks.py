@@ -73,7 +73,9 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
     work = mechanical_work(result, name)
     plant = result.plant.plant
     weight = float(plant.CalcTotalMass(plant.CreateDefaultContext(), [own.instance]) * abs(result.config.gravity))  # N
-    shares = np.abs(result.axes("tau", name)) / own.gains.torque_limit
+    torques, limit = np.abs(result.axes("tau", name)), own.gains.torque_limit
+    torque = torques.max(axis=0)
+    axis = int(np.argmax(torque / limit))
     return Locomotion(
         distance=distance,
         ahead=float(way @ ahead),
@@ -83,8 +85,13 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
         tilt=float(tilts(base).max()),
         smallest_height=float((base[:, 2] - result.plant.ground.beneath(base[:, :3])).min()),
         fall_time=result.stop_time if fallen(result) == name else None,
-        peak_torque=_peak_torque(result, own),
-        saturated=float((shares > _AT_LIMIT).mean(axis=0).max()),
+        peak_torque={
+            "axis": own.axes[axis],
+            "torque": float(torque[axis]),
+            "limit": float(limit[axis]),
+            "ratio": float(torque[axis] / limit[axis]),
+        },
+        saturated=float((torques / limit > _AT_LIMIT).mean(axis=0).max()),
         work=work,
         cost_of_transport=work / (weight * distance) if distance > _SHORTEST_WAY else None,
         foot_slip=foot_slip(result, name),
@@ -126,14 +133,3 @@ def mechanical_work(result: RecordedRun, robot: str) -> float:
 def foot_slip(result: RecordedRun, robot: str) -> dict[str, float]:
     """Return how far each foot slid over the ground, by its link [m]: see ``Slide`` of a verdict."""
     return {link: slide.total for (owner, link), slide in result.touch.slides.items() if owner == robot}
-
-
-def _peak_torque(result: RecordedRun, robot: StationRobot) -> dict[str, Any]:
-    torque, limit = np.abs(result.axes("tau", robot.name)).max(axis=0), robot.gains.torque_limit
-    axis = int(np.argmax(torque / limit))
-    return {
-        "axis": robot.axes[axis],
-        "torque": float(torque[axis]),
-        "limit": float(limit[axis]),
-        "ratio": float(torque[axis] / limit[axis]),
-    }

@@ -206,14 +206,10 @@ def _below_floor(run: RecordedRun) -> Measured | None:
     poses = {f"tool {robot.prefix}{robot.tcp}": f"{robot.prefix}tcp" for robot in robots if robot.tcp}
     poses |= {f"{robot.prefix}base": f"{robot.prefix}base" for robot in robots if robot.floats}
     poses |= {piece: f"piece.{piece}" for piece in run.config.free_pieces}
-    depths = [_depths(run, np.column_stack([run[f"{pose}.{part}"] for part in "xyz"])) for pose in poses.values()]
-    return Measured(list(poses), *largest(np.column_stack(depths), run.times)) if depths else None
-
-
-def _depths(run: RecordedRun, points: Vector) -> Vector:
-    """Return how deep points (m, 3) are below the ground, shape (m,) [m]."""
+    points = [np.column_stack([run[f"{pose}.{part}"] for part in "xyz"]) for pose in poses.values()]
     ground = run.plant.ground
-    return np.asarray(-points[:, 2] if ground.plain else ground.beneath(points) - points[:, 2])
+    depths = [-places[:, 2] if ground.plain else ground.beneath(places) - places[:, 2] for places in points]
+    return Measured(list(poses), *largest(np.column_stack(depths), run.times)) if depths else None
 
 
 def _distance(run: RecordedRun) -> Measured | None:

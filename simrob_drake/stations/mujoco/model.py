@@ -127,10 +127,8 @@ def ratio(surface: TouchingPair, inverse_mass: float, speed: float, gravity: flo
 
 def surfaces(station: StationPlant) -> list[tuple[GeometryId, GeometryId, TouchingPair]]:
     """Return the pairs of shapes that may touch, with what they are together in Drake."""
-    inspector, usual = (
-        station.scene_graph.model_inspector(),
-        station.scene_graph.get_config().default_proximity_properties,
-    )
+    inspector = station.scene_graph.model_inspector()
+    usual = station.scene_graph.get_config().default_proximity_properties
     found = []
     for pair in touching_pairs(station):
         own = [inspector.GetProximityProperties(shape) for shape in pair]

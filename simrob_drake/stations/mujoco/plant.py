@@ -1,7 +1,6 @@
 """The block that stands where a station's plant stands, with the same ports, and is stepped by MuJoCo."""
 
 import weakref
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -51,8 +50,7 @@ class MujocoPlant(Block):
     def __init__(self, station: ResolvedStation, plant: StationPlant) -> None:
         """Make the model of a station whose plant is finalized.
 
-        Raises:
-            InvalidParameter: a part that has no place in MuJoCo; names the key.
+        Raises InvalidParameter: a part that has no place in MuJoCo; names the key.
         """
         super().__init__()
         self.set_name("plant")
@@ -177,7 +175,17 @@ class MujocoPlant(Block):
         # what touches is in the data of the step made last
         if self.get_cache_entry(self._step).Eval(context) is not self._latest:
             self._made(context)
-        output.set_value(self._touching())
+        touching = np.flatnonzero(self._data.contact.efc_address >= 0)
+        contact, shapes = self._data.contact, self._geoms
+        frames, first = contact.frame[touching].reshape(-1, 3, 3), contact.efc_address[touching]
+        sizes = np.minimum(contact.dim[touching], 3)  # of elliptic cones: along the normal, then across
+        force = np.zeros((len(touching), 3))
+        for across in range(3):
+            rows = sizes > across
+            force[rows, across] = self._data.efc_force[first[rows] + across]
+        pairs = [(shapes[second], shapes[first]) for first, second in contact.geom[touching].tolist()]
+        forces = np.einsum("ki,kij->kj", force, frames)
+        output.set_value(Contacts(pairs, contact.pos[touching], forces, np.zeros_like(forces), frames[:, 0]))
 
     def _tell_poses(self, context: Context, output: AbstractValue) -> None:
         self._plant.SetPositions(self._scratch, self.GetPositions(context))
@@ -193,15 +201,20 @@ class MujocoPlant(Block):
         self._qpos[:], self._qvel[:], warm = there[:nq], there[nq:], kept.value(self._warm)
         self._guess[:] = 0.0 if warm.size and warm[0] == _NOT_YET else warm
         desired, extra = self._asked(context)
-        applied = self.EvalAbstractInput(context, self._spatial.get_index())
-        if applied is not None:
-            mujoco.mj_step1(self._model, self._data)
-            self._put_spatial(applied.get_value())
+        spatial, data = self.EvalAbstractInput(context, self._spatial.get_index()), self._data
+        if spatial is not None:
+            mujoco.mj_step1(self._model, data)
+            data.xfrc_applied[:] = 0.0
+            for applied in spatial.get_value():
+                body, force = self._bodies[int(applied.body_index)], applied.F_Bq_W.translational()
+                point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ applied.p_BoBq_B
+                data.xfrc_applied[body, :3] += force
+                data.xfrc_applied[body, 3:] += applied.F_Bq_W.rotational() + np.cross(point - data.xipos[body], force)
         forces: Vector | float = 0.0
         if (generalized := self.EvalVectorInput(context, self._generalized.get_index())) is not None:
             turned = np.concatenate([kept.value(self._motion)[:nq], generalized.value()])
             forces = self._coordinates.to_mujoco(turned)[nq:]
-        torque = self._servos.step(desired, extra, forces, begun=applied is not None)
+        torque = self._servos.step(desired, extra, forces, begun=spatial is not None)
         there[:nq], there[nq:] = self._qpos, self._qvel
         self._latest = Step(self._coordinates.state(there), self._data.qacc.copy(), torque)
         return self._latest
@@ -216,29 +229,6 @@ class MujocoPlant(Block):
                 extra = np.zeros(self._servos.count) if extra is None else extra
                 extra[motors.places] = more.value()
         return desired, extra
-
-    def _put_spatial(self, forces: Sequence[ExternallyAppliedSpatialForce]) -> None:
-        data = self._data
-        data.xfrc_applied[:] = 0.0
-        for applied in forces:
-            body, force = self._bodies[int(applied.body_index)], applied.F_Bq_W.translational()
-            point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ applied.p_BoBq_B
-            data.xfrc_applied[body, :3] += force
-            data.xfrc_applied[body, 3:] += applied.F_Bq_W.rotational() + np.cross(point - data.xipos[body], force)
-
-    def _touching(self) -> Contacts:
-        """Return the contacts of the step made last: MuJoCo's normals point out of the first shape, to the second."""
-        touching = np.flatnonzero(self._data.contact.efc_address >= 0)
-        contact, shapes = self._data.contact, self._geoms
-        frames, first = contact.frame[touching].reshape(-1, 3, 3), contact.efc_address[touching]
-        sizes = np.minimum(contact.dim[touching], 3)  # of elliptic cones: along the normal, then across
-        force = np.zeros((len(touching), 3))
-        for across in range(3):
-            rows = sizes > across
-            force[rows, across] = self._data.efc_force[first[rows] + across]
-        pairs = [(shapes[second], shapes[first]) for first, second in contact.geom[touching].tolist()]
-        forces = np.einsum("ki,kij->kj", force, frames)
-        return Contacts(pairs, contact.pos[touching], forces, np.zeros_like(forces), frames[:, 0])
 
 
 @dataclass(frozen=True)
