@@ -151,7 +151,7 @@ def test_zones_are_rapid_s():
         ({"zone": "ten"}, "zone is 'ten'"),
         ({"zone": -0.1}, "zone is -0.1; it must be a positive number"),
         ({"zone": "z10", "times": [1, 2, 3]}, "times is .* left out with a zone"),
-        ({"profile": "sine"}, "there is no profile 'sine'; known: jerk_limited, s_curve, smooth, time_optimal, trapezoid"),
+        ({"profile": "sine"}, "no profile 'sine'; known: jerk_limited, s_curve, smooth, time_optimal, trapezoid"),
         ({"acceleration": 1.0}, "acceleration is 1.0; it must be given with a speed"),
         ({"speed": 0.1, "acceleration": 0.0}, "acceleration is 0.0; it must be a positive number"),
         ({"speed": 0.1, "profile": "smooth", "acceleration": 1.0}, "of a move that cruises"),
