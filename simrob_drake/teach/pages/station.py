@@ -150,7 +150,7 @@ class _Page:
         about = {signal["name"]: signal for signal in self._session.description.get("signals", ())}
         for number, wire in self._wires.items():
             name = next(iter(wire.signals), "")
-            value = at(run.history.get(name, ()), run.time)
+            value = at(run.history_of(name), run.time)
             if value is not None and name in about:
                 values[number] = in_brief(as_list(value), about[name], wire.axis)
         if values.items() - self._shown_values.items():
