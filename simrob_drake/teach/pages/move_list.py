@@ -155,6 +155,26 @@ _DRAGGED = """(event) => {
     if (moved) emit([moved, block.dataset.move].map(Number));
 }"""
 
+_STRETCHED = """(event) => {
+    const edge = event.target.closest('[data-long]');
+    if (!edge) return;
+    const block = edge.parentElement, from = event.clientX, wide = block.offsetWidth, long = Number(edge.dataset.long);
+    const now = ({ clientX }) => long * Math.max(1 + (clientX - from) / wide, 0);
+    block.draggable = false;
+    edge.setPointerCapture(event.pointerId);
+    edge.onpointermove = (event) => {
+        block.style.flexGrow = now(event);
+        edge.dataset.now = `${now(event).toFixed(2)} s`;
+    };
+    edge.onpointerup = (event) => {
+        edge.onpointermove = edge.onpointerup = null;
+        delete edge.dataset.now;
+        block.draggable = true;
+        emit(Number(block.dataset.move), now(event));
+    };
+    edge.onclick = (event) => event.stopPropagation(); // nobody asked for where the move began
+}"""
+
 
 def lengths(moves: Sequence[Move], ending: dict[str, Any] | None, ran: Sequence[Move]) -> list[float | None]:
     """Return how long moves take [s]; None where that is not known before they are run.
@@ -186,8 +206,8 @@ def place_of(time: float, long: Sequence[float | None]) -> tuple[int, float] | N
 class ProgramTimeline:
     """The moves as blocks in a row: how long each takes, and where a run of them is.
 
-    A block is dragged to put its move elsewhere, and clicked to see where it began. Who uses the keys or hears the page
-    has the same in the list.
+    A block is dragged to put its move elsewhere, by its right edge to let it take another time, and clicked to see
+    where it began. Who uses the keys or hears the page has the same in the list.
     """
 
     def __init__(self, session: Session, t: Words) -> None:
@@ -201,6 +221,7 @@ class ProgramTimeline:
         for event in ("dragstart", "dragover"):
             self._place.on(event, js_handler=_DRAGGED)
         self._place.on("drop", lambda event: session.book.move_entry(*event.args), js_handler=_DRAGGED)
+        self._place.on("pointerdown", lambda event: self._stretch(*event.args), js_handler=_STRETCHED)
         follow(session, self._build, "program", "description")
         follow(session, self._follow, "tick", "phase")
 
@@ -221,10 +242,22 @@ class ProgramTimeline:
         caption = f"{number + 1}. {text}" + (f" · {figure(length)} s" if length else "")
         with ui.element("div").classes("pendant-block").props(f"draggable=true data-move={number}") as block:
             ui.label(caption)
+            if (asked := getattr(self._session.book.program.moves[number], "duration", None)) is not None:
+                ui.element("div").classes("pendant-edge").props(f"data-long={asked}")
         block.props["title"] = caption
         block.style(f"flex-grow: {_UNKNOWN if length is None else length:.3f}")
         block.on("click", lambda: self._show_begin(number))
         self._blocks.append(block)
+
+    def _stretch(self, number: int, seconds: float) -> None:
+        """Let a move take another time, in steps of the program's grid."""
+        book = self._session.book
+        grid, move = book.program.grid or GRID, book.program.moves[number]
+        duration = round(max(round(seconds / grid), 1) * grid, 9)
+        if duration == getattr(move, "duration", None) or not book.edit(
+            number, move.model_copy(update={"duration": duration}).entry()
+        ):
+            self._build()  # as it was before it was dragged
 
     def _show_begin(self, number: int) -> None:
         """Show the moment in which a move began, if it is known and was run."""

@@ -400,3 +400,17 @@ def test_two_runs_before_are_compared_with_a_ghost_in_the_view(page, humanoid):
     assert frame.evaluate(f"() => {ghost}") > 0
     keyed(page.get_by_role("slider", name="Moment of the run"), "Home", 1)
     expect(page.locator(".pendant-time")).to_have_text("0.00 of 1.00 s")
+
+
+@pytest.mark.long
+def test_a_move_takes_as_long_as_its_edge_is_dragged(page, humanoid):
+    opened(page, humanoid)
+    with_a_move(page, humanoid)
+    before, edge = program(humanoid)["moves"][0]["duration"], page.locator(".pendant-edge").first.bounding_box()
+    block = page.locator(".pendant-block").first.bounding_box()
+    page.mouse.move(edge["x"] + 4, edge["y"] + 4)
+    page.mouse.down()
+    page.mouse.move(edge["x"] + 4 - block["width"] / 2, edge["y"] + 4, steps=4)
+    page.mouse.up()
+    expect(page.locator(".pendant-block").first).to_contain_text(f"{before / 2:g}")
+    assert program(humanoid)["moves"][0]["duration"] == pytest.approx(before / 2, abs=0.11)
