@@ -242,9 +242,9 @@ class Bench:
         """Tell what `simrob check` says of the station."""
         return [{"level": one.level, "subject": one.subject, "text": one.text} for one in check_station(self._start)]
 
-    def picture(self) -> str:
-        """Return the block picture as SVG."""
-        return station_svg(self._start, live=True)
+    def picture(self, folded: Sequence[str] = ()) -> str:
+        """Return the block picture as SVG, with the subsystems of some blocks folded."""
+        return station_svg(self._start, live=True, folded=folded)
 
     def save(self, what: str, file: str) -> str:
         """Write the last run: its ``signals``, a ``page`` that plays, or a ``strip`` of pictures."""

@@ -243,7 +243,7 @@ class ProgramTimeline:
         with ui.element("div").classes("pendant-block").props(f"draggable=true data-move={number}") as block:
             ui.label(caption)
             if (asked := getattr(self._session.book.program.moves[number], "duration", None)) is not None:
-                ui.element("div").classes("pendant-edge").props(f"data-long={asked}")
+                ui.element("span").classes("pendant-edge").props(f"data-long={asked}")
         block.props["title"] = caption
         block.style(f"flex-grow: {_UNKNOWN if length is None else length:.3f}")
         block.on("click", lambda: self._show_begin(number))
