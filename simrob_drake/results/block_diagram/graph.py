@@ -123,20 +123,20 @@ class BlockGraph:
         The blocks of a robot that have the same role are a subsystem, without the ports of the station; ``titles`` are
         what these are called.
         """
-        stands: dict[tuple[str, BlockRole], str] = {}
-        for block in (self.blocks[name] for name in names if name in self.blocks):
-            stands.setdefault((block.robot, block.role), f"{FOLDED}{block.key}")
-        new = {
-            key: key if block.shape == "port" else stands.get((block.robot, block.role), key)
-            for key, block in self.blocks.items()
-        }
+        parts: dict[tuple[str, BlockRole], list[str]] = defaultdict(list)
+        for key, block in self.blocks.items():
+            if block.shape != "port":
+                parts[block.robot, block.role].append(key)
+        new, chosen = {key: key for key in self.blocks}, list(names)
+        for keys in parts.values():
+            if len(keys) > 1 and (named := [key for key in chosen if key in keys]):
+                new |= dict.fromkeys(keys, f"{FOLDED}{named[0]}")
         graph = BlockGraph(self.title, self.description, self.robots)
         for key, block in self.blocks.items():
             if new[key] == key:
                 graph.blocks[key] = replace(block, within=new.get(block.within, ""))
                 continue
-            count = sum(other == new[key] for other in new.values())
-            label = "\n".join(filter(None, (block.robot, f"{titles[block.role]} ({count})")))
+            label = f"{titles[block.role]} ({list(new.values()).count(new[key])})"
             graph.blocks.setdefault(new[key], DrawnBlock(new[key], block.role, block.robot, label))
             graph.blocks[new[key]].systems += block.systems
         for (source, target), signals in self.arrows.items():
