@@ -15,7 +15,6 @@ from simrob_drake.programs.stages import SEQUENCE
 from simrob_drake.results.block_diagram.graph import FOLDED
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import gaits_file
-from simrob_drake.signals import Signal
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.walking.parameters import load_walking
@@ -33,17 +32,17 @@ def description(cell: Workcell) -> dict[str, Any]:
         "bodies": [name for name in (*config.robots, *frame_names(station)) if name != "world"],
         "loops": list(loops_of(config.controllers)),
         "monitors": list(config.monitors),
-        "floor": config.floor is not None,
         "signals": [
-            {"name": signal.output, "unit": signal.units[0], "title": _title(signal), "columns": list(signal.names)}
+            {
+                "name": signal.output,
+                "unit": signal.units[0],
+                "title": signal.panel.title if signal.panel else signal.output.replace("_", " ").replace(".", ": "),
+                "columns": list(signal.names),
+            }
             for signal in shown
             if signal.output and signal.compute is None and signal.entries is None
         ],
     }
-
-
-def _title(signal: Signal) -> str:
-    return signal.panel.title if signal.panel else signal.output.replace("_", " ").replace(".", ": ")
 
 
 def kind_of(robot: StationRobot) -> str:
@@ -69,7 +68,6 @@ def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:
         "kind": kind_of(robot),
         "axes": axes,
         "tools": list(model.tools),
-        "links": cell.model.links(name),
         "tcp": robot.tcp,
         "gaits": list(gaits_of(model, steps=True)) if legged else [],
         "acts": [act for act in gaits_of(model, steps=False) if act != SEQUENCE] if legged else [],
