@@ -307,6 +307,9 @@ class Bench:
                 self._checkpoints.append(place)
             finally:
                 self.pacer.end()
+        end = begun + float(result.times[-1])
+        if result.ending == "monitor" and end < self.pacer.now:  # which was seen at the end of a step
+            self.pacer.cut(end, result.positions_at(result.times[-1:])[0])
         self._result, self._fell = result, line.now <= begun
         self.pacer.show_last()
         ended = {
