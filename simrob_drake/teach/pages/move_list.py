@@ -146,34 +146,6 @@ class _Lines:
 
 
 _UNKNOWN = 1.0  # s that a block stands for whose move takes nobody knows how long
-_DRAGGED = """(event) => {
-    const block = event.target.closest('[data-move]');
-    if (!block) return;
-    if (event.type === 'dragstart') event.dataTransfer.setData('simrob/move', block.dataset.move);
-    else if (event.dataTransfer.types.includes('simrob/move')) event.preventDefault();
-    const moved = event.type === 'drop' && event.dataTransfer.getData('simrob/move');
-    if (moved) emit([moved, block.dataset.move].map(Number));
-}"""
-
-_STRETCHED = """(event) => {
-    const edge = event.target.closest('[data-long]');
-    if (!edge) return;
-    const block = edge.parentElement, from = event.clientX, wide = block.offsetWidth, long = Number(edge.dataset.long);
-    const now = ({ clientX }) => long * Math.max(1 + (clientX - from) / wide, 0);
-    block.draggable = false;
-    edge.setPointerCapture(event.pointerId);
-    edge.onpointermove = (event) => {
-        block.style.flexGrow = now(event);
-        edge.dataset.now = `${now(event).toFixed(2)} s`;
-    };
-    edge.onpointerup = (event) => {
-        edge.onpointermove = edge.onpointerup = null;
-        delete edge.dataset.now;
-        block.draggable = true;
-        emit(Number(block.dataset.move), now(event));
-    };
-    edge.onclick = (event) => event.stopPropagation(); // nobody asked for where the move began
-}"""
 
 
 def lengths(moves: Sequence[Move], ending: dict[str, Any] | None, ran: Sequence[Move]) -> list[float | None]:
@@ -219,9 +191,10 @@ class ProgramTimeline:
         self._now: ui.element | None = None
         self._place = ui.element("div").classes("pendant-timeline pendant-more").props("aria-hidden=true")
         for event in ("dragstart", "dragover"):
-            self._place.on(event, js_handler=_DRAGGED)
-        self._place.on("drop", lambda event: session.book.move_entry(*event.args), js_handler=_DRAGGED)
-        self._place.on("pointerdown", lambda event: self._stretch(*event.args), js_handler=_STRETCHED)
+            self._place.on(event, js_handler="(event) => window.timeline.drag(event)")
+        for event, act, does in (("drop", "drag", session.book.move_entry), ("pointerdown", "stretch", self._stretch)):
+            handler = f"(event) => window.timeline.{act}(event, emit)"
+            self._place.on(event, lambda event, does=does: does(*event.args), js_handler=handler)
         follow(session, self._build, "program", "description")
         follow(session, self._follow, "tick", "phase")
 

@@ -21,7 +21,7 @@ TABS: dict[str, Callable[[Session, Words], None]] = {"legs": legs.build, "arm": 
 _TAKEN = ("program", "script", "station", "csv", "recording")
 _QUASAR: dict[str, Language] = {"en": "en-US", "es": "es"}
 _FOLDER = Path(__file__).parent
-_LOADED = ("page.css", "page.js", "blocks.js", "drive.js")
+_LOADED = ("page.css", "page.js", "blocks.js", "drive.js", "timeline.js")
 _TEACHING = "teaching"
 
 

@@ -403,7 +403,7 @@ def test_two_runs_before_are_compared_with_a_ghost_in_the_view(page, humanoid):
 
 
 @pytest.mark.long
-def test_a_move_takes_as_long_as_its_edge_is_dragged(page, humanoid):
+def test_a_move_takes_as_long_as_its_edge_is_dragged_and_goes_where_it_is_dropped(page, humanoid):
     opened(page, humanoid)
     with_a_move(page, humanoid)
     before, edge = program(humanoid)["moves"][0]["duration"], page.locator(".pendant-edge").first.bounding_box()
@@ -414,3 +414,10 @@ def test_a_move_takes_as_long_as_its_edge_is_dragged(page, humanoid):
     page.mouse.up()
     expect(page.locator(".pendant-block").first).to_contain_text(f"{before / 2:g}")
     assert program(humanoid)["moves"][0]["duration"] == pytest.approx(before / 2, abs=0.11)
+    typed(page, "left elbow: fore-arm up", 20)
+    expect(page.get_by_text(re.compile("Tested and not added yet.*20"))).to_be_visible()
+    page.keyboard.press("Alt+A")
+    moves = program(humanoid)["moves"]
+    page.locator(".pendant-block").last.drag_to(page.locator(".pendant-block").first)
+    expect(page.locator(".pendant-block").first).to_contain_text("20")
+    assert program(humanoid)["moves"] == [moves[-1], *moves[:-1]]
