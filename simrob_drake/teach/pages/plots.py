@@ -109,7 +109,6 @@ class _Scope:
         title, chosen = _title(t, about), {only} if isinstance(only, str) else set(only)
         unit, self._factor = AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
         self._drawn: object = None
-        ui.add_css(".simrob-plot svg text {fill: currentColor !important}")
         names = dict(enumerate(map(Phrases(t, ()).axis, short(about["columns"]))))
         columns = enumerate(about["columns"])
         first = [number for number, column in columns if {column, column.rpartition(".")[2]} & chosen] or list(names)

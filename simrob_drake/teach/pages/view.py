@@ -214,12 +214,12 @@ def _tick(session: Session) -> None:
 
 def _pace(session: Session, t: Words) -> None:
     options = {**{str(pace): f"{pace:g} ×" for pace in PACES}, _FASTEST: t("run.fastest")}
-    paces = {**{str(pace): pace for pace in PACES}, _FASTEST: None}
     select = ui.select(options, label=t("run.pace")).props("dense options-dense outlined").style("min-width: 6.5rem")
 
     def chosen(value: str) -> None:
-        if paces[value] != session.client.pace:  # else it was shown, not chosen
-            session.set_pace(paces[value])
+        pace = None if value == _FASTEST else float(value)
+        if pace != session.client.pace:  # else it was shown, not chosen
+            session.set_pace(pace)
 
     select.on_value_change(lambda event: chosen(event.value))
 
