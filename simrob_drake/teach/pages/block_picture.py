@@ -108,6 +108,7 @@ class BlockPicture:
             self.folded += [here] if here else [*self.labels]
         else:
             self.folded = [name for name in self.folded if here not in ("", name)]
+        self.chosen = f"{FOLDED}{here}" if folds and here else here
         await self._on_fold()
 
     def _choose(self, block: str, wire: Any) -> None:
