@@ -17,7 +17,7 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.timeline import GRID, USER, Change, DriveNow, PushNow, Timeline
 from simrob_drake.programs.whole_program import perform
-from simrob_drake.results.animation.drawn import ghosts
+from simrob_drake.results.animation.drawn import compared_ghost, ghosts
 from simrob_drake.results.animation.live import StationView
 from simrob_drake.results.animation.pictures import save_film_strip
 from simrob_drake.results.block_diagram.picture import station_svg
@@ -172,6 +172,18 @@ class Bench:
             pacer.at, pacer.paused = number, pacer.paused or pacer.runs
         return bool(before)
 
+    def look(self, positions: Vector | None) -> None:
+        """Show positions of the plant, of a run that is over; the station stays where it is."""
+        if positions is None or not self._fits(positions):
+            raise InvalidParameter("run", "a moment that is not kept", "one of the station as it is now")
+        self._view.show(positions)
+
+    def compare(self, positions: Vector | None) -> None:
+        """Show, as a ghost, all that moves at positions of the plant in a run that is over; None takes it away."""
+        if self._view.scene is not None:
+            shown = positions if positions is not None and self._fits(positions) else None
+            self._inbox.tell("view", subject="compared", commands=compared_ghost(self._view.scene, shown))
+
     def change(self, settings: dict[str, Any]) -> None:
         """Change settings of the running station by their keys, from the next tick on."""
         self._ask(Change(time=0.0, set=settings))
@@ -230,9 +242,9 @@ class Bench:
         """Tell what `simrob check` says of the station."""
         return [{"level": one.level, "subject": one.subject, "text": one.text} for one in check_station(self._start)]
 
-    def picture(self) -> str:
-        """Return the block picture as SVG."""
-        return station_svg(self._start, live=True)
+    def picture(self, folded: Sequence[str] = ()) -> str:
+        """Return the block picture as SVG, with the subsystems of some blocks folded."""
+        return station_svg(self._start, live=True, folded=folded)
 
     def save(self, what: str, file: str) -> str:
         """Write the last run: its ``signals``, a ``page`` that plays, or a ``strip`` of pictures."""
@@ -263,6 +275,11 @@ class Bench:
             return found
         return partial(getattr(arm_questions, method), self.cell.arm(self._robot or None))
 
+    def _fits(self, positions: Vector) -> bool:
+        """Tell whether positions are of this plant: what stands in the station may have been changed since."""
+        scene = self._view.scene
+        return scene is not None and len(positions) == scene.plant.num_positions()
+
     def _ask(self, change: Change) -> None:
         if not self.pacer.runs:
             raise InvalidParameter("change", "asked for while nothing runs", "asked for while something does")
@@ -290,6 +307,9 @@ class Bench:
                 self._checkpoints.append(place)
             finally:
                 self.pacer.end()
+        end = begun + float(result.times[-1])
+        if result.ending == "monitor" and end < self.pacer.now:  # which was seen at the end of a step
+            self.pacer.cut(end, result.positions_at(result.times[-1:])[0])
         self._result, self._fell = result, line.now <= begun
         self.pacer.show_last()
         ended = {

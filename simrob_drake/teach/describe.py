@@ -1,7 +1,7 @@
 """What the pendant is told of a station: robots, bodies, signals; and what a block of its picture stands for."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from simrob_drake.errors import SimrobError
@@ -12,9 +12,9 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.gaits.registry import gaits_of
 from simrob_drake.programs.moves.go import GoMove
 from simrob_drake.programs.stages import SEQUENCE
+from simrob_drake.results.block_diagram.graph import FOLDED
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import gaits_file
-from simrob_drake.signals import Signal
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.walking.parameters import load_walking
@@ -32,17 +32,17 @@ def description(cell: Workcell) -> dict[str, Any]:
         "bodies": [name for name in (*config.robots, *frame_names(station)) if name != "world"],
         "loops": list(loops_of(config.controllers)),
         "monitors": list(config.monitors),
-        "floor": config.floor is not None,
         "signals": [
-            {"name": signal.output, "unit": signal.units[0], "title": _title(signal), "columns": list(signal.names)}
+            {
+                "name": signal.output,
+                "unit": signal.units[0],
+                "title": signal.panel.title if signal.panel else signal.output.replace("_", " ").replace(".", ": "),
+                "columns": list(signal.names),
+            }
             for signal in shown
             if signal.output and signal.compute is None and signal.entries is None
         ],
     }
-
-
-def _title(signal: Signal) -> str:
-    return signal.panel.title if signal.panel else signal.output.replace("_", " ").replace(".", ": ")
 
 
 def kind_of(robot: StationRobot) -> str:
@@ -68,7 +68,6 @@ def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:
         "kind": kind_of(robot),
         "axes": axes,
         "tools": list(model.tools),
-        "links": cell.model.links(name),
         "tcp": robot.tcp,
         "gaits": list(gaits_of(model, steps=True)) if legged else [],
         "acts": [act for act in gaits_of(model, steps=False) if act != SEQUENCE] if legged else [],
@@ -101,6 +100,8 @@ _OUTPUT, _SERVO = "output ", "servo."
 _INPUTS = ("reference", "feedforward", "input ")  # blocks that ask something of a robot
 _PLANT = ("plant", "inverse_dynamics", "geometry_poses")
 
+_ALL = "*"
+
 
 @dataclass(frozen=True)
 class BlockMeaning:
@@ -109,7 +110,7 @@ class BlockMeaning:
     Attributes:
         keys: sections and keys of the station, dotted; all that stands below them belongs to it.
         signals: outputs of the station.
-        axis: whose entry of them counts; empty where all do.
+        axis: whose entry of them counts; empty where all do, ``*`` of the joints of a subsystem.
     """
 
     keys: tuple[str, ...]
@@ -129,6 +130,9 @@ def block_meaning(block: str, content: Mapping[str, Any], signals: Sequence[str]
         content: of the station's file, as :func:`simrob_drake.stations.load.station_content` gives it.
         signals: names of the station's outputs.
     """
+    if block.startswith(FOLDED):  # it stands for more than the axis of the one in its name
+        one = block_meaning(block.removeprefix(FOLDED), content, signals)
+        return replace(one, axis=one.axis and _ALL)
     robots = content.get("robots", {})
     whose = next((robot for robot in robots if block.removeprefix(_OUTPUT).startswith(f"{robot}.")), "")
     local = block.replace(f"{whose}.", "", 1) if whose else block

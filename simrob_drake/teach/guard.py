@@ -29,10 +29,11 @@ _HEADERS = {
 }
 _FRESH = {"cache-control": "no-store", **_HEADERS}
 _NEWEST = "open the newest address that simrob teach shows in the terminal, all of it. Each opens one browser, once."
-_ENTRANCE = """<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url=./">
-<title>simrob teach</title><a href="./">simrob teach</a>"""
-"""Leads on to the page in place of the address with the token. A redirect by status would not bring the cookie along
-where another program than the browser began the journey, as the file that opens it does."""
+LEADS_TO = """<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={0}">
+<title>simrob teach</title><a href="{0}">simrob teach</a>
+"""
+"""A page that leads on to an address. A redirect by status would not bring the cookie along where another program than
+the browser began the journey, as the file that opens it does."""
 
 
 class Guard:
@@ -96,7 +97,7 @@ class Guard:
         elif token is not None:
             self._tokens.pop(token, lambda: None)()
             cookie = f"{self._cookie}={self._key}; Path={self.path}; HttpOnly; SameSite=Strict"
-            await HTMLResponse(_ENTRANCE, headers={"set-cookie": cookie, **_FRESH})(scope, receive, send)
+            await HTMLResponse(LEADS_TO.format("./"), headers={"set-cookie": cookie, **_FRESH})(scope, receive, send)
         else:
             await self.app({**scope, "root_path": self.path[:-1]}, receive, _with_headers(send))
 

@@ -326,7 +326,7 @@ class MoveRunner:
     ) -> Future[Any]:
         """Ask for a run; ``failed`` is called if it cannot be, ``fell`` if it came to nothing."""
         run, set_phase = self._client.run, self.commands.set_phase
-        run.kind, run.rewound, run.lost, self._fell = kind, False, False, fell
+        run.kind, run.rewound, run.lost, run.shown, self._fell = kind, False, False, None, fell
         set_phase("running")
 
         def refused() -> None:

@@ -60,8 +60,8 @@ class Pendant:
         self._begin()
         return True
 
-    def take(self, files: Mapping[str, bytes]) -> None:
-        """Open a user's own files in place of what is open; the session's message tells what their import did.
+    def take(self, files: Mapping[str, bytes]) -> bool:
+        """Open a user's own files in place of what is open, and return True; the message tells what their import did.
 
         Raises:
             SimrobError: nothing can be opened among them; what is open stays so.
@@ -70,6 +70,7 @@ class Pendant:
         book = self.session.book
         if book.robot and (report := report_of(book.model.urdf_path)):
             self.session.client.say(Notice(fills={"text": report}))
+        return True
 
     def close(self) -> None:
         """End the session and its run."""

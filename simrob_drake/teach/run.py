@@ -9,7 +9,7 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from math import inf
-from typing import Any, Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -114,8 +114,44 @@ class RunLog:
         return start, kept
 
 
+class Moments:
+    """Positions of the whole plant at times, in their order: what a run looked like."""
+
+    def __init__(self, times: Sequence[float] = (), positions: Sequence[Vector] = ()) -> None:
+        """Take times [s], and the positions then."""
+        self._times, self._positions = list(times), list(positions)
+
+    def keep(self, time: float, positions: Vector | None) -> None:
+        """Add the latest one, if its positions are known."""
+        if positions is not None:
+            self.forget_from(time)
+            self._times.append(time)
+            self._positions.append(positions)
+            del self._times[:-_MOMENTS], self._positions[:-_MOMENTS]
+
+    def forget_from(self, time: float) -> None:
+        """Forget those at a time [s] and after it."""
+        first = bisect_left(self._times, time - _SAME)
+        del self._times[first:], self._positions[first:]
+
+    def between(self, begin: float, end: float) -> Moments:
+        """Return those from one time to another [s]."""
+        part = slice(bisect_left(self._times, begin - _SAME), bisect_left(self._times, end + _SAME))
+        return Moments(self._times[part], self._positions[part])
+
+    def at(self, time: float) -> Vector | None:
+        """Return the positions at the moment next to a time [s]; None where none is kept nearby."""
+        place = bisect_left(self._times, time)
+        near = min(
+            range(max(place - 1, 0), min(place + 1, len(self._times))),
+            key=lambda i: abs(self._times[i] - time),
+            default=None,
+        )
+        return self._positions[near] if near is not None and abs(self._times[near] - time) <= _NEAR else None
+
+
 class EndedRun(NamedTuple):
-    """One thing that was run, however it ended, to be compared with others.
+    """One thing that was run, however it ended, to be looked at again and compared with others.
 
     Attributes:
         number: counts from 1 since the session was opened.
@@ -123,6 +159,7 @@ class EndedRun(NamedTuple):
         begun: when it began, since the start of the station [s]; ``reached``: how far it came.
         ending: ``completed``, ``monitor``, ``stopped``, ``diverged`` ... or ``died``.
         signals: of each signal its times [s], shape (m,), and its values, shape (m, n).
+        moments: what it looked like.
     """
 
     number: int
@@ -131,11 +168,16 @@ class EndedRun(NamedTuple):
     reached: float
     ending: str
     signals: dict[str, tuple[Vector, Vector]]
+    moments: Moments
 
     def history(self, signal: str) -> list[tuple[float, Any]]:
         """Return the values of a signal as ``(time, value)`` in order of time; nothing of one that it has not."""
         times, values = self.signals.get(signal, (np.empty(0), np.empty((0, 0))))
         return list(zip(times.tolist(), values.tolist(), strict=True))
+
+    def within(self, time: float) -> float:
+        """Return the moment of it that is next to a time [s]."""
+        return min(max(time, self.begun), self.reached)
 
 
 class TaughtRun:
@@ -154,17 +196,19 @@ class TaughtRun:
         rewound: whether a moment is shown that more was run after, and what comes next goes on from there.
         lost: whether the process that ran it is gone, so that nothing goes on from its moments.
         ended: the last ten things that were run, the newest last.
-        compared: the one of these whose signals are shown beside those of the present run; None: none.
+        shown: the one of these that is looked at in place of the present run; None: none.
+        compared: the one that is shown beside what is looked at; None: none.
     """
 
     def __init__(self) -> None:
         """Begin at the start of a station, where nothing was run."""
         self.values: dict[str, Any] = {}
         self.history: dict[str, deque[tuple[float, Any]]] = {}
-        self._times, self._positions = list[float](), list[Vector]()
+        self._moments = Moments()
         self.time = self.reach = self.ratio = 0.0
         self.ending: dict[str, Any] | None = None
         self.ended: deque[EndedRun] = deque(maxlen=_ENDED)
+        self.shown: EndedRun | None = None
         self.compared: EndedRun | None = None
         self.at_start()
 
@@ -177,7 +221,16 @@ class TaughtRun:
     def stand(self, time: float) -> None:
         """Take note that the robot stands where it was at a time [s], and is shown there."""
         self.time = self.start = time
-        self.rewound = False
+        self.rewound, self.shown = False, None
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """From when to when there are moments of what is looked at [s]."""
+        return (self.shown.begun, self.shown.reached) if self.shown else (0.0, self.reach)
+
+    def history_of(self, signal: str) -> Sequence[tuple[float, Any]]:
+        """Return the values of a watched signal in what is looked at, as ``(time, value)`` in order of time."""
+        return self.shown.history(signal) if self.shown else self.history.get(signal, ())
 
     def watch(self, signals: Iterable[str]) -> None:
         """Keep the values of these signals, and no others; of what ended last they are known already."""
@@ -192,21 +245,14 @@ class TaughtRun:
         """Take a moment [s]: positions of the whole plant, values of signals; what was run later is forgotten."""
         self._forget_from(time)
         self.time = self.reach = time
-        self.ratio = ratio
-        self._keep(time, positions)
+        self.ratio, self.shown = ratio, None
+        self._moments.keep(time, positions)
         self.values |= values
         for name in self.history.keys() & values.keys():
             self.history[name].append((time, values[name]))
 
-    def _keep(self, time: float, positions: Vector | None) -> None:
-        if positions is not None:
-            self._times.append(time)
-            self._positions.append(positions)
-            del self._times[:-_MOMENTS], self._positions[:-_MOMENTS]
-
     def _forget_from(self, time: float) -> None:
-        first = bisect_left(self._times, time - _SAME)
-        del self._times[first:], self._positions[first:]
+        self._moments.forget_from(time)
         for ring in self.history.values():
             while ring and ring[-1][0] > time - _SAME:
                 ring.pop()
@@ -214,14 +260,12 @@ class TaughtRun:
     def end(self, news: dict[str, Any]) -> None:
         """Take what is told of its end, which may come between two ticks; and where the robot stands then."""
         self.ending = news
+        if not self.rewound:
+            self.time = self.reach = news["reached"]
+            self.start = news["time"]
+            self._forget_from(self.reach + 2 * _SAME)
+            self._moments.keep(self.reach, news.get("positions"))
         self._keep_ended(news["begun"], news["reached"], news["ending"], news["signals"])
-        if self.rewound:
-            return
-        self.time = self.reach = news["reached"]
-        self.start = news["time"]
-        self._forget_from(self.reach + 2 * _SAME)
-        if not self._times or self._times[-1] < self.reach - _SAME:
-            self._keep(self.reach, news.get("positions"))
 
     def die(self) -> None:
         """Take note that the process is gone; of what ran then there is what was watched."""
@@ -234,14 +278,12 @@ class TaughtRun:
 
     def _keep_ended(self, begun: float, reached: float, ending: str, signals: dict[str, Any]) -> None:
         number = self.ended[-1].number + 1 if self.ended else 1
-        self.ended.append(EndedRun(number, self.kind, begun, reached, ending, signals))
+        moments = self._moments.between(begun, reached)
+        self.ended.append(EndedRun(number, self.kind, begun, reached, ending, signals, moments))
 
     def moment(self, time: float) -> Vector | None:
         """Return the positions of the plant at the moment next to a time [s]; None where none is kept nearby."""
-        place = bisect_left(self._times, time)
-        near = min(self._times[max(place - 1, 0) : place + 1], key=lambda one: abs(one - time), default=None)
-        kept = near is not None and abs(near - time) <= _NEAR
-        return self._positions[self._times.index(cast(float, near))] if kept else None
+        return self._moments.at(time)
 
 
 Level = Literal["", "amber", "red"]

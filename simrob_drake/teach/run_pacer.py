@@ -236,6 +236,10 @@ class RunPacer:
         if self._last is not None and self.at is None:
             self._show(self._last[1])
 
+    def cut(self, time: float, positions: Vector) -> None:
+        """Count nothing as run after a time [s], when the plant was at these positions."""
+        self.now, self._last = time, (time, positions)
+
     @property
     def last(self) -> Vector | None:
         """Positions of the plant where the last run ended, which may be between two ticks; None if there are none."""

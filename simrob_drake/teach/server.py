@@ -20,7 +20,7 @@ from simrob_drake.errors import OutputError
 from simrob_drake.files import models_root
 from simrob_drake.folders import writing
 from simrob_drake.results.animation.window import Board, is_short, number_of
-from simrob_drake.teach.guard import Guard
+from simrob_drake.teach.guard import LEADS_TO, Guard
 from simrob_drake.teach.pages import gallery, shell
 from simrob_drake.teach.pendant import Pendant
 from simrob_drake.teach.session import Session
@@ -182,14 +182,6 @@ def bound(port: int | None) -> socket.socket:
     raise OutputError(f"port {port} is taken; choose another one with --port, or leave that out")
 
 
-_PAGE = """<!DOCTYPE html>
-<meta charset="utf-8">
-<meta http-equiv="refresh" content="0; url={0}">
-<title>simrob teach</title>
-<a href="{0}">simrob teach</a>
-"""
-
-
 @contextmanager
 def leading_to(address: str, folder: Path) -> Iterator[str]:
     """Give the address of a file that leads to another address, and that nobody else can read; in the end it is gone.
@@ -200,7 +192,7 @@ def leading_to(address: str, folder: Path) -> Iterator[str]:
     with writing(folder):
         handle, name = tempfile.mkstemp(prefix="open-", suffix=".html", dir=folder)  # 0600
         with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(_PAGE.format(escape(address)))
+            file.write(LEADS_TO.format(escape(address)))
     try:
         yield Path(name).resolve().as_uri()
     finally:

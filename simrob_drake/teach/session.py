@@ -18,6 +18,7 @@ from simrob_drake.programs.stages import step_moves
 from simrob_drake.programs.timeline import GRID, Change
 from simrob_drake.sections import validated
 from simrob_drake.teach.driving import Driving
+from simrob_drake.teach.earlier_runs import EarlierRuns
 from simrob_drake.teach.exports import Exports
 from simrob_drake.teach.jogging import Jogging
 from simrob_drake.teach.move_runner import MoveRunner
@@ -57,6 +58,7 @@ class Session:
         arm: what a pendant of an arm does.
         driving: a walk that is driven by hand.
         exports: what is taken away.
+        earlier: runs that have ended, looked at again.
         hear, listen, listen_to_view, watch: those of the client.
     """
 
@@ -70,6 +72,7 @@ class Session:
         self.arm = Jogging(client, book, runner)
         self.driving = Driving(client, book, runner)
         self.exports = Exports(client, book, runner.commands)
+        self.earlier = EarlierRuns(client, runner.commands, self.rewind)
         self.hear, self.watch = client.hear, client.watch
         self.listen, self.listen_to_view = client.listen, client.listen_to_view
         self._held = ExitStack()
@@ -256,6 +259,8 @@ class Session:
 
     def rewind(self, time: float) -> Future[Any]:
         """Show a moment of what was run [s]; one less than a tick of the grid behind the last is the last."""
+        if self.run.shown is not None:
+            return self.earlier.rewind(float(time))
         over = float(time) - self.run.reach
         moment = self.run.reach if 0 < over <= (self.book.program.grid or GRID) else float(time)
 
@@ -281,17 +286,6 @@ class Session:
         """Pull a point of a body [m] to a place in the world [m] by a spring, or let go of it; likewise."""
         drag = {"at": at, "point": point, "targets": [[0, 0, 0] if target is None else target]}
         return self._changed("drag", {"drag": drag}, at=at, point=point, target=target)
-
-    def compare(self, number: int | None) -> bool:
-        """Show the signals of one of ``run.ended``, by its number, beside those of the present run; None ends that."""
-        known = {ended.number: ended for ended in self.run.ended}
-        if number is not None and number not in known:
-            expected = f"one of {', '.join(map(str, known))}" if known else "one that has ended; none has"
-            self.client.wrong(InvalidParameter("run", quoted(number), expected))
-            return False
-        self.run.compared = known.get(number) if number is not None else None
-        self.client.tell("history")
-        return True
 
     def _changed(self, method: str, change: dict[str, Any], **arguments: Any) -> Future[Any]:
         """Ask for a change, if a program's file could have it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Future
 from typing import Any
 
@@ -43,9 +44,9 @@ class Setup:
         """Give what ``simrob check`` says of the station with its settings."""
         return self._client.ask("check")
 
-    def picture(self) -> Future[Any]:
-        """Give the block picture as SVG."""
-        return self._client.ask("picture")
+    def picture(self, folded: Sequence[str] = ()) -> Future[Any]:
+        """Give the block picture as SVG, with the subsystems of some blocks folded."""
+        return self._client.ask("picture", folded=list(folded))
 
     def _open_with(self, settings: dict[str, Any]) -> bool:
         book = self._book

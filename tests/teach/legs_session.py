@@ -62,7 +62,9 @@ def take(session, news):
 
 def be_all_parts(session):
     """Let a session of tests stand for its parts, too: pages find there what it has itself."""
-    session.client = session.book = session.history = session.setup = session.arm = session.exports = session
+    session.client = session.book = session.history = session.setup = session.arm = session.exports = (
+        session.earlier
+    ) = session
 
 
 class LegsSession:

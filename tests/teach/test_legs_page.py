@@ -22,7 +22,7 @@ from simrob_drake.stations.load import load_station, loops_known
 from simrob_drake.teach.pages import joints, legs, plots
 from simrob_drake.teach.pages.phrases import Phrases, matches
 from simrob_drake.teach.pages.words import languages, texts_of, words
-from simrob_drake.teach.run import EndedRun, TaughtRun
+from simrob_drake.teach.run import EndedRun, Moments, TaughtRun
 
 MOVE = {"target_deg": {"HomIF": 30.0, "CadDF": 20.0}, "duration": 1.5}
 
@@ -508,11 +508,12 @@ def test_plots_are_drawn_of_what_is_watched_and_no_longer_than_they_are_open():
         assert rows[2][1:] == pytest.approx([2.0] * 6)  # degrees
         assert position.options["series"][0]["name"] == "right shoulder: arm forward"
         before = np.array([0.0, 0.1]), np.full((2, 18), radians(30.0))
-        session.run.ended.append(EndedRun(4, "program", 0.0, 0.1, "completed", {"position": before}))
+        session.run.ended.append(EndedRun(4, "program", 0.0, 0.1, "completed", {"position": before}, Moments()))
         session.told("phase")
         await heard(0.5)
-        (compared,) = (one for one in user.find(ui.select).elements if one.props.get("label", "").startswith("Compare"))
-        assert compared.options == {4: "4: the program, 0.00 to 0.10 s"}
+        choices = {one.props.get("label", ""): one for one in user.find(ui.select).elements}
+        compared, looked = choices["Compare with a run before"], choices["Look at a run before"]
+        assert looked.options == compared.options == {4: "4: the program, 0.00 to 0.10 s"}
         session.run.compared = session.run.ended[0]  # as the session does when it is chosen
         give(user, compared, 4)
         assert ("compare", 4) in session.calls
@@ -521,6 +522,11 @@ def test_plots_are_drawn_of_what_is_watched_and_no_longer_than_they_are_open():
         assert position.options["series"][6]["datasetIndex"] == 1
         assert position.options["dataset"][1]["source"][1][:2] == pytest.approx([0.1, 30.0])
         session.run.compared = None
+        session.run.shown = session.run.ended[0]
+        give(user, looked, 4)
+        assert ("show", 4) in session.calls
+        await heard(0.5)
+        assert position.options["dataset"][0]["source"][1][:2] == pytest.approx([0.1, 30.0])
         give(user, next(iter(user.find(ui.expansion).elements)), False)
         session.told("tick")
         watched = {}

@@ -9,6 +9,7 @@ from fake_runs import CountingRun
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import models_root
 from simrob_drake.teach.own_files import FOLDER, keep, report_of
+from simrob_drake.teach.pages.words import words
 from simrob_drake.teach.session import Session
 
 
@@ -72,3 +73,17 @@ def test_what_the_import_did_is_told(tmp_path):
     assert "1 dropped" in lines[0]
     assert any("'base.obj' there is no such file" in line for line in lines)
     assert report_of(source) == ""
+
+
+def test_what_the_import_did_is_told_in_spanish():
+    said = words("es").of_engine
+    report = "arm.urdf: 3 repaired, 2 defaulted, 1 dropped\n... 7 more in report.json"
+    assert said(report) == "arm.urdf: 3 reparados, 2 con valores supuestos, 1 descartados\n... otros 7 en report.json"
+    dropped = "dropped: link 'base' <visual> 1: mesh 'base.obj' there is no such file; it is not shown"
+    assert said(dropped) == (
+        "descartado: eslabón 'base' <visual> 1: malla 'base.obj': no existe ese fichero; no se muestra"
+    )
+    made = "defaulted: no link has a collision shape; 9 are made of the visuals"
+    assert said(made) == "supuesto: ningún eslabón tiene forma de colisión; se hacen 9 de las visibles"
+    effort = "defaulted: joint 'elbow' <limit>: has no effort; 12 N·m, by its weight"
+    assert said(effort) == "supuesto: articulación 'elbow' <limit>: sin esfuerzo; 12 N·m, by its weight"

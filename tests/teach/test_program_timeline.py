@@ -67,5 +67,12 @@ def test_blocks_show_where_the_run_is_and_lead_back_to_where_they_began():
             (drop,) = [one for one in timeline._event_listeners.values() if one.type == "drop"]
             timeline._handle_event({"listener_id": drop.id, "args": [2, 0]})
             assert [move.entry() for move in session.program.moves] == [ELBOW, ELBOW, check_move(WALK).entry()]
+            (down,) = [one for one in timeline._event_listeners.values() if one.type == "pointerdown"]
+            for seconds, duration in ((3.1234, 3.1), (-1.0, 0.05)):
+                timeline._handle_event({"listener_id": down.id, "args": [0, seconds]})
+                assert session.program.moves[0].entry() == {**ELBOW, "duration": duration}
+            with user:
+                edges = [one for one in ui.context.client.elements.values() if "pendant-edge" in one.classes]
+            assert len(edges) == 2, "a walk takes as long as its steps"
 
     asyncio.run(run())

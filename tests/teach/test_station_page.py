@@ -11,6 +11,7 @@ from stub_session import StubSession
 pytest.importorskip("nicegui", reason="needs the extra gui")
 from nicegui import ui
 from nicegui.testing import user_simulation
+from nicegui.testing.user_interaction import UserInteraction
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.programs.timeline import Change
@@ -69,9 +70,9 @@ class Station(StubSession):
         self.watched[viewer] = list(signals)
         return given(None)
 
-    def picture(self):
+    def picture(self, folded):
         self.drawn += 1
-        return given(SVG)
+        return given(station_svg(load_station("irb120_dynamic"), live=True, folded=folded) if folded else SVG)
 
     def check(self):
         findings = [("ok", "contact", "nothing penetrates"), ("warning", "base", "it tips over")]
@@ -165,6 +166,37 @@ def test_a_block_shows_its_signals_and_a_slider_for_its_gains():
         await settled()
         assert session.book.settings["servo.kp"] == pytest.approx(1000 * 10**0.5, rel=2e-3)  # three digits
         assert session.drawn == 2  # at first, and after the change
+
+    on_page(scenario)
+
+
+def test_the_servos_fold_into_one_block_and_unfold():
+    async def scenario(user, session):
+        (picture,) = user.find(kind=ui.html).elements
+
+        async def press(icon):
+            (found,) = (one for one in user.find(kind=ui.button).elements if one.props.get("icon") == icon)
+            UserInteraction(user, {found}, None).click()
+            await settled(0.5)
+            return blocks()
+
+        def blocks():
+            return set(re.findall(r'data-block="(.*?)"', picture.content))
+
+        before = blocks()
+        everything = await press("unfold_less")
+        assert sum(name.startswith("folded ") for name in everything) == 1, "all: those of one block stay as they are"
+        assert await press("unfold_more") == before
+        user.find(kind=ui.html).trigger("click", ["joint_2.pd", ""])
+        folded = await press("unfold_less")
+        servos = {name for name in before if re.match(r"joint_\d", name)}
+        assert servos
+        assert folded == before - servos | {"folded joint_2.pd"}
+        assert "servos (" in picture.content
+        assert 'data-block="folded joint_2.pd" tabindex="0" role="button" aria-pressed="true"' in picture.content
+        sliders = {one.props["aria-label"] for one in user.find(kind=ui.slider).elements}
+        assert sliders == {"servo.kp", "servo.kd"}
+        assert await press("unfold_more") == before
 
     on_page(scenario)
 

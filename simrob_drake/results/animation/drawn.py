@@ -20,6 +20,7 @@ from pydrake.geometry import (
     Rgba,
     Role,
 )
+from pydrake.multibody.tree import ModelInstanceIndex
 
 from simrob_drake.frames import Vector
 from simrob_drake.results import colours
@@ -135,8 +136,9 @@ def look(meshcat: Meshcat, camera: Camera) -> None:
     meshcat.SetCameraPose(camera.eye, camera.target)
 
 
-GHOSTS = "/drake/ghosts"  # where in Meshcat's tree they hang
+GHOSTS, COMPARED = "/drake/ghosts", "/drake/compared"  # where in Meshcat's tree they hang, and those of another run
 SHOWN = "/drake/station"  # where what they are copies of does
+_OTHER = {"color": colours.COLOURS[0], "opacity": 0.35}
 GOOD, BAD = (colours.GOOD, 0.3), (colours.BAD, 0.12)
 """Colour and opacity of a posture that the robot can take, and of one that it cannot."""
 
@@ -151,23 +153,36 @@ def ghosts(
     In place of the ghosts that were there. The window copies what it shows already, so that nothing is sent twice.
     ``good`` tells whether the robot can take each, ``marked`` is the number of one that is drawn less faint.
     """
-    own, plant = scene.station.robots[robot].instance, scene.plant
-    inspector = scene.station.scene_graph.model_inspector()
-    moving = [
-        frame
-        for frame in inspector.GetAllFrameIds()
-        if (body := plant.GetBodyFromFrameId(frame)) is not None
-        and body.model_instance() == own
-        and not plant.IsAnchored(body)
-        and inspector.NumGeometriesForFrameWithRole(frame, Role.kIllustration)
-    ]
     found: list[Command] = [{"type": "delete", "path": GHOSTS}]
     for number, (posture, can) in enumerate(zip(postures, good, strict=True)):
         scene.place_robots({robot: posture})
         colour, opacity = GOOD if can else BAD
         looks = {"color": colour, "opacity": _PLAIN if number == marked else opacity}
-        for path, matrix in placed(scene.query(), moving):
-            ghost = f"{GHOSTS}/{number}/{path}"
-            found.append({"type": "copy", "path": ghost, "source": f"{SHOWN}/{path}", **looks})
-            found.append({"type": "set_transform", "path": ghost, "matrix": matrix})
+        found += _copies(scene, f"{GHOSTS}/{number}", looks, scene.station.robots[robot].instance)
     return found
+
+
+def compared_ghost(scene: ViewedStation, positions: Vector | None) -> list[Command]:
+    """Return what makes the view show all that moves once more, as it was at positions (nq,); None: gone."""
+    if positions is None:
+        return [{"type": "delete", "path": COMPARED}]
+    scene.place(positions)
+    return list(_copies(scene, COMPARED, _OTHER))
+
+
+def _copies(
+    scene: ViewedStation, path: str, looks: Mapping[str, Any], own: ModelInstanceIndex | None = None
+) -> Iterator[Command]:
+    """Yield what copies what is seen of all moving bodies, or those of one instance, to where they are now."""
+    plant, inspector = scene.plant, scene.station.scene_graph.model_inspector()
+    moving = [
+        frame
+        for frame in inspector.GetAllFrameIds()
+        if (body := plant.GetBodyFromFrameId(frame)) is not None
+        and own in (None, body.model_instance())
+        and not plant.IsAnchored(body)
+        and inspector.NumGeometriesForFrameWithRole(frame, Role.kIllustration)
+    ]
+    for body, matrix in placed(scene.query(), moving):
+        yield {"type": "copy", "path": f"{path}/{body}", "source": f"{SHOWN}/{body}", **looks}
+        yield {"type": "set_transform", "path": f"{path}/{body}", "matrix": matrix}

@@ -1,7 +1,7 @@
 """The blocks and arrows of a block picture, and how signals go through it: as nets that branch, column to column."""
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import get_args
 
@@ -10,6 +10,9 @@ from simrob_drake.parts.captions import BlockRole, Shape
 ROLES: tuple[BlockRole, ...] = get_args(BlockRole)  # in the order of the signal flow
 
 BARS: tuple[Shape, ...] = ("mux", "bus")
+
+FOLDED = "folded "
+"""What the key of a block begins with that stands for several: that of one of them follows."""
 
 
 @dataclass
@@ -112,6 +115,32 @@ class BlockGraph:
             graph.blocks[keys[0]].label = "\n".join(self.blocks[key].label for key in keys)
         for (source, target), signals in self.arrows.items():
             graph.connect(source, first.get(target, target), signals)
+        return graph
+
+    def with_folded(self, names: Iterable[str], titles: Mapping[BlockRole, str]) -> "BlockGraph":
+        """Return it with each subsystem as one block of which one of these blocks is a part.
+
+        The blocks of a robot that have the same role are a subsystem, without the ports of the station; ``titles`` are
+        what these are called.
+        """
+        parts: dict[tuple[str, BlockRole], list[str]] = defaultdict(list)
+        for key, block in self.blocks.items():
+            if block.shape != "port":
+                parts[block.robot, block.role].append(key)
+        new, chosen = {key: key for key in self.blocks}, list(names)
+        for keys in parts.values():
+            if len(keys) > 1 and (named := [key for key in chosen if key in keys]):
+                new |= dict.fromkeys(keys, f"{FOLDED}{named[0]}")
+        graph = BlockGraph(self.title, self.description, self.robots)
+        for key, block in self.blocks.items():
+            if new[key] == key:
+                graph.blocks[key] = replace(block, within=new.get(block.within, ""))
+                continue
+            label = f"{titles[block.role]} ({list(new.values()).count(new[key])})"
+            graph.blocks.setdefault(new[key], DrawnBlock(new[key], block.role, block.robot, label))
+            graph.blocks[new[key]].systems += block.systems
+        for (source, target), signals in self.arrows.items():
+            graph.connect(new[source], new[target], signals)
         return graph
 
 

@@ -3,7 +3,7 @@
 ``python -m simrob_drake.results.block_diagram.picture`` draws the stations of the package anew.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from io import BytesIO
@@ -228,9 +228,12 @@ def station_dot(config: StationConfig) -> str:
     return dot_text(_graph(config))
 
 
-def station_svg(config: StationConfig, *, live: bool = False) -> str:
-    """Return a station's block picture, see :meth:`Drawing.svg`; raises SimrobError: a station that cannot be built."""
-    return Drawing(_graph(config)).svg(live=live)
+def station_svg(config: StationConfig, *, live: bool = False, folded: Iterable[str] = ()) -> str:
+    """Return a station's block picture, see :meth:`Drawing.svg`; raises SimrobError: a station that cannot be built.
+
+    Subsystems are one block each of which one of the ``folded`` blocks is a part.
+    """
+    return Drawing(_graph(config).with_folded(folded, TITLES)).svg(live=live)
 
 
 def station_mermaid(config: StationConfig) -> str:

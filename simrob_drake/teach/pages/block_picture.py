@@ -2,12 +2,14 @@
 
 import json
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
+from functools import partial
 from html import unescape
 from typing import Any
 
 from nicegui import ui
 
+from simrob_drake.results.block_diagram.graph import FOLDED
 from simrob_drake.teach.pages.elements import icon_button
 from simrob_drake.teach.pages.words import Words
 
@@ -15,6 +17,7 @@ _NODE = re.compile(r'<g class="node"><title>(.*?)</title>(.*?)</g>', re.DOTALL)
 _WIRE = re.compile(r'<g class="wire" data-wire="(\d+)" data-from="(.*?)" data-to="(.*?)">')
 _TEXT = re.compile(r"<text[^>]*>(.*?)</text>")
 _WIDTH = re.compile(r'<svg ([^>]*width="(\d+)")')
+_FOLDS = {"unfold_less": True, "unfold_more": False}
 _ZOOMS = {"zoom_in": 1.25, "zoom_out": 0.8, "fit_screen": 0}
 
 Wires = Mapping[str, tuple[str, list[str]]]
@@ -22,33 +25,44 @@ Wires = Mapping[str, tuple[str, list[str]]]
 
 
 class BlockPicture:
-    """The picture of a station's blocks; it can be as large as the screen.
+    """The picture of a station's blocks; it can be as large as the screen, and its subsystems can be folded.
 
     Attributes:
         labels: what stands in each block, by its name.
         wires: where wires go.
         chosen: the name of the block that is marked; empty for none.
+        folded: names of blocks whose subsystems are to be one block each.
     """
 
-    def __init__(self, t: Words, on_block: Callable[[str], object], on_wire: Callable[[str], object]) -> None:
+    def __init__(
+        self,
+        t: Words,
+        on_block: Callable[[str], object],
+        on_wire: Callable[[str], object],
+        on_fold: Callable[[], Awaitable[object]],
+    ) -> None:
         """Make an empty picture.
 
         Args:
             t: the words.
             on_block: is told the name of a block that the user chooses.
             on_wire: is told the number of a wire, likewise.
+            on_fold: shows another picture, with other blocks folded.
         """
         self.labels: dict[str, str] = {}
         self.wires: Wires = {}
         self.chosen = ""
         self._svg, self._wire = "", ""
-        self._on_block, self._on_wire = on_block, on_wire
+        self.folded: list[str] = []
+        self._on_block, self._on_wire, self._on_fold = on_block, on_wire, on_fold
         self._changed: Collection[str] = ()
         with ui.element("div").classes("block-picture w-full") as place:
             with ui.element("div").classes("block-tools"):
                 icon_button("fullscreen", t("station.enlarge")).on(
                     "click", js_handler="(event) => window.blocks.enlarge(event)"
                 )
+                for icon, folds in _FOLDS.items():
+                    icon_button(icon, t(f"station.{icon}"), partial(self._fold, folds))
                 for icon, factor in _ZOOMS.items():
                     button = icon_button(icon, t(f"station.{icon}"))
                     button.on("click", js_handler=f"(event) => window.blocks.zoom(event.target, {factor})")
@@ -85,6 +99,17 @@ class BlockPicture:
         self.chosen, self._wire = block, ""
         self._draw()
         self._on_block(block)
+
+    async def _fold(self, folds: bool) -> None:
+        """Fold or unfold the subsystem of the chosen block; all of them where none is chosen."""
+        here = self.chosen.removeprefix(FOLDED)
+        self.folded = [name.removeprefix(FOLDED) for name in self.labels if name.startswith(FOLDED)]
+        if folds:
+            self.folded += [here] if here else [*self.labels]
+        else:
+            self.folded = [name for name in self.folded if here not in ("", name)]
+        self.chosen = f"{FOLDED}{here}" if folds and here else here
+        await self._on_fold()
 
     def _choose(self, block: str, wire: Any) -> None:
         if wire == "":

@@ -13,10 +13,6 @@ Give = Callable[[str, Any], Awaitable[str]]
 """Takes a key and its new value, and returns what is wrong with it; nothing where it was done."""
 
 _HUGE = 1e6  # bounds from here on are nothing that a user meets
-_LOOK = """
-.station-form .q-field__bottom {position: static; transform: none; padding-bottom: 8px; line-height: 1.3}
-.station-form .q-field--with-bottom {padding-bottom: 0}
-"""
 
 
 class FormView:
@@ -30,7 +26,6 @@ class FormView:
         self._t, self._give, self._under = t, give, under
         self._shape: object = None
         self._update: list[Callable[[Field], object]] = []
-        ui.add_css(_LOOK)
         self._place = ui.column().classes("station-form w-full gap-1")
 
     def show(self, fields: Sequence[Field]) -> None:

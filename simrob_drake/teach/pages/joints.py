@@ -159,7 +159,7 @@ def signal_of(session: Session, kind: str) -> str:
 
 def shown_at(session: Session, kind: str, before: float = 0.0) -> Sequence[float] | None:
     """Return a signal of the taught robot at the moment that is shown, or so long before [s]; None where not kept."""
-    ring = session.run.history.get(signal_of(session, kind), ())
+    ring = session.run.history_of(signal_of(session, kind))
     found = plots.at(ring, session.run.time - before) if session.run.time else None
     return None if found is None else plots.as_list(found)
 

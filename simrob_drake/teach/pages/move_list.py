@@ -146,14 +146,6 @@ class _Lines:
 
 
 _UNKNOWN = 1.0  # s that a block stands for whose move takes nobody knows how long
-_DRAGGED = """(event) => {
-    const block = event.target.closest('[data-move]');
-    if (!block) return;
-    if (event.type === 'dragstart') event.dataTransfer.setData('simrob/move', block.dataset.move);
-    else if (event.dataTransfer.types.includes('simrob/move')) event.preventDefault();
-    const moved = event.type === 'drop' && event.dataTransfer.getData('simrob/move');
-    if (moved) emit([moved, block.dataset.move].map(Number));
-}"""
 
 
 def lengths(moves: Sequence[Move], ending: dict[str, Any] | None, ran: Sequence[Move]) -> list[float | None]:
@@ -186,8 +178,8 @@ def place_of(time: float, long: Sequence[float | None]) -> tuple[int, float] | N
 class ProgramTimeline:
     """The moves as blocks in a row: how long each takes, and where a run of them is.
 
-    A block is dragged to put its move elsewhere, and clicked to see where it began. Who uses the keys or hears the page
-    has the same in the list.
+    A block is dragged to put its move elsewhere, by its right edge to let it take another time, and clicked to see
+    where it began. Who uses the keys or hears the page has the same in the list.
     """
 
     def __init__(self, session: Session, t: Words) -> None:
@@ -199,8 +191,10 @@ class ProgramTimeline:
         self._now: ui.element | None = None
         self._place = ui.element("div").classes("pendant-timeline pendant-more").props("aria-hidden=true")
         for event in ("dragstart", "dragover"):
-            self._place.on(event, js_handler=_DRAGGED)
-        self._place.on("drop", lambda event: session.book.move_entry(*event.args), js_handler=_DRAGGED)
+            self._place.on(event, js_handler="(event) => window.timeline.drag(event)")
+        for event, act, does in (("drop", "drag", session.book.move_entry), ("pointerdown", "stretch", self._stretch)):
+            handler = f"(event) => window.timeline.{act}(event, emit)"
+            self._place.on(event, lambda event, does=does: does(*event.args), js_handler=handler)
         follow(session, self._build, "program", "description")
         follow(session, self._follow, "tick", "phase")
 
@@ -221,10 +215,22 @@ class ProgramTimeline:
         caption = f"{number + 1}. {text}" + (f" · {figure(length)} s" if length else "")
         with ui.element("div").classes("pendant-block").props(f"draggable=true data-move={number}") as block:
             ui.label(caption)
+            if (asked := getattr(self._session.book.program.moves[number], "duration", None)) is not None:
+                ui.element("span").classes("pendant-edge").props(f"data-long={asked}")
         block.props["title"] = caption
         block.style(f"flex-grow: {_UNKNOWN if length is None else length:.3f}")
         block.on("click", lambda: self._show_begin(number))
         self._blocks.append(block)
+
+    def _stretch(self, number: int, seconds: float) -> None:
+        """Let a move take another time, in steps of the program's grid."""
+        book = self._session.book
+        grid, move = book.program.grid or GRID, book.program.moves[number]
+        duration = round(max(round(seconds / grid), 1) * grid, 9)
+        if duration == getattr(move, "duration", None) or not book.edit(
+            number, move.model_copy(update={"duration": duration}).entry()
+        ):
+            self._build()  # as it was before it was dragged
 
     def _show_begin(self, number: int) -> None:
         """Show the moment in which a move began, if it is known and was run."""

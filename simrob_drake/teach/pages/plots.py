@@ -52,16 +52,20 @@ def build(session: Session, t: Words, axes: Collection[str] = ()) -> None:
 
 
 def _comparison(session: Session, t: Words) -> None:
-    """Build the choice of a run that has ended, whose curves lie faint under those of the present one."""
-    choice = ui.select({}, label=t("plots.compare"), clearable=True).classes("w-full").props("dense")
-    choice.on_value_change(lambda event: session.compare(event.value))
+    """Build the choices of two runs that have ended: one to look at, and one beside it, with faint curves."""
+    shown, compared = (
+        ui.select({}, label=t(f"plots.{key}"), clearable=True).classes("w-full").props("dense")
+        for key in ("shown", "compare")
+    )
+    shown.on_value_change(lambda event: session.earlier.show(event.value))
+    compared.on_value_change(lambda event: session.earlier.compare(event.value))
 
     def show() -> None:
         runs = {run.number: _called(t, run) for run in reversed(session.run.ended)}
-        other = session.run.compared
-        choice.set_options(runs, value=other.number if other and other.number in runs else None)
+        for choice, one in ((shown, session.run.shown), (compared, session.run.compared)):
+            choice.set_options(runs, value=one.number if one and one.number in runs else None)
 
-    follow(session, show, "phase")
+    follow(session, show, "phase", "history")
 
 
 def _called(t: Words, run: EndedRun) -> str:
@@ -105,7 +109,6 @@ class _Scope:
         title, chosen = _title(t, about), {only} if isinstance(only, str) else set(only)
         unit, self._factor = AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
         self._drawn: object = None
-        ui.add_css(".simrob-plot svg text {fill: currentColor !important}")
         names = dict(enumerate(map(Phrases(t, ()).axis, short(about["columns"]))))
         columns = enumerate(about["columns"])
         first = [number for number, column in columns if {column, column.rpartition(".")[2]} & chosen] or list(names)
@@ -138,7 +141,7 @@ class _Scope:
 
     def _look(self) -> None:
         """Draw what has come since the last look."""
-        ring = self._session.run.history.get(self._name) or ()
+        ring = self._session.run.history_of(self._name)
         other = self._session.run.compared
         seen = (len(ring), ring[0][0], ring[-1], other) if ring else (other,)
         if seen == self._drawn:

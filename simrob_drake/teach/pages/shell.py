@@ -21,7 +21,7 @@ TABS: dict[str, Callable[[Session, Words], None]] = {"legs": legs.build, "arm": 
 _TAKEN = ("program", "script", "station", "csv", "recording")
 _QUASAR: dict[str, Language] = {"en": "en-US", "es": "es"}
 _FOLDER = Path(__file__).parent
-_LOADED = ("page.css", "page.js", "blocks.js", "drive.js")
+_LOADED = ("page.css", "page.js", "blocks.js", "drive.js", "timeline.js")
 _TEACHING = "teaching"
 
 
@@ -41,18 +41,10 @@ def build(pendant: Pendant) -> None:
     ui.add_head_html(f"<style>{style}</style>{''.join(f'<script>{one}</script>' for one in scripts)}")
 
     def load(subject: str, robot: str | None = None) -> None:
-        try:
-            if pendant.load(subject, robot):
-                _reload_all()
-        except SimrobError as problem:
-            ui.notify(str(problem), type="negative", close_button=True, timeout=0)
+        _open(t, lambda: pendant.load(subject, robot))
 
     def take(files: gallery.Files) -> None:
-        try:
-            pendant.take(files)
-            _reload_all()
-        except SimrobError as problem:
-            ui.notify(str(problem), type="negative", close_button=True, timeout=0)
+        _open(t, lambda: pendant.take(files))
 
     skip = ui.link(t("shell.skip"), f"#{_TEACHING}").classes("pendant-skip")
     skip.on("click", js_handler=f"() => document.getElementById('{_TEACHING}').focus()")
@@ -80,9 +72,14 @@ def build(pendant: Pendant) -> None:
             _tabs(session, t)
 
 
-def _reload_all() -> None:
-    for client in list(Client.instances.values()):
-        client.run_javascript("location.reload()")
+def _open(t: Words, load: Callable[[], bool]) -> None:
+    """Open something else in all tabs, or tell why it cannot be."""
+    try:
+        if load():
+            for client in list(Client.instances.values()):
+                client.run_javascript("location.reload()")
+    except SimrobError as problem:
+        ui.notify(t.of_engine(str(problem)), type="negative", close_button=True, timeout=0)
 
 
 def _loaded(session: Session, t: Words, load: Callable[[str, str], None]) -> None:

@@ -52,7 +52,7 @@ class _Page:
         self._wires, self._shown_values = dict[str, BlockMeaning](), dict[str, str]()
         with card(t("station.blocks"), about=t("station.blocks_help")):
             self._wrong_picture = ui.label().classes("text-negative")
-            self._picture = BlockPicture(t, self._show_block, self._show_wire)
+            self._picture = BlockPicture(t, self._show_block, self._show_wire, self._ask_for_picture)
             self._values = ui.switch(t("station.values"), value=True, on_change=self._watch_wires).props("dense")
             self._watching = ui.element("div")
         with card(t("station.block")):
@@ -111,18 +111,21 @@ class _Page:
         if self._asked or (self._panels is not None and self._panels.value != _TAB):
             return
         self._asked = True
-        picture = await asyncio.wrap_future(self._session.setup.picture())
-        self._wrong_picture.text = "" if picture else self._t.of_engine(str(self._session.message))
-        if picture:
-            self._picture.show(picture)
-            self._watch_wires()
-            self._mark_changes()
+        await self._ask_for_picture()
         findings = await asyncio.wrap_future(self._session.setup.check())
         if self._findings.is_deleted:
             return
         self._findings.clear()
         with self._findings:
             self._show_findings(findings or [{"level": "warning", "subject": "", "text": str(self._session.message)}])
+
+    async def _ask_for_picture(self) -> None:
+        picture = await asyncio.wrap_future(self._session.setup.picture(self._picture.folded))
+        self._wrong_picture.text = "" if picture else self._t.of_engine(str(self._session.message))
+        if picture:
+            self._picture.show(picture)
+            self._watch_wires()
+            self._mark_changes()
 
     def _meaning(self, block: str) -> BlockMeaning:
         return block_meaning(block, self._content, list(self._columns))
@@ -150,7 +153,7 @@ class _Page:
         about = {signal["name"]: signal for signal in self._session.description.get("signals", ())}
         for number, wire in self._wires.items():
             name = next(iter(wire.signals), "")
-            value = at(run.history.get(name, ()), run.time)
+            value = at(run.history_of(name), run.time)
             if value is not None and name in about:
                 values[number] = in_brief(as_list(value), about[name], wire.axis)
         if values.items() - self._shown_values.items():

@@ -150,15 +150,17 @@ def build_bar(session: Session, t: Words) -> None:
         allow(stop, _unless(session, t, *_RUNS))
         allow(tick, cannot or (t("why.running") if running else ""))
         allow(start, _unless(session, t, "idle", *_RUNS) or ("" if session.run.reach > 0.0 else t("why.at_start")))
-        state.text = t(f"phase.{session.phase}")
+        shown = session.run.shown
+        state.text = t(f"phase.{session.phase}") if shown is None else t("run.earlier", number=shown.number)
         time()
 
     def time() -> None:
-        scrubber.props["max"] = max(session.run.reach, _grid(session))
+        first, last = session.run.span
+        scrubber.props["min"], scrubber.props["max"] = first, max(last, first + _grid(session))
         scrubber.props["step"] = _grid(session)
         scrubber.value = session.run.time
         running = session.phase == "running"
-        clock.text = t("run.time", time=f"{session.run.time:.2f}", reach=f"{session.run.reach:.2f}") + (
+        clock.text = t("run.time", time=f"{session.run.time:.2f}", reach=f"{last:.2f}") + (
             f"  {t('run.ratio', ratio=f'{session.run.ratio:.1f}')}" if running else ""
         )
 
@@ -187,7 +189,8 @@ def _grid(session: Session) -> float:
 def _at_end(session: Session) -> bool:
     """Tell whether nothing runs, and no moment was gone back to; where what came next was discarded is an end, too."""
     run = session.run
-    return session.phase == "idle" and not (run.rewound and run.time < run.reach - _grid(session) / 2)
+    goes_on = run.shown is None and run.rewound and run.time < run.reach - _grid(session) / 2
+    return session.phase == "idle" and not goes_on
 
 
 def _play(session: Session) -> None:
@@ -211,12 +214,12 @@ def _tick(session: Session) -> None:
 
 def _pace(session: Session, t: Words) -> None:
     options = {**{str(pace): f"{pace:g} ×" for pace in PACES}, _FASTEST: t("run.fastest")}
-    paces = {**{str(pace): pace for pace in PACES}, _FASTEST: None}
     select = ui.select(options, label=t("run.pace")).props("dense options-dense outlined").style("min-width: 6.5rem")
 
     def chosen(value: str) -> None:
-        if paces[value] != session.client.pace:  # else it was shown, not chosen
-            session.set_pace(paces[value])
+        pace = None if value == _FASTEST else float(value)
+        if pace != session.client.pace:  # else it was shown, not chosen
+            session.set_pace(pace)
 
     select.on_value_change(lambda event: chosen(event.value))
 

@@ -379,3 +379,45 @@ def test_robots_are_loaded_by_their_pictures(page, humanoid):
         expect(page.get_by_role("tab", name=tab, selected=True)).to_be_visible()
         expect(button(page, "Play")).to_be_enabled()
         expect(page.get_by_role("status")).to_be_empty()
+
+
+@pytest.mark.long
+def test_two_runs_before_are_compared_with_a_ghost_in_the_view(page, humanoid):
+    opened(page, humanoid)
+    page.get_by_role("searchbox", name="Search for a joint").fill("CodI")
+    for angle in (-60, 90):
+        typed(page, "left elbow: fore-arm up", angle)
+        expect(page.get_by_text(re.compile(f"Tested and not added yet.*{angle}".replace("-", ".")))).to_be_visible()
+        expect(button(page, "Stop")).to_be_disabled()
+        page.keyboard.press("Alt+X") if angle < 0 else None
+    page.get_by_text("Live plots", exact=True).click()
+    for choice, number in (("Look at a run before", 1), ("Compare with a run before", 2)):
+        page.get_by_role("combobox", name=choice).click()
+        page.get_by_role("option").nth(-number).click()
+    expect(page.get_by_text("run 1", exact=True)).to_be_visible()
+    frame = page.frame_locator("#view-frame").locator("body")
+    ghost = "viewer.scene_tree.find(['drake', 'compared']).object.children.length"
+    assert frame.evaluate(f"() => {ghost}") > 0
+    keyed(page.get_by_role("slider", name="Moment of the run"), "Home", 1)
+    expect(page.locator(".pendant-time")).to_have_text("0.00 of 1.00 s")
+
+
+@pytest.mark.long
+def test_a_move_takes_as_long_as_its_edge_is_dragged_and_goes_where_it_is_dropped(page, humanoid):
+    opened(page, humanoid)
+    with_a_move(page, humanoid)
+    before, edge = program(humanoid)["moves"][0]["duration"], page.locator(".pendant-edge").first.bounding_box()
+    block = page.locator(".pendant-block").first.bounding_box()
+    page.mouse.move(edge["x"] + 4, edge["y"] + 4)
+    page.mouse.down()
+    page.mouse.move(edge["x"] + 4 - block["width"] / 2, edge["y"] + 4, steps=4)
+    page.mouse.up()
+    expect(page.locator(".pendant-block").first).to_contain_text(f"{before / 2:g}")
+    assert program(humanoid)["moves"][0]["duration"] == pytest.approx(before / 2, abs=0.11)
+    typed(page, "left elbow: fore-arm up", 20)
+    expect(page.get_by_text(re.compile("Tested and not added yet.*20"))).to_be_visible()
+    page.keyboard.press("Alt+A")
+    moves = program(humanoid)["moves"]
+    page.locator(".pendant-block").last.drag_to(page.locator(".pendant-block").first)
+    expect(page.locator(".pendant-block").first).to_contain_text("20")
+    assert program(humanoid)["moves"] == [moves[-1], *moves[:-1]]
