@@ -18,6 +18,7 @@ from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.plan import check_limits
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import urdf_with_pieces
@@ -30,6 +31,7 @@ _FAR = float(np.deg2rad(45.0))
 _SAME = 1e-9  # rad
 _AT_REST = 0.02
 """Largest error of a joint [rad] and speed [rad/s] of a robot that stands still; its weight alone costs up to 0.01."""
+_TAUGHT = 1.0  # deg from home
 _NEAR = 0.05  # m from the soles down to what a robot stands on
 _DOWN = (0.0, 0.03, 0.06, 0.1)  # how much lower the hips may be under a load or on a slope, in parts of their height
 _SAMPLE = 0.01  # s between the samples of the way into it
@@ -64,6 +66,8 @@ def planned_gait(
     situation = resolve(station or robot.cell.config)
     _check_station(robot, situation, gait, name)
     walker = _walker(robot, situation)
+    if isinstance(gait, SolvedGait) and "bearing" not in changes:
+        gait = _with_arms(gait, model, taught_arms(robot, gait.feet))
     made = changes.get("feet") or gait.made_for(model)
     if gait.on_feet and not carries(model, worn, made):
         raise InvalidParameter(f"feet of {model.name}", str(worn), f"{made}, for {name}: set robot.feet to {made}")
@@ -87,6 +91,23 @@ def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     result = cell.follow({robot.name: trajectory}, trajectory.end_time())
     cell.change(own.model_copy(update={"floor": adapted.floor}))
     return result
+
+
+def taught_arms(robot: LeggedGeometry, feet: str | None = None) -> dict[str, float]:
+    """Return where axes in no leg were moved to, which gaits leave there, by name [deg]; those near home are none."""
+    legs = {axis for foot in Walker.of(robot.model).feet(feet) for axis in foot.axes}
+    now, home = np.rad2deg(robot.reference), np.rad2deg(robot.model.home)
+    away = [axis for axis in range(len(now)) if axis not in legs and abs(now[axis] - home[axis]) > _TAUGHT]
+    return {list(robot.model.axes)[axis]: float(now[axis]) for axis in away}
+
+
+def _with_arms(gait: SolvedGait, model: RobotModel, arms: dict[str, float]) -> SolvedGait:
+    """Return a gait with arms elsewhere [deg]; itself if there are none."""
+    if not arms:
+        return gait
+    degrees = model.axis_vector(gait.bearing.posture_deg, "posture_deg").tolist()
+    posture = dict(zip(model.axes, degrees, strict=True)) | arms
+    return gait.model_copy(update={"bearing": gait.bearing.model_copy(update={"posture_deg": posture})})
 
 
 def _within_reach(plan: Callable[..., JointMotion], gait: Gait, *, bent: bool) -> JointMotion:

@@ -13,7 +13,7 @@ from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.gaits.quadruped import three_legs
 from simrob_drake.programs.gaits.registry import first_gait, gaits_of
-from simrob_drake.programs.legged_gait import planned_gait
+from simrob_drake.programs.legged_gait import planned_gait, taught_arms
 from simrob_drake.robots.catalog import load_robot
 
 pytestmark = pytest.mark.usefixtures("no_plots")
@@ -631,3 +631,18 @@ class TestFalls:
         assert result.stopped_by == "high"
         assert len(robot.program.moves) == 1
         np.testing.assert_array_equal(robot.position, result.axes("q")[-1])
+
+
+def test_a_walk_leaves_arms_where_they_were_taught_to_be(standing):
+    """Earlier in the same program too; legs and the other arm are the gait's own."""
+    arm, other = (standing.axes.index(f"{side}_elbow") for side in ("left", "right"))
+    plain = planned_gait(standing, None, {}, steps=1)
+    assert taught_arms(standing) == {}
+    standing.run(Program(moves=[{"target_deg": {"left_elbow": 60}, "duration": 0.5}, {"walk": {"steps": 1}}]))
+    assert taught_arms(standing) == {"left_elbow": pytest.approx(60)}
+    taught = planned_gait(standing, None, {}, steps=1)
+    np.testing.assert_allclose(taught.positions[:, arm], np.deg2rad(60), atol=1e-9)
+    np.testing.assert_allclose(taught.positions[:, other], plain.positions[:, other], atol=1e-9)
+    bearing = next(iter(gaits_of(standing.model, steps=True).values())).bearing.model_dump()
+    own = planned_gait(standing, None, {"bearing": bearing}, steps=1)
+    np.testing.assert_allclose(own.positions[:, arm], plain.positions[:, arm], atol=1e-9)

@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field
 
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.geometry import LeggedGeometry
-from simrob_drake.programs.legged_gait import perform, planned_gait
+from simrob_drake.programs.legged_gait import perform, planned_gait, taught_arms
 from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, Outlook, Stage, naming
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.sections import Number
@@ -29,11 +29,13 @@ class GaitMove(Move):
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Plan it, and return the stage that runs it; it is planned anew where it depends on what was done before."""
-        plans = [self.planned(robot, outlook.station)]  # nobody keeps one while it runs
+        plans, arms = [self.planned(robot, outlook.station)], taught_arms(robot)  # nobody keeps a plan while it runs
         if outlook.changed or resolve(outlook.station).ground.incline:
             plans.clear()
 
         def go(robot: LeggedGeometry) -> SimulationResult:
+            if taught_arms(robot) != arms:
+                plans.clear()
             return replace(perform(robot, plans.pop() if plans else anew(robot)), did=self.caption())
 
         def anew(robot: LeggedGeometry) -> JointMotion:
