@@ -76,6 +76,13 @@ def humanoid(tmp_path_factory):
         yield pendant
 
 
+@pytest.fixture
+def alone(tmp_path):
+    """A pendant in which no other test has left runs."""
+    with running("humanoid", tmp_path / "humanoid") as pendant:
+        yield pendant
+
+
 def taught_by_the_keyboard(page, humanoid):
     """Teach the first move of a program."""
     page.get_by_role("searchbox", name="Search for a joint").fill("CodI")
@@ -371,19 +378,8 @@ def test_an_arm_is_jogged_and_taught(page, tmp_path):
 
 
 @pytest.mark.long
-def test_robots_are_loaded_by_their_pictures(page, humanoid):
-    opened(page, humanoid)
-    for robot, tab in (("yobotics", "Legged"), ("ur5", "Arm"), ("zjudancer", "Legged")):
-        button(page, "Robots and stations").click()
-        button(page, robot).click()
-        expect(page.get_by_role("tab", name=tab, selected=True)).to_be_visible()
-        expect(button(page, "Play")).to_be_enabled()
-        expect(page.get_by_role("status")).to_be_empty()
-
-
-@pytest.mark.long
-def test_two_runs_before_are_compared_with_a_ghost_in_the_view(page, humanoid):
-    opened(page, humanoid)
+def test_two_runs_before_are_compared_with_a_ghost_in_the_view(page, alone):
+    opened(page, alone)
     page.get_by_role("searchbox", name="Search for a joint").fill("CodI")
     for angle in (-60, 90):
         typed(page, "left elbow: fore-arm up", angle)
@@ -403,21 +399,33 @@ def test_two_runs_before_are_compared_with_a_ghost_in_the_view(page, humanoid):
 
 
 @pytest.mark.long
-def test_a_move_takes_as_long_as_its_edge_is_dragged_and_goes_where_it_is_dropped(page, humanoid):
-    opened(page, humanoid)
-    with_a_move(page, humanoid)
-    before, edge = program(humanoid)["moves"][0]["duration"], page.locator(".pendant-edge").first.bounding_box()
+def test_a_move_takes_as_long_as_its_edge_is_dragged_and_goes_where_it_is_dropped(page, alone):
+    opened(page, alone)
+    with_a_move(page, alone)
+    before, edge = program(alone)["moves"][0]["duration"], page.locator(".pendant-edge").first.bounding_box()
     block = page.locator(".pendant-block").first.bounding_box()
     page.mouse.move(edge["x"] + 4, edge["y"] + 4)
     page.mouse.down()
     page.mouse.move(edge["x"] + 4 - block["width"] / 2, edge["y"] + 4, steps=4)
     page.mouse.up()
     expect(page.locator(".pendant-block").first).to_contain_text(f"{before / 2:g}")
-    assert program(humanoid)["moves"][0]["duration"] == pytest.approx(before / 2, abs=0.11)
+    assert program(alone)["moves"][0]["duration"] == pytest.approx(before / 2, abs=0.11)
     typed(page, "left elbow: fore-arm up", 20)
     expect(page.get_by_text(re.compile("Tested and not added yet.*20"))).to_be_visible()
     page.keyboard.press("Alt+A")
-    moves = program(humanoid)["moves"]
+    moves = program(alone)["moves"]
     page.locator(".pendant-block").last.drag_to(page.locator(".pendant-block").first)
     expect(page.locator(".pendant-block").first).to_contain_text("20")
-    assert program(humanoid)["moves"] == [moves[-1], *moves[:-1]]
+    assert program(alone)["moves"] == [moves[-1], *moves[:-1]]
+
+
+@pytest.mark.long
+def test_robots_are_loaded_by_their_pictures(page, humanoid):
+    opened(page, humanoid)
+    for robot, tab in (("yobotics", "Legged"), ("ur5", "Arm"), ("zjudancer", "Legged")):
+        button(page, "Robots and stations").click()
+        button(page, robot).click()
+        expect(page.get_by_role("dialog")).to_have_count(0)
+        expect(page.get_by_role("tab", name=tab, selected=True)).to_be_visible()
+        expect(button(page, "Play")).to_be_enabled()
+        expect(page.get_by_role("status")).to_be_empty()
