@@ -80,7 +80,7 @@ def jogged(arm: Arm, delta: Sequence[float], frame: str = BASE, start: Sequence[
             unless given.
     """
     base = _frame(arm, BASE)
-    begin, by = _tool(arm) if start is None else base @ _pose(start, "start"), _pose(delta, "delta")
+    begin, by = _tool(arm) if start is None else base @ posed(start, "start"), posed(delta, "delta")
     axes = begin.rotation() if frame == TOOL else _frame(arm, frame).rotation()
     turn: RotationMatrix = axes @ by.rotation() @ axes.inverse() @ begin.rotation()
     return _pose_values(base.inverse() @ RigidTransform(turn, begin.translation() + axes @ by.translation()))
@@ -97,8 +97,24 @@ def inverse(arm: Arm, pose: Sequence[float], frame: str = BASE) -> dict[str, flo
     Raises:
         Unreachable: tells why, and how near the best posture comes.
     """
-    target = _frame(arm, frame) @ _pose(pose, "pose")
+    target = _frame(arm, frame) @ posed(pose, "pose")
     return _by_axis(arm, arm.joint(target, start=arm.reference))
+
+
+def retaught(
+    arm: Arm, pose: Sequence[float], frame: str, tool: str, axes: Mapping[str, float]
+) -> dict[str, dict[str, float] | list[float]]:
+    """Return the axes near others, and the pose in a frame, of a target whose tool is put to a pose in the world.
+
+    Raises:
+        Unreachable: tells why, and how near the best posture comes.
+    """
+    arm, goal = _using(arm, tool), posed(pose, "pose")
+    start = np.array([axes[axis] for axis in arm.axes]) * arm.cell.robot(arm.name).model.user_units
+    return {
+        "axes": _by_axis(arm, arm.joint(goal, start=start)),
+        "pose": _pose_values(_frame(arm, frame).inverse() @ goal),
+    }
 
 
 def jog_move(arm: Arm, targets_deg: Mapping[str, float], duration: float | None = None) -> dict[str, Any]:
@@ -129,7 +145,7 @@ def branches(arm: Arm, pose: Sequence[float] | None = None, frame: str = BASE, t
     nothing around; what would be in what; and whether the arm can stand so.
     """
     arm = _using(arm, tool)
-    target = _tool(arm) if pose is None else _frame(arm, frame) @ _pose(pose, "pose")
+    target = _tool(arm) if pose is None else _frame(arm, frame) @ posed(pose, "pose")
     return [_meaning(arm, branch) for branch in arm.branches(target, start=arm.reference)]
 
 
@@ -178,7 +194,8 @@ def _by_axis(arm: Arm, posture: Vector) -> dict[str, float]:
     return dict(zip(arm.axes, values.tolist(), strict=True))
 
 
-def _pose(values: Sequence[float], name: str) -> RigidTransform:
+def posed(values: Sequence[float], name: str) -> RigidTransform:
+    """Return the pose that six values are; raises InvalidParameter: they are none."""
     found = finite(values)
     if found.shape != _UNITS.shape:
         raise InvalidParameter(name, quoted(values), "six finite numbers [x y z Rz Ry Rx] in m and degrees")

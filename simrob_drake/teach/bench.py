@@ -31,6 +31,7 @@ from simrob_drake.stations.load import load_station
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.teach import arm_questions
 from simrob_drake.teach.describe import description
+from simrob_drake.teach.handles import handles, reached
 from simrob_drake.teach.run_pacer import Inbox, Rewound, RunPacer
 
 
@@ -231,12 +232,21 @@ class Bench:
         return limits
 
     def ghosts(self, postures: Sequence[dict[str, float]], good: Sequence[bool], marked: int | None = None) -> None:
-        """Show the arm translucent at postures [deg or m]; none takes all away."""
-        own = self.cell.robot(self._robot)
-        at = [np.array([posture[axis] for axis in own.axes]) * own.model.user_units for posture in postures]
+        """Show the robot translucent, some axes at [deg or m], the others where they are; no posture: none is shown."""
+        own, now = self.cell.robot(self._robot), self.posture()
+        at = [np.array([*{**now, **posture}.values()]) * own.model.user_units for posture in postures]
         if self._view.scene is not None:
             commands = ghosts(self._view.scene, self._robot, at, good, marked)
             self._inbox.tell("view", subject="ghosts", commands=commands)
+
+    def handles(self, targets: dict[str, dict[str, Any]], near: dict[str, float]) -> None:
+        """Tell the view what can be taken by hand, with some axes elsewhere [deg or m]."""
+        found = handles(self.cell, self._robot, targets, near)
+        self._inbox.tell("view", subject="handles", commands=[{"type": "handles", **found}])
+
+    def reach(self, limb: str, pose: Sequence[float], near: dict[str, float], *, turned: bool) -> dict[str, float]:
+        """Tell the axes that bring the end of a limb to a pose; see :func:`~simrob_drake.teach.handles.reached`."""
+        return reached(self.cell, self._robot, limb, pose, near, turned=turned)
 
     def check(self) -> list[dict[str, str]]:
         """Tell what `simrob check` says of the station."""

@@ -74,13 +74,32 @@ class Jogging:
         def keep(place: dict[str, Any]) -> str:
             known = self._book.history.present.targets
             called = name or next(text for number in range(1, len(known) + 2) if (text := f"p{number}") not in known)
-            axes = {axis: round(value, _DIGITS) + 0.0 for axis, value in place["axes"].items()}
-            pose = tuple(round(value, _DIGITS) + 0.0 for value in place["pose"])
-            target = Target(axes=axes, pose=pose, frame=frame, tool=place["tool"] or "", robot=self._book.robot)
-            self._book.record(self._book.history.present.replaced(targets={**known, called: target}))
+            self._record(called, place, frame=frame, tool=place["tool"] or "", robot=self._book.robot)
             return called
 
         return self._client.ask("where", keep, frame=frame)
+
+    def put_target(self, name: str, pose: Sequence[float]) -> Future[Any]:
+        """Have a taught target elsewhere, at a pose in the world [m, deg], in the posture nearest to its own."""
+        target = self._client.or_wrong(lambda: self._target(name))
+        if target is None:
+            return done(None)
+        own: dict[str, Any] = {"frame": target.frame, "tool": target.tool}
+
+        def keep(place: dict[str, Any]) -> None:
+            self._record(name, place, **own, robot=target.robot)
+
+        return self._client.ask("retaught", keep, pose=plain(pose), axes=target.axes, **own)
+
+    def _target(self, name: str) -> Target:
+        known = self._book.history.present.targets
+        return known[one_of("target", name, known)]
+
+    def _record(self, name: str, place: Mapping[str, Any], **how: Any) -> None:
+        axes = {axis: round(value, _DIGITS) + 0.0 for axis, value in place["axes"].items()}
+        target = Target(axes=axes, pose=tuple(round(value, _DIGITS) + 0.0 for value in place["pose"]), **how)
+        taught = self._book.history.present
+        self._book.record(taught.replaced(targets={**taught.targets, name: target}))
 
     def remove_target(self, name: str) -> bool:
         """Forget a taught target; lines that were made of it stay."""
@@ -104,8 +123,7 @@ class Jogging:
         """
 
         def lengthened(program: Program) -> Program:
-            known = self._book.history.present.targets
-            goal = known[one_of("target", target, known)]
+            goal = self._target(target)
             place = len(program.moves) if index is None else index
             for number, move in enumerate(self._lines(program, place, kind, goal, via, how)):
                 program = program.inserted(place + number, move)
@@ -165,8 +183,7 @@ class Jogging:
             content["targets_deg"] = list(goal.pose)
             content |= {} if goal.frame == "world" else {"wobj": goal.frame}
         if via is not None:
-            known = self._book.history.present.targets
-            passed = known[one_of("target", via, known)]
+            passed = self._target(via)
             if passed.frame != goal.frame:
                 raise InvalidParameter(f"frame of {via}", passed.frame, f"{goal.frame}, as that of the target")
             content["via"] = list(passed.pose[:3])

@@ -11,6 +11,9 @@ from simrob_drake.teach.pages.words import Notice, languages
 from simrob_drake.teach.session import Session
 from simrob_drake.teach.tours import TourProgress, tours
 
+_SCRIPT = Path(__file__).parent / "pages" / "hand.js"
+_FAR = 1e6  # m or deg; nobody drags farther
+
 Opener = Callable[[str | Path, str | None], Session]
 """Opens a subject, and of a station with several robots the one that is to be taught."""
 
@@ -39,7 +42,7 @@ class Pendant:
         self.language = one_of("language", language, languages())
         self._open_session = open_session
         self.session = open_session(subject, None)
-        self.board = Board(on_drag=self._drag)
+        self.board = Board(script=_SCRIPT, hears={"drag": self._drag, "put": self._put, "turn": self._turn})
         self._begin()
 
     def load(self, subject: str | Path, robot: str | None = None) -> bool:
@@ -80,10 +83,34 @@ class Pendant:
         self.board.wipe()
         self.session.listen_to_view(self.board.tell)
 
-    def _drag(self, path: str, point: list[float], target: list[float] | None) -> None:
-        """Pass on what is dragged in the view, by the name that the station knows it by."""
+    def _drag(self, said: Any) -> None:
+        """Pass on what is dragged in the view, by the name that the station knows it by.
+
+        The path in Meshcat's tree of the body that a user drags, the point in its frame (3) [m] that was picked, and
+        where in the world the pointer is (3) [m]; None there ends it.
+        """
+        path, *places = said
+        point, target = (None if place is None else _numbers(place, 3) for place in places)
         _, _, owner, *_, link = path.strip("/").split("/")  # below /drake/station; ValueError: no such path
         known: Any = self.session.description.get("bodies", ())
         at = next((name for name in (f"{owner}.{link}", link, owner) if name in known), None)
-        if at is not None:
+        if at is not None and point is not None:
             self.session.drag(at, point, target)
+
+    def _put(self, said: Any) -> None:
+        """Pass on where a handle is put: its name, its pose (6) [m, deg], whether it is turned, and let go of."""
+        handle, pose, turned, over = said
+        self.session.hand.put(str(handle), _numbers(pose, 6), turned=turned is True, over=over is True)
+
+    def _turn(self, said: Any) -> None:
+        """Pass on how far an axis is turned by its link [deg or m]."""
+        axis, value = said
+        self.session.hand.turn(str(axis), *_numbers([value], 1))
+
+
+def _numbers(values: Any, count: int) -> list[float]:
+    """Return numbers that a page tells; raises ValueError, TypeError: they are none, or too large."""
+    found = [float(value) for value in values]
+    if len(found) != count or not all(abs(value) < _FAR for value in found):
+        raise ValueError
+    return found

@@ -16,7 +16,7 @@ from simrob_drake.teach.run import TaughtRun
 from simrob_drake.teach.run_pacer import News, RunLost
 
 Made = TypeVar("Made")
-Topic = Literal["program", "phase", "tick", "message", "description", "history"]
+Topic = Literal["program", "phase", "tick", "message", "description", "history", "hand"]
 MakeLive = Callable[[Callable[[News], None]], "Running"]
 HandOver = Callable[[Callable[[], None]], object]
 Viewer = Callable[[str, list[dict[str, Any]]], object]

@@ -20,6 +20,7 @@ from simrob_drake.sections import validated
 from simrob_drake.teach.driving import Driving
 from simrob_drake.teach.earlier_runs import EarlierRuns
 from simrob_drake.teach.exports import Exports
+from simrob_drake.teach.hand import Hand
 from simrob_drake.teach.jogging import Jogging
 from simrob_drake.teach.move_runner import MoveRunner
 from simrob_drake.teach.pages.words import Notice
@@ -56,6 +57,7 @@ class Session:
         book: the program and what else is taught, kept in its file.
         setup: the station with its settings.
         arm: what a pendant of an arm does.
+        hand: what is moved in the view.
         driving: a walk that is driven by hand.
         exports: what is taken away.
         earlier: runs that have ended, looked at again.
@@ -70,6 +72,7 @@ class Session:
         self._runner = runner = MoveRunner(client, book)
         self.setup = Setup(client, book, runner)
         self.arm = Jogging(client, book, runner)
+        self.hand = Hand(client, book, self.arm, self.setup)
         self.driving = Driving(client, book, runner)
         self.exports = Exports(client, book, runner.commands)
         self.earlier = EarlierRuns(client, runner.commands, self.rewind)

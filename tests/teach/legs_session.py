@@ -65,6 +65,26 @@ def be_all_parts(session):
     session.client = session.book = session.history = session.setup = session.arm = session.exports = (
         session.earlier
     ) = session
+    session.hand = Hand()
+
+
+class Hand:
+    """A hand in the view: `leant` has what ghosts were asked for, `calls` the rest."""
+
+    def __init__(self):
+        self.asked, self.leant, self.calls = {}, [], []
+
+    def lean(self, axes):
+        self.leant.append(dict(axes))
+
+    def open(self):
+        self.calls.append(("open",))
+
+    def put(self, *how, **named):
+        self.calls.append(("put", *how, named))
+
+    def turn(self, *how):
+        self.calls.append(("turn", *how))
 
 
 class LegsSession:

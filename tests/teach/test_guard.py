@@ -207,6 +207,16 @@ def test_the_view_tells_what_the_session_tells_and_hears_of_drags(served):
     foreign = {"Origin": "http://evil.example"}
     assert served.asked("view/told", method="POST", body=message, **foreign)[0] == 403
     assert len(session.calls) == 1
+    put = ["put", ["tool:", [0.1, 0, 0.2, 0, 90, 0], False, True]]
+    good = [put, ["turn", ["joint_1", 12.5]]]
+    wrong = [["put", ["tool:", [0.1, 0], False, True]], ["put", ["tool:", [1e9] * 6, False, True]], ["put", "tool:"]]
+    wrong += [["turn", ["joint_1", "x"]], ["turn", ["joint_1", None]], ["turn", [1]]]
+    for words in (*good, *wrong):
+        assert served.asked("view/told", method="POST", body=json.dumps(words), **own)[0] == 204
+    assert session.hand.calls == [
+        ("put", "tool:", [0.1, 0.0, 0.2, 0.0, 90.0, 0.0], {"turned": False, "over": True}),
+        ("turn", "joint_1", 12.5),
+    ]
 
 
 def test_a_tab_that_is_closed_takes_no_picture_from_the_others(served):

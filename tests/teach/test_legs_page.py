@@ -236,6 +236,23 @@ def test_a_joint_that_was_set_can_be_taken_back():
     assert "test" not in [call[0] for call in shown(script).calls]
 
 
+def test_joints_that_a_hand_in_the_view_set_are_tested_and_shown_as_a_ghost():
+    async def script(user, session):
+        session.hand.asked = {"left_elbow": 40.0, "right_knee": 12.0}
+        session.told("hand")
+        await heard()
+        assert field(user, "left elbow").value == 40.0
+        assert session.hand.leant[-1] == session.hand.asked
+        press_that(user, "Take back: left elbow")
+        assert session.hand.leant[-1] == {"right_knee": 12.0}
+        press(user, "2. Test")
+        await heard()
+        assert session.hand.leant[-1] == {}
+
+    session = shown(script)
+    assert ("test", {"right_knee": 12.0}, 1.0) in session.calls
+
+
 def test_what_is_set_goes_with_the_move_and_with_all():
     async def script(user, session):
         for button, call in (("Discard move", "discard"), ("Reset", "reset")):

@@ -327,8 +327,12 @@ def test_the_view_is_a_frame():
         drag = button(user, "D")
         press(user, drag)
         assert drag.props["aria-pressed"] == "true"
-        press(user, drag)
-        assert drag.props["aria-pressed"] == "false"
+        press(user, hand := button(user, "G"))  # of two moods one is there
+        assert (drag.props["aria-pressed"], hand.props["aria-pressed"]) == ("false", "true")
+        await user.should_see(EN["hand.hint"])
+        press(user, hand)
+        assert hand.props["aria-pressed"] == "false"
+        await user.should_not_see(EN["hand.hint"])
 
     visit(scenario)
 

@@ -7,12 +7,14 @@ that anybody sends is ever parsed but a short list of a name and a number.
 import json
 import math
 import secrets
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import count
 from pathlib import Path
 from threading import Condition, Thread
+from types import MappingProxyType
+from typing import Any
 
 from simrob_drake.results.animation.drawn import Command, empty_page
 
@@ -20,15 +22,12 @@ _HOST = "127.0.0.1"
 _NAMES = (_HOST, "localhost")  # of this computer, in a page's address; any other leads here by a trick
 _FIRST_PORT, _PORTS = 7000, 100
 _SCRIPT = Path(__file__).with_suffix(".js")
-_DRAG = "drag"
-_FAR = 1e6  # m; nobody drags farther
 _LONGEST = 512  # bytes of a message
 _BREATH = 5.0  # s without news after which a word keeps the connection, and finds out whether anybody is there
 
 
-Drag = Callable[[str, list[float], list[float] | None], object]
-"""Takes the path in Meshcat's tree of the body that a user drags, the point in its frame (3) [m] that was picked, and
-where in the world the pointer is (3) [m]; None there ends it."""
+Hears = Mapping[str, Callable[[Any], object]]
+"""Take what a page tells beside its controls, by its name; ValueError or TypeError: it is none of ours."""
 
 
 @dataclass
@@ -58,18 +57,25 @@ class Control:
 class Board:
     """What Meshcat's page shows in every browser that looks, and what its users set there, whoever serves it."""
 
-    def __init__(self, controls: dict[str, Control] | None = None, *, on_drag: Drag | None = None) -> None:
-        """Begin with an empty page of controls by name; ``on_drag`` is called as a user drags a body."""
+    def __init__(
+        self,
+        controls: dict[str, Control] | None = None,
+        *,
+        script: Path | None = None,
+        hears: Hears = MappingProxyType({}),
+    ) -> None:
+        """Begin with an empty page of controls by name, and perhaps a script of its own, and what takes its words."""
         self.controls = controls or {}  # what the users may set, by name
-        self._on_drag = on_drag
+        self._hears = hears
         self._news = Condition()
         self._commands: dict[str, Sequence[Command]] = {}
         self._versions: dict[str, int] = {}
         self._count = count(1)
         self._open = True
         before, end, after = empty_page().rpartition("</body>")
-        script = f"const drags = {json.dumps(on_drag is not None)};\n{_SCRIPT.read_text(encoding='utf-8')}"
-        self.page = f"{before}<script>{script}</script>{end}{after}".encode()  # served beside ``events`` and ``told``
+        own = [one.read_text(encoding="utf-8") for one in (_SCRIPT, script) if one is not None]
+        scripts = "".join(f"<script>{one}</script>" for one in own)
+        self.page = f"{before}{scripts}{end}{after}".encode()  # served beside ``events`` and ``told``
 
     def tell(self, subject: str, commands: Sequence[Command]) -> None:
         """Tell all pages, and those that come later, in place of what they were told of the same subject."""
@@ -90,12 +96,11 @@ class Board:
             self._versions.clear()
 
     def hear(self, message: bytes) -> None:
-        """Hear of a control that is set to a number, or of a dragged body: lists in JSON. All else is not heard."""
+        """Hear of a control that is set to a number, or what else is heard: lists in JSON. All else is not heard."""
         try:
             name, content = json.loads(message)
-            if name == _DRAG and self._on_drag is not None:
-                body, point, target = content
-                self._on_drag(str(body), _place(point), None if target is None else _place(target))
+            if name in self._hears:
+                self._hears[name](content)
                 return
             control, value = self.controls[name], float(content)
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
@@ -148,14 +153,6 @@ def is_short(length: str) -> bool:
 def number_of(text: str, otherwise: int = 0) -> int:
     """Return the whole number that a text from outside is, if it has a few digits and nothing else."""
     return int(text) if text.isascii() and text.isdigit() and len(text) < 12 else otherwise
-
-
-def _place(coordinates: Sequence[float]) -> list[float]:
-    """Return a place (3) [m] that a page tells."""
-    x, y, z = (float(value) for value in coordinates)
-    if not all(abs(value) < _FAR for value in (x, y, z)):
-        raise ValueError
-    return [x, y, z]
 
 
 class Window(Board):

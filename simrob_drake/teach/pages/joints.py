@@ -32,7 +32,7 @@ class Joints:
 
         ``changed`` is called after each change of a target, ``entered`` when the user ends a number with the key Enter.
         """
-        t = phrases.t
+        t, self._changed = phrases.t, changed
         self._search = ui.input(t("legs.search"), on_change=self._find).props("clearable dense outlined type=search")
         self._search.classes("w-full")
         with ui.column().classes("w-full gap-0 overflow-y-auto flex-nowrap").classes("pendant-joints"):
@@ -70,9 +70,15 @@ class Joints:
 
     def restore(self, targets: Mapping[str, float]) -> None:
         """Set joints again as they were tested in vain [deg or m], but those that were set anew since."""
+        self.set({name: value for name, value in targets.items() if name not in self.targets})
+
+    def set(self, targets: Mapping[str, float]) -> None:
+        """Set joints [deg or m]."""
         for row in self._rows:
-            if row.name in targets and not row.is_set:
+            if row.name in targets:
                 row.set(targets[row.name])
+        if targets:
+            self._changed()
 
     def follow(self, values: Mapping[str, float]) -> None:
         """Show where joints are [deg or m] that are not set."""
@@ -117,7 +123,7 @@ class _Row:
     def set(self, value: float) -> None:
         """Take where the joint is to go [deg or m]."""
         self.dial.show(value)
-        self._moved()
+        self._mark(is_set=self.dial.number.field.value is not None)
 
     def _moved(self) -> None:
         self._mark(is_set=self.dial.number.field.value is not None)

@@ -89,6 +89,7 @@ class _Teaching:
         Marks(session, phrases, self._axes, self._joints.dials, plate)
         follow(session, self._tell, "program")
         follow(session, self._show_where, "phase", "tick")
+        follow(session, lambda: self._joints.set(session.hand.asked), "hand")
 
     def _test(self) -> None:
         """Test what is set, or once more what was tested last, in the time that is given now."""
@@ -133,6 +134,7 @@ class _Teaching:
     def _tell(self) -> None:
         """Say what would be tested, and what was."""
         t, phrases = self._phrases.t, self._phrases
+        self._session.hand.lean(self._joints.targets)
         axes = ", ".join(phrases.target(axis, value) for axis, value in self._joints.targets.items())
         self._chosen.text = t("legs.chosen", axes=axes) if axes else t("legs.choose")
         moves = "; ".join(phrases.move(move) for move in self._session.book.pending)

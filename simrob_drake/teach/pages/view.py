@@ -7,12 +7,10 @@ from pathlib import Path
 from nicegui import background_tasks, ui
 
 from simrob_drake.programs.timeline import GRID
-from simrob_drake.teach.pages import drive
+from simrob_drake.teach.pages import drive, hand
 from simrob_drake.teach.pages.elements import NumberField, allow, follow, icon_button, set_label
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
-
-_FRAME = "view-frame"
 
 
 def build(session: Session, t: Words) -> None:
@@ -28,25 +26,17 @@ def build(session: Session, t: Words) -> None:
     async def show() -> None:
         can = await ui.run_javascript("window.hasWebGL()", timeout=10.0)
         with place:
-            _frame(t) if can else _stills(session, t)
+            _frame(session, t) if can else _stills(session, t)
             drive.build(session, t)
 
     ui.timer(0.0, show, once=True)
 
 
-def _frame(t: Words) -> None:
-    frame = ui.element("iframe").props(f"id={_FRAME} src=view/")
+def _frame(session: Session, t: Words) -> None:
+    frame = ui.element("iframe").props(f"id={hand.FRAME} src=view/")
     frame.props["title"] = t("shell.view")
     frame.on("load", js_handler="(event) => window.viewShown(event.target)")
-    drag = icon_button("pan_tool_alt", t("shell.drag"), keys="D").classes("pendant-drag").props("aria-pressed=false")
-
-    def toggle() -> None:
-        on = drag.props["aria-pressed"] != "true"
-        drag.props["aria-pressed"] = "true" if on else "false"
-        drag.update()
-        ui.run_javascript(f"document.getElementById('{_FRAME}').contentWindow.dragging = {str(on).lower()}")
-
-    drag.on_click(toggle)
+    hand.build(session, t)
 
 
 def _stills(session: Session, t: Words) -> None:
