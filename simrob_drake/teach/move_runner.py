@@ -87,8 +87,9 @@ class Commands:
         return self._client.ask(method, lambda result: over(lambda: then(result)), lambda: over(failed), **arguments)
 
     def set_phase(self, of_run: str) -> None:
-        """Take the phase of the run."""
+        """Take the phase of the run; one that runs has left the moment that was gone back to."""
         self.of_run = of_run
+        self._client.run.rewound &= of_run != "running"
         self._show_phase()
 
     def _show_phase(self) -> None:

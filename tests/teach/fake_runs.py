@@ -3,7 +3,7 @@
 from concurrent.futures import Future
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.teach.bench import Bench
+from simrob_drake.teach.bench import ALONE, Bench
 from simrob_drake.teach.run_pacer import RunLost
 from simrob_drake.yaml_files import parse_yaml
 
@@ -29,6 +29,8 @@ class CountingRun:
     def call(self, method, /, **arguments):
         self.calls.append((method, {name: value for name, value in arguments.items() if name != "positions"}))
         future = Future()
+        if method in ALONE:  # which ends what runs
+            self._stop()
         try:
             if self.dead:
                 raise RunLost
@@ -99,9 +101,10 @@ class CountingRun:
 
     def _rewind(self, time, positions):
         self.positions = positions
-        if self.shown:
+        ran = self.shown and time <= self.end  # else it is of a run that was lost
+        if ran:
             self.time, self.back = time, True
-        return self.shown
+        return ran
 
     def _go_on(self):
         if self.running is None and self.back and self.time < self.end:

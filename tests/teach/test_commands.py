@@ -112,6 +112,9 @@ INTERLEAVED = st.lists(st.tuples(st.sampled_from(sorted(COMMANDS)), st.integers(
 @settings(max_examples=15, deadline=None)
 @given(INTERLEAVED)
 @example([("act", 0), ("rewind", 0), ("act", 0), ("add", 0)])  # it goes on before the way back is answered
+@example([("act", 0), ("finish", 0), ("die", 9)])
+@example([("act", 0), ("discard", 0), ("hear", 0), ("go_on", 0), ("act", 0)])
+@example([("act", 0), ("rewind", 0), ("simulate", 0), ("act", 0), ("add", 0)])  # and after it was stopped, too
 def test_commands_in_any_order(tmp_path_factory, commands):
     check_interleaving(tmp_path_factory.mktemp("commands"), commands)
 

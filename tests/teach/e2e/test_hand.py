@@ -50,11 +50,6 @@ class Hand:
         self.page.mouse.click(*self._seen(self.view.evaluate(_DOT, handle)))
         return self.gizmo()
 
-    def choose_next(self, handle):
-        """Click where another one is chosen already."""
-        self.choose(handle)
-        return self.choose(handle)
-
     def gizmo(self):
         place, size = self.view.evaluate(_GIZMO)
         return np.array(place), size
@@ -111,7 +106,7 @@ def test_pieces_and_targets_are_put_elsewhere(page, tmp_path):
         hand = Hand(page, pendant)
         hand.by_steps("50 mm, 45°")
         page.get_by_role("button", name="Teach", exact=True).click()
-        place, size = hand.choose_next("tool:")  # where the target is, too
+        place, size = hand.choose("target:p1")  # where the tool is, too
         tip = np.add(place, [0.9 * size, 0, 0])
         hand.drag(tip, np.subtract(tip, [0.09, 0, 0]))
         expect(page.get_by_role("listitem").filter(has_text=f"x {1e3 * place[0] - 100:.0f}")).to_be_visible()
