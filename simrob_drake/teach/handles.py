@@ -135,10 +135,10 @@ def _limbs(own: StationRobot, moved: Mapping[str, Sequence[int]]) -> dict[str, t
     found, covered = dict[str, tuple[Frame, RigidTransform]](), list[set[int]]()
     for tool, name in own.model.tools.items():
         frame = own.plant.GetFrameByName(name, own.instance)
-        axes = {*moved.get(frame.body().name(), ())}
-        if len(axes) >= _LIMB and axes not in covered:  # else another tool of the same limb
+        reach = {*moved.get(frame.body().name(), ())}
+        if len(reach) >= _LIMB and reach not in covered:  # else another tool of the same limb
             found[tool] = frame, RigidTransform()
-            covered.append(axes)
+            covered.append(reach)
     feet = own.model.feet.kind(None) if own.model.feet else None
     for link, axes in moved.items():
         beyond = (*covered, *({*others} for others in moved.values() if len(others) > len(axes)))
