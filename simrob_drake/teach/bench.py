@@ -20,7 +20,7 @@ from simrob_drake.programs.whole_program import perform
 from simrob_drake.results.animation.drawn import compared_ghost, ghosts
 from simrob_drake.results.animation.live import StationView
 from simrob_drake.results.animation.pictures import save_film_strip
-from simrob_drake.results.block_diagram.picture import station_svg
+from simrob_drake.results.block_diagram.picture import loop_svg, station_svg
 from simrob_drake.results.files import write_table
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
@@ -255,6 +255,10 @@ class Bench:
     def picture(self, folded: Sequence[str] = ()) -> str:
         """Return the block picture as SVG, with the subsystems of some blocks folded."""
         return station_svg(self._start, live=True, folded=folded)
+
+    def loop_picture(self, station: str, settings: dict[str, Any], name: str, *, allow_code: bool = False) -> str:
+        """Return what a loop reads and moves, as SVG, in a station with settings that have it."""
+        return loop_svg(load_station(station, settings, allow_code=allow_code), name)
 
     def save(self, what: str, file: str) -> str:
         """Write the last run: its ``signals``, a ``page`` that plays, or a ``strip`` of pictures."""

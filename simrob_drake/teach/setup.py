@@ -48,6 +48,13 @@ class Setup:
         """Give the block picture as SVG, with the subsystems of some blocks folded."""
         return self._client.ask("picture", folded=list(folded))
 
+    def loop_picture(self, name: str) -> Future[Any]:
+        """Give as SVG what a loop reads and moves, be it on or off."""
+        book = self._book
+        settings = switched(book.known_loops, book.settings, name, True)
+        how: dict[str, Any] = {"station": book.station, "settings": settings, "allow_code": book.allow_code}
+        return self._client.ask("loop_picture", name=name, **how)
+
     def _open_with(self, settings: dict[str, Any]) -> bool:
         book = self._book
         if self._client.phase not in ("opening", "idle", "gone"):

@@ -18,12 +18,12 @@ from pydrake.systems.primitives import (
 
 from simrob_drake.blocks.contacts import ContactReader
 from simrob_drake.blocks.monitor import EventTimes, SteadySteps
-from simrob_drake.errors import InvalidParameter, OutputError
+from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
 from simrob_drake.files import diagrams_root
 from simrob_drake.parts.controllers import KINDS
 from simrob_drake.results.block_diagram.graph import BlockGraph
 from simrob_drake.results.block_diagram.layout import Layout, text_width
-from simrob_drake.results.block_diagram.picture import Drawing, save_block_picture, station_dot, station_svg
+from simrob_drake.results.block_diagram.picture import Drawing, loop_svg, save_block_picture, station_dot, station_svg
 from simrob_drake.results.block_diagram.reading import dot_text, mermaid_text, read_blocks
 from simrob_drake.results.block_diagram.routing import Routing
 from simrob_drake.stations.closed import closed_station
@@ -378,3 +378,12 @@ def test_an_unknown_suffix_names_the_known_ones(tmp_path: Path) -> None:
 def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"missing.picture\.dot cannot be written"):
         save_block_picture(load_station("double_pendulum"), tmp_path / "missing" / "picture.dot")
+
+
+def test_a_loop_alone_is_drawn_with_what_it_reads_and_moves():
+    drawn = loop_svg(load_station("yobotics_terrain"), "touchdown")
+    titles = re.findall(r"<title>(.*?)</title>", drawn)
+    feet = {f"sensor.{foot}" for foot in ("rear_left", "front_left", "rear_right", "front_right")}
+    assert {*titles} == {"controller.touchdown", "plant", "layers", *feet}
+    with pytest.raises(SimrobError, match="did you mean 'touchdown'"):
+        loop_svg(load_station("yobotics_terrain"), "touchdwn")

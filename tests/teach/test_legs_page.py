@@ -371,6 +371,22 @@ def test_pieces_are_taken_and_left_and_loops_switched():
     ]
 
 
+def test_a_loop_is_explained_by_a_picture():
+    async def script(user, session):
+        answer = Future()
+        answer.set_result("<svg><text>ankles</text></svg>")
+        session.loop_picture = lambda name: session.calls.append(("loop_picture", name)) or answer
+        press_that(user, "How it works: keep the balance")
+        await heard()
+        await user.should_see("arms, hips and at last a step bring it back")
+        (dialog,) = user.find(ui.dialog).elements
+        assert dialog.value
+        press(user, "Close")
+        await heard()
+
+    assert ("loop_picture", "balance") in shown(script).calls
+
+
 STORED = [MOVE, {"walk": {"steps": 4, "amplitude": 0.5}}, {"act": "bow"}, {"attach": "box"}, {"wait": 2.0}]
 
 

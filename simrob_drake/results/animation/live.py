@@ -1,5 +1,6 @@
 """A browser window that shows a station while it is simulated, run after run, and by which its walks are commanded."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 from math import radians
@@ -22,6 +23,7 @@ from simrob_drake.walking.commands import Commanded
 from simrob_drake.walking.parameters import MaxSpeed
 
 FRAME = 1 / 30  # simulated time from one picture to the next [s]
+_SPEED_OVER = 30  # pictures
 _PREFIXES = {"station": Role.kIllustration}
 Tell = Callable[[str, Sequence[Command]], object]
 
@@ -93,6 +95,7 @@ class LiveView:
         self.url = self._window.url  # where to look; it listens on this computer only
         self._view = StationView(self._window.tell)
         self._next_frame = self._clock_at_zero = 0.0
+        self._shown = deque[tuple[float, float]](maxlen=_SPEED_OVER)
         self._paths = 0
         self.draw(config, state)
 
@@ -115,6 +118,7 @@ class LiveView:
             return
         if self._last is None or time < self._last[0]:
             self._next_frame, self._clock_at_zero = time, perf_counter() - time
+            self._shown.clear()
         start, low = self._last if self._last is not None and self._last[0] < time else (time, positions)
         while self._next_frame <= time:
             part = (self._next_frame - start) / (time - start) if time > start else 1.0
@@ -125,9 +129,15 @@ class LiveView:
             elif ahead < -FRAME:
                 self._clock_at_zero -= ahead
             self._view.show(low + part * (positions - low))
-            self.say(f"{self._next_frame:.2f} s")
+            self.say(f"{self._next_frame:.2f} s  {self._speed(self._next_frame):.1f} ×")
             self._next_frame += FRAME
         self._last = (time, positions.copy())
+
+    def _speed(self, time: float) -> float:
+        """Return how fast it came to a time [s] since the picture of a while before, over the clock's."""
+        self._shown.append((time, perf_counter()))
+        (begin, then), (end, now) = self._shown[0], self._shown[-1]
+        return (end - begin) / (now - then) if end > begin else 1.0
 
     def say(self, text: str) -> None:
         """Write something over the picture: the time of a run [s], or how it ended."""

@@ -117,6 +117,14 @@ class BlockGraph:
             graph.connect(source, first.get(target, target), signals)
         return graph
 
+    def around(self, key: str) -> "BlockGraph":
+        """Return a block alone with those that it has arrows from and to, without the ports of the station."""
+        graph, ends = BlockGraph(self.title), {key, *self.sources(key), *self.targets(key)}
+        near = {name: block for name, block in self.blocks.items() if name in ends and block.shape != "port"}
+        graph.blocks = {name: replace(block, within="") for name, block in near.items()}
+        graph.arrows = {pair: signals for pair, signals in self.arrows.items() if key in pair and {*pair} <= {*near}}
+        return graph
+
     def with_folded(self, names: Iterable[str], titles: Mapping[BlockRole, str]) -> "BlockGraph":
         """Return it with each subsystem as one block of which one of these blocks is a part.
 

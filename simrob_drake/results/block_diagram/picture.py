@@ -11,7 +11,7 @@ from math import fsum
 from pathlib import Path
 
 from simrob_drake.arguments import as_path
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.files import diagrams_root
 from simrob_drake.folders import replaced_at_once
 from simrob_drake.results.block_diagram.graph import ROLES, BlockGraph, DrawnBlock, Net
@@ -234,6 +234,11 @@ def station_svg(config: StationConfig, *, live: bool = False, folded: Iterable[s
     Subsystems are one block each of which one of the ``folded`` blocks is a part.
     """
     return Drawing(_graph(config).with_folded(folded, TITLES)).svg(live=live)
+
+
+def loop_svg(config: StationConfig, name: str) -> str:
+    """Return the picture of a loop of a station with what it reads and moves; raises UnknownName: there is none."""
+    return Drawing(_graph(config).around(f"controller.{one_of('loop', name, config.controllers)}")).svg()
 
 
 def station_mermaid(config: StationConfig) -> str:

@@ -1,6 +1,8 @@
 """The page of a robot with legs, in the order of use: joints, a test, the program, a run of it."""
 
+from asyncio import wrap_future
 from collections.abc import Callable
+from functools import partial
 from math import degrees
 from typing import Any
 
@@ -8,7 +10,17 @@ from nicegui import ui
 
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.teach.pages import plots
-from simrob_drake.teach.pages.elements import KEYS, allow, card, folded, follow, numbered, rebuild
+from simrob_drake.teach.pages.elements import (
+    KEYS,
+    allow,
+    card,
+    folded,
+    follow,
+    icon_button,
+    numbered,
+    rebuild,
+    set_label,
+)
 from simrob_drake.teach.pages.joints import Joints, Marks, shown_at
 from simrob_drake.teach.pages.move_forms import choices_of, duration_field, offers
 from simrob_drake.teach.pages.move_list import MoveList
@@ -156,11 +168,23 @@ def _loops(session: Session, phrases: Phrases) -> None:
         for name, value in on().items():
             switches[name].value = value
 
+    async def explain(name: str) -> None:
+        picture = await wrap_future(session.setup.loop_picture(name))
+        if picture:
+            with ui.dialog(value=True) as dialog, ui.card().style("max-width: min(95vw, 70rem)"):
+                set_label(dialog, phrases.t("legs.how", loop=phrases.name(name)))
+                ui.html(phrases.name(name), tag="h2", sanitize=False).classes("pendant-heading")
+                ui.label(phrases.loop(name))
+                ui.html(picture, sanitize=False).classes("w-full overflow-x-auto")
+                ui.button(phrases.t("shell.close"), on_click=dialog.close)
+            dialog.on("hide", dialog.delete)
+
     switches = dict[str, ui.switch]()
     for name, value in on().items():
         with ui.row().classes("w-full items-center gap-x-3 gap-y-0"):
             switches[name] = ui.switch(phrases.name(name), value=value)
             ui.label(phrases.loop(name)).classes("text-sm opacity-70 min-w-0 grow").style("flex-basis: 14rem")
+            icon_button("schema", phrases.t("legs.how", loop=phrases.name(name)), partial(explain, name))
     for name, element in switches.items():
         element.on_value_change(lambda event, name=name: switch(name, event.value))
     follow(session, show, "description")
