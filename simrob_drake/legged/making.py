@@ -18,15 +18,18 @@ from simrob_drake.importer.importing import write_robot
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import robot_file
 from simrob_drake.legged.anatomy import Anatomy, anatomy_of
-from simrob_drake.legged.report import REPORT, TRIALS, Attempt, Made, attempt, save_report
-from simrob_drake.legged.scaling import EXAMPLES, LAG, Build, Example, asked_speed, build_of, gains, walk_of
+from simrob_drake.legged.report import REPORT, TRIALS, Attempt, Made, attempt, attempt_kick, save_report
+from simrob_drake.legged.scaling import EXAMPLES, LAG, Build, Example, asked_speed, build_of, gains, kick_of, walk_of
 from simrob_drake.legged.soles import FootSole, feet_section, soles_of, write_soles
+from simrob_drake.programs.gaits.kick import Kick
+from simrob_drake.programs.gaits.legs import ROWS
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE
 from simrob_drake.stations.draft import at_home, draft_station
 from simrob_drake.stations.load import ONLY_ROBOT
 from simrob_drake.stations.stances import Stance, Stances
 from simrob_drake.walking.parameters import REACTING
+from simrob_drake.yaml_files import read_yaml
 
 STAND, WALK = "standing.yaml", "walking.yaml"
 _BENT = {2: (0.9, 0.85, 0.8), 4: (0.78, 0.7, 0.85, 0.9), 6: (0.78, 0.7, 0.85, 0.6)}
@@ -34,6 +37,7 @@ _BENT = {2: (0.9, 0.85, 0.8), 4: (0.78, 0.7, 0.85, 0.9), 6: (0.78, 0.7, 0.85, 0.
 _PARTS = 1.0, 0.5, 0.25  # of the speed that a first walk is asked for
 _WAYS = 2  # of standing, that are tried for walking
 _STIFFER = 1.0, 2.0  # factors of the gains
+_INWARD = 0.5, 0.25, 0.75, 1.0  # parts of how far the weight stays inside in the walk, that are tried for a kick
 _FALLEN, _TILT = 0.55, 60.0  # part of the height of the root, deg
 _STEP: dict[str, Any] = {
     "kind": "continuous", "scheme": "cenic", "accuracy": 1.0e-3, "max_step": 0.01, "error_control": False,
@@ -141,6 +145,19 @@ class _Making:
         made.attempts.append(walks)
         if not walks.done:
             raise SimrobError(f"{name} does not walk: {walks.outcome}")
+        if count == 2 and len(anatomy.legs[0].leg.axes) in ROWS:
+            made.attempts.append(self._kicks(choice))
+
+    def _kicks(self, choice: _Choice) -> Attempt:
+        """Add the first kick that the robot stands to its gaits; return what became of that, or of the last one."""
+        gaits = read_yaml(self._work / GAITS_FILE)
+        for part, inward in product(_PARTS[:2], _INWARD):
+            kick = kick_of(choice.way.build, gaits[REACTING], inward, part)
+            self._yaml(GAITS_FILE, {**gaits, Kick.section: {Kick.usual: kick}})
+            if (found := attempt_kick(self._work / STAND)).done:
+                return found
+        self._yaml(GAITS_FILE, gaits)
+        return found
 
     def _standing(self, part: float) -> _Standing | None:
         """Return how the robot stands with its legs bent to a part of their length; None if it cannot."""

@@ -10,6 +10,10 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.errors import SimrobError
+from simrob_drake.programs.legged_robot import LeggedRobot
+from simrob_drake.programs.moves.kick import KickMove
+from simrob_drake.programs.moves.wait import WaitMove
+from simrob_drake.programs.program import Program
 from simrob_drake.results.animation.pictures import save_film_strip
 from simrob_drake.results.record.walks import locomotion
 from simrob_drake.results.result import SimulationResult
@@ -17,7 +21,7 @@ from simrob_drake.simulation.runner import simulate
 from simrob_drake.stations.load import load_station
 
 _SECONDS = 10.0
-_STARTS = 0.5  # s
+_STARTS, _RESTS = 0.5, 2.0  # s
 _CREEP = 1e-3  # m/s: asked for of a robot that steps on the spot
 _FLAT = 1e-4  # m: the lift of a foot that only gives its weight away
 _LEANS = 10.0  # deg
@@ -81,11 +85,27 @@ def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
     return Attempt(trial, trial != TRIALS[0] or bool(lean < _LEANS), outcome, found.ahead, result)
 
 
+KICKS = "kicks"
+
+
+def attempt_kick(station: Path) -> Attempt:
+    """Return what becomes of a robot that stands in a station, and kicks through the air."""
+    try:
+        result = LeggedRobot(station).run(Program(moves=(KickMove(), WaitMove(duration=_RESTS))))
+    except SimrobError as problem:
+        return Attempt(KICKS, False, str(problem))
+    if result.ending != "completed":
+        return Attempt(KICKS, False, f"fell at {result.stop_time:.1f} s", result=result)
+    lean = np.rad2deg(locomotion(result).tilt)
+    return Attempt(KICKS, True, f"stands on both feet again, leans by {lean:.0f} deg at most", result=result)
+
+
 REPORT, PICTURE = "legged.md", "legged.png"
 _TUNE = {
     "stands": "`servo.kp`, `servo.kd` and `home_deg` in robot.yaml",
     "shifts its weight": "`zmp_inward` and `step_time` in gaits.yaml",
     "steps": "`lift`, `widen` and `double_support` in gaits.yaml",
+    KICKS: "`speed` and `zmp_inward` of the kick in gaits.yaml",
     "walks": "`step_time`, `bearing.height` and `zmp_inward` in gaits.yaml",
 }
 """What to change first where a trial fails."""

@@ -16,6 +16,7 @@ import numpy as np
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.legged.anatomy import Anatomy
 from simrob_drake.legged.soles import FootSole
+from simrob_drake.programs.gaits.kick import Kick
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.stations.stances import Stance
@@ -136,6 +137,27 @@ def walk_of(
         walk["foothold"]["outer"] = _short(own + length * (known["foothold"]["outer"] - spread))
         walk["widen"] = _short((own - build.spread) / 2)
     return walk
+
+
+def kick_of(build: Build, walk: Mapping[str, Any], inward: float, part: float = 1.0) -> dict[str, Any]:
+    """Return a kick of a robot's ``gaits.yaml``, scaled from that of the first robot that is known.
+
+    Args:
+        build: of the robot.
+        walk: its section ``reacting``.
+        inward: how far the weight stays inside of the standing foot's middle, as a part of what it does in the walk.
+        part: of the swing and its height.
+    """
+    model = EXAMPLES[2][0]
+    known = Kick(**gaits_file(load_robot(model.name)).section(Kick.section)[Kick.usual])
+    length, time = build.height / model.build.height, build.time / model.build.time
+    return {
+        "bearing": {key: walk["bearing"][key] for key in ("height", "posture_deg")},
+        "zmp_inward": _short(inward * walk["zmp_inward"]),
+        **{key: _short(getattr(known, key) * part * length) for key in ("swing", "lift")},
+        **{key: _short(getattr(known, key) * time) for key in ("settle", "raising")},
+        "speed": _short(known.speed * length / time),
+    }
 
 
 def asked_speed(walk: Mapping[str, Any], part: float = 1.0) -> float:

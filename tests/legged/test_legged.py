@@ -118,13 +118,10 @@ def test_a_root_that_the_urdf_has_not_is_told(tmp_path):
 def test_a_robot_walks_from_its_tree_alone(tmp_path, tree):
     made = make_legged(tree().write(tmp_path), tmp_path / "out")
     assert made.problem == ""
-    assert [attempt.trial for attempt in made.attempts if attempt.done] == [
-        "stands",
-        "shifts its weight",
-        "steps",
-        "walks",
-    ]
-    assert made.attempts[-1].ahead > 1.0
+    kicks = ["kicks"] if tree is biped else []
+    trials = ["stands", "shifts its weight", "steps", "walks", *kicks]
+    assert [attempt.trial for attempt in made.attempts if attempt.done] == trials
+    assert made.attempts[3].ahead > 1.0
     assert (tmp_path / "out" / "legged.png").is_file()
     for station in (STAND, WALK):
         assert not [

@@ -20,7 +20,7 @@ from simrob_drake import load_station, simulate
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter, OutputError
-from simrob_drake.results.animation import recording
+from simrob_drake.results.animation import live, recording
 from simrob_drake.results.animation.camera import FIELD_OF_VIEW, WINDOW_ASPECT, aspect_of, camera_on, frame_times
 from simrob_drake.results.animation.drawn import open_meshcat
 from simrob_drake.results.animation.live import LiveView
@@ -283,6 +283,19 @@ def test_the_live_view_draws_even_pictures_between_steps(result, monkeypatch):
     view.close()
     times = np.arange(7) / 30
     np.testing.assert_allclose(drawn, 3 * times, atol=1e-12)
+
+
+def test_the_live_view_tells_time_and_speed(result, monkeypatch):
+    clock, said = [100.0], []
+    monkeypatch.setattr(live, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(live, "sleep", lambda seconds: clock.__setitem__(0, clock[0] + seconds))
+    view = LiveView(result.config)
+    monkeypatch.setattr(view, "say", said.append)
+    for step in range(12):
+        view.on_step(step / 30, np.zeros(6))
+        clock[0] += 1 / 15  # what the simulation takes: twice as long as what it simulates
+    view.close()
+    assert (said[0], said[-1]) == ("0.00 s  1.0 ×", f"{11 / 30:.2f} s  0.5 ×")
 
 
 def test_one_point_has_a_picture():
