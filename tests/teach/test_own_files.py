@@ -6,7 +6,7 @@ from io import BytesIO
 import pytest
 from fake_runs import CountingRun
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.files import models_root
 from simrob_drake.teach.own_files import FOLDER, keep, report_of
 from simrob_drake.teach.pages.words import words
@@ -87,3 +87,19 @@ def test_what_the_import_did_is_told_in_spanish():
     assert said(made) == "supuesto: ningún eslabón tiene forma de colisión; se hacen 9 de las visibles"
     effort = "defaulted: joint 'elbow' <limit>: has no effort; 12 N·m, by its weight"
     assert said(effort) == "supuesto: articulación 'elbow' <limit>: sin esfuerzo; 12 N·m, by its weight"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("<robot name='a'/>", "a.urdf: no tiene ningún eslabón"),
+        ("<robot name='a'><link name='b'/></robot>", "a.urdf: ninguna articulación se mueve, así que ningún motor"),
+        ("<robot name='a'><link name='b'/><joint name='c' type='ball'/></robot>", "a.urdf: articulación 'c': "),
+        ("nothing", "a.urdf: no es XML: syntax error"),
+    ],
+)
+def test_what_cannot_be_imported_is_told_in_spanish(tmp_path, content, said):
+    file = keep({"a.urdf": content.encode()}, tmp_path)
+    with pytest.raises(SimrobError) as refused:
+        Session.open(file, tmp_path / "taught")
+    assert said in words("es").of_engine(str(refused.value))
