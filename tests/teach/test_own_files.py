@@ -94,7 +94,7 @@ def test_what_the_import_did_is_told_in_spanish():
     [
         ("<robot name='a'/>", "a.urdf: no tiene ningún eslabón"),
         ("<robot name='a'><link name='b'/></robot>", "a.urdf: ninguna articulación se mueve, así que ningún motor"),
-        ("<robot name='a'><link name='b'/><joint name='c' type='ball'/></robot>", "a.urdf: articulación 'c': "),
+        ("<robot name='a'><link name='b'/><link name='c'/></robot>", "a.urdf: tiene 2 eslabones raíz (b, c); únalos"),
         ("nothing", "a.urdf: no es XML: syntax error"),
     ],
 )
