@@ -14,8 +14,6 @@ import numpy.typing as npt
 
 from simrob_drake.frames import Vector
 
-_KERNEL = 0.4  # by how much speeds differ from the goal where tracking gives 1/e of its most [m/s]
-
 
 @dataclass(frozen=True)
 class RewardSample:
@@ -34,6 +32,7 @@ class RewardSample:
     # force that acts at the tool or the root link, in the world's axes, shape (3,) [N]
     push: Vector = field(default_factory=lambda: np.zeros(3))
     desired_speed: float = np.inf  # ahead [m/s]
+    astray: float = 0.4  # by how much speeds differ from the goal where tracking gives 1/e of its most [m/s]
     yields: float = 0.0  # how fast the tool is to go for a force on it [m/s per N]
     ended: bool | npt.NDArray[np.bool_] = False  # whether a monitor ended the episode
 
@@ -71,7 +70,7 @@ def _astray(now: RewardSample) -> Vector:
 
 TERMS: dict[str, Callable[[RewardSample], npt.ArrayLike]] = {
     "ahead": lambda now: np.minimum(now.speed[..., 0], now.desired_speed),
-    "tracking": lambda now: np.exp(-_astray(now) / _KERNEL**2),
+    "tracking": lambda now: np.exp(-_astray(now) / now.astray**2),
     "bounce": lambda now: now.speed[..., 2] ** 2,
     "alive": lambda now: np.ones(now.speed.shape[:-1]),
     "height": lambda now: np.minimum(now.place[..., 2], 0.0) ** 2,
@@ -84,7 +83,7 @@ TERMS: dict[str, Callable[[RewardSample], npt.ArrayLike]] = {
     "yielding": lambda now: _square(now.tool_speed - now.yields * now.push),
     "ended": lambda now: np.asarray(now.ended, dtype=float),
 }
-"""The terms by name: speed ahead, up to the one that is wanted [m/s]; exp(-e²/0.16), by how far e its speeds ahead and
+"""The terms by name: speed ahead, up to the one that is wanted [m/s]; exp(-e²/d²), by how far e its speeds ahead and
 to the left are from the goal [m/s]; the square of its speed upwards [m²/s²]; 1; the squares of how far it sank [m²],
 went aside [m²] and turned [rad²], of its rates [rad²/s²], of its torques as parts of their limits, of the change of its
 action; from the tool to the goal [m]; the square of how far its speed is from what the force on it

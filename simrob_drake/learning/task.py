@@ -102,6 +102,8 @@ class Task(Strict):
     """Weights of the terms of the reward, by name."""
     speed: Positive | None = None
     """How fast ahead is fast enough [m/s]; the faster the better unless given."""
+    astray: Positive = 0.4
+    """How far speeds are from the goal where `tracking` gives 1/e of its most [m/s]."""
     yields: NotNegative = 0.0
     """How fast a tool is to go for a force on it [m/s per N]."""
     noise_deg: NotNegative = 0.0
@@ -137,6 +139,11 @@ class Task(Strict):
             known = section if isinstance(section, dict) else getattr(type(section), "model_fields", {})
             one_of(f"key of the task, for grows.{key}", name, known if number else _GROWING)
             section = section[name] if isinstance(section, dict) else getattr(section, name)
+
+    @property
+    def targets(self) -> dict[str, float]:
+        """What terms of the reward are measured by, as samples of it have it."""
+        return {"desired_speed": self.speed or np.inf, "yields": self.yields, "astray": self.astray}
 
     def at(self, steps: float, returned: float) -> "Task":
         """Return the task as it stands after so many steps, at a mean return."""

@@ -198,7 +198,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Check that steps are short enough for servos at their limits, which MuJoCo takes explicitly."""
         model, found = built.model, list[tuple[float, str, float]]()
         for robot in built.ports.plant.robots.values():
-            for axis, kd in zip(robot.axes, robot.gains.kd.tolist(), strict=True):
+            for axis, kd in zip(robot.axes, (robot.gains.kd - robot.gains.damping).tolist(), strict=True):
                 joint = int(model.actuator(f"{robot.prefix}{axis}").trnid[0])
                 found.append((kd * float(model.dof_invweight0[model.jnt_dofadr[joint]]), f"{robot.prefix}{axis}", kd))
         rate, axis, kd = max(found)
@@ -359,7 +359,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             last_action=last,
             tool=self._built.output(f"{self.robot.prefix}tcp_pose", sensed)[:, :3] if arm else base[:, :3],
             goal=self._goals,
-            desired_speed=self._curriculum.of(self.task).speed or np.inf,
+            **self._curriculum.of(self.task).targets,
             ended=ended,
         )
 

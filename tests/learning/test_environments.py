@@ -118,7 +118,7 @@ def test_an_episode_is_a_run_of_the_station(task, changed, tmp_path):
     seen, positions = episode.begin(), []
     for _ in range(round(0.4 / period)):
         seen = episode.advance(network(seen))
-        positions.append(episode.moment(goal=np.zeros(3), desired_speed=1.0, yields=0.0).tool)
+        positions.append(episode.moment(goal=np.zeros(3)).tool)
     name = next(iter(key for key, section in config.controllers.items() if section.kind == "policy"))
     overrides = load_task(task)[0].overrides
     own = load_station(

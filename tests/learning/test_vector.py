@@ -11,6 +11,7 @@ from simrob_drake.errors import SimrobError  # noqa: E402
 
 EXACT = {f"sensors.encoders.{key}": 0 for key in ("noise_deg", "resolution_deg")}
 STILL = {**EXACT, "sensors.imu.gyroscope_noise": 0, "sensors.imu.gyroscope_bias": 0}
+ON_MOTORS = {**STILL, "servo.motor": "urdf"}
 
 
 def many(name, count, **options):
@@ -27,7 +28,10 @@ def actions(size, steps, scale, seed=0):
         yield action
 
 
-@pytest.mark.parametrize(("name", "overrides", "scale"), [("Reach", EXACT, 0.3), ("Walk", STILL, 0.1)])
+WALKS = [("Walk", STILL, 0.1), ("Walk", ON_MOTORS, 0.1)]
+
+
+@pytest.mark.parametrize(("name", "overrides", "scale"), [("Reach", EXACT, 0.3), *WALKS])
 def test_a_robot_moves_and_sees_as_in_drake(name, overrides, scale):
     """Drake at 0.5 ms and MuJoCo at its 2 ms: 0.31° and 0.18° in the root of the mean square; sensors 10 ms apart."""
     fine = {**overrides, "solver": {"kind": "discrete", "time_step": 5e-4}}
