@@ -57,6 +57,9 @@ class Origin:
         )
 
 
+_TURN = 0.5  # by how much its rate differs from the goal where turning gives 1/e of its most [rad/s]
+
+
 def _square(values: Vector) -> Vector:
     return np.asarray((values * values).sum(axis=-1))
 
@@ -71,11 +74,13 @@ def _astray(now: RewardSample) -> Vector:
 TERMS: dict[str, Callable[[RewardSample], npt.ArrayLike]] = {
     "ahead": lambda now: np.minimum(now.speed[..., 0], now.desired_speed),
     "tracking": lambda now: np.exp(-_astray(now) / now.astray**2),
+    "turning": lambda now: np.exp(-((now.spin[..., 2] - now.goal[..., 2]) ** 2) / _TURN**2),
     "bounce": lambda now: now.speed[..., 2] ** 2,
     "alive": lambda now: np.ones(now.speed.shape[:-1]),
     "height": lambda now: np.minimum(now.place[..., 2], 0.0) ** 2,
     "lateral": lambda now: now.place[..., 1] ** 2,
     "rotation": lambda now: _square(now.turned),
+    "lean": lambda now: _square(now.turned[..., :2]),
     "spin": lambda now: _square(now.spin),
     "effort": lambda now: np.mean(now.effort**2, axis=-1),
     "haste": lambda now: _square(now.action - now.last_action),
@@ -84,10 +89,10 @@ TERMS: dict[str, Callable[[RewardSample], npt.ArrayLike]] = {
     "ended": lambda now: np.asarray(now.ended, dtype=float),
 }
 """The terms by name: speed ahead, up to the one that is wanted [m/s]; exp(-e²/d²), by how far e its speeds ahead and
-to the left are from the goal [m/s]; the square of its speed upwards [m²/s²]; 1; the squares of how far it sank [m²],
-went aside [m²] and turned [rad²], of its rates [rad²/s²], of its torques as parts of their limits, of the change of its
-action; from the tool to the goal [m]; the square of how far its speed is from what the force on it
-asks for [m²/s²]; 1 where a monitor ends the episode."""
+to the left are from the goal [m/s], and exp(-e²/0.25) for its rate to the left [rad/s]; the square of its speed upwards
+[m²/s²]; 1; the squares of how far it sank [m²], went aside [m²], turned and leans [rad²], of its rates [rad²/s²], of
+its torques as parts of their limits, of the change of its action; from the tool to the goal [m]; the square of how far
+its speed is from what the force on it asks for [m²/s²]; 1 where a monitor ends the episode."""
 
 
 def rewards(weights: Mapping[str, float], now: RewardSample, period: float) -> dict[str, Vector]:

@@ -24,6 +24,12 @@ from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located_changes, located_station
 from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
 
+_GOALS = (
+    ("distance", (3,), "x y z"),
+    ("tracking", (2, 3), "speeds ahead and to the left, and perhaps a rate to the left"),
+    ("turning", (3,), "speeds ahead and to the left and a rate to the left"),
+)
+"""Terms that need a goal: its sizes, and what it is."""
 _GROWING = ("rewards", "speed", "yields", "noise_deg", "pushes", "goals")
 
 
@@ -178,8 +184,8 @@ class Task(Strict):
         return config
 
     def _check_goals(self, size: int, where: Path | str) -> None:
-        for term, needed, names in (("distance", 3, "x y z"), ("tracking", 2, "speeds ahead and to the left")):
-            if term in self.rewards and size != needed:
+        for term, sizes, names in _GOALS:
+            if term in self.rewards and size not in sizes:
                 expected = f"needs a goal of the policy of {names}, not of {size} figures"
                 raise InvalidConfig(where, f"rewards.{term}", expected)
         if self.goals is not None and len(self.goals.low) != size:

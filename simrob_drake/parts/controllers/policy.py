@@ -86,7 +86,8 @@ def _size(port: Any, file: Path, key: str) -> int:
     return size
 
 
-_READS = {"position": "position", "velocity": "velocity", "attitude": "orientation"}
+_TURNED = {"attitude": 3, "lean": 2}  # what is observed of the orientation, and how many of its angles that is
+_READS = {"position": "position", "velocity": "velocity", **dict.fromkeys(_TURNED, "orientation")}
 """Which input tells what is observed, where that is not called the same."""
 _REMEMBERED = ("action", "clock", "goal")
 
@@ -106,8 +107,9 @@ class Policy(LoopSection):
     """How far an action of 1 moves an axis [deg, or m where it slides]: a number for all, or those that it moves."""
     observes: list[str] = Field(min_length=1)
     """What it sees, in this order: `position` from the initial posture and `velocity` of all axes; `attitude`, the
-    angles Rx Ry Rz of the root link from how it stood, and its `angular_velocity`, of an IMU that `reads` names; the
-    last `action`; `clock`; `goal`; or any output of the station, such as `external_force.hand`."""
+    angles Rx Ry Rz of the root link from how it stood, or `lean`, Rx and Ry alone, and its `angular_velocity`, of an
+    IMU that `reads` names; the last `action`; `clock`; `goal`; or any output of the station, such as
+    `external_force.hand`."""
     clock: list[Frequency] = Field(default_factory=list)
     """Of each of these it sees sine and cosine over time [Hz]."""
     goal: list[Number] = Field(default_factory=list)
@@ -194,11 +196,11 @@ class LearntPolicy(SampledBlock):
         self._matrix = np.eye(len(reach))[:, moved] * reach[moved]
         self._upright = (upright or RotationMatrix()).inverse()
         self.clock, goal = np.array(section.clock, dtype=float), np.array(section.goal)
-        seen = {"position": len(reach), "velocity": len(reach), "attitude": 3, "angular_velocity": 3, **(sizes or {})}
+        seen = {"position": len(reach), "velocity": len(reach), **_TURNED, "angular_velocity": 3, **(sizes or {})}
         self.sizes = {**seen, "action": self.acts, "clock": 2 * len(self.clock), "goal": len(goal)}
         self.observed = sum(self.sizes[name] for name in self._observes)
         reads = {
-            _READS.get(name, name): 4 if name == "attitude" else seen[name] for name in self._observes if name in seen
+            _READS.get(name, name): 4 if name in _TURNED else seen[name] for name in self._observes if name in seen
         }
         goals = {"goal": goal} if len(goal) else {}
         super().__init__(
@@ -243,9 +245,9 @@ class LearntPolicy(SampledBlock):
         match name:
             case "position":
                 return np.asarray(read["position"] - self._home)
-            case "attitude":
+            case "attitude" | "lean":
                 turned: Vector = RollPitchYaw(self._upright @ rotation_of(read["orientation"])).vector()
-                return turned
+                return turned[: _TURNED[name]]
             case "clock":
                 angles = 2 * np.pi * self.clock * (memory["count"] * self.period)
                 return np.concatenate([np.sin(angles), np.cos(angles)])
