@@ -152,6 +152,7 @@ class Episode:
             tool=tool,
             tool_speed=tool_speed,
             goal=goal,
+            time=self.time,
             push=push,
             **targets,
             ended=bool(self.ended),

@@ -27,7 +27,7 @@ from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
 _GOALS = (
     ("distance", (3,), "x y z"),
     ("tracking", (2, 3), "speeds ahead and to the left, and perhaps a rate to the left"),
-    ("turning", (3,), "speeds ahead and to the left and a rate to the left"),
+    ("heading", (3,), "speeds ahead and to the left and a rate to the left"),
 )
 """Terms that need a goal: its sizes, and what it is."""
 _GROWING = ("rewards", "speed", "yields", "noise_deg", "pushes", "goals")

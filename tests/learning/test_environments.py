@@ -197,7 +197,7 @@ def test_bad_input_gets_one_line(kwargs, told):
         ("goals: {low: [0], high: [1]}", "a box of 1 figures; the policy's goal has 0"),
         ("goals: {low: [2], high: [1]}", "low is nowhere above high"),
         ("rewards: {distance: -1}", "needs a goal of the policy of x y z, not of 0"),
-        ("rewards: {turning: 1}", "ahead and to the left and a rate to the left, not of 0"),
+        ("rewards: {heading: 1}", "ahead and to the left and a rate to the left, not of 0"),
     ],
 )
 def test_goals_that_do_not_fit_are_refused(changed, told, tmp_path):

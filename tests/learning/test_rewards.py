@@ -20,6 +20,7 @@ NOW = RewardSample(
     tool=np.array([0.3, 0.0, 0.4]),
     tool_speed=np.array([0.1, 0.0, 0.0]),
     goal=np.array([0.3, 0.3, 0.8]),
+    time=0.5,
     push=np.array([10.0, 0.0, 5.0]),
     desired_speed=0.3,
     yields=0.02,
@@ -32,7 +33,7 @@ BY_HAND = {
     "alive": 1.0,
     "height": 0.05**2,
     "lateral": 0.2**2,
-    "turning": np.exp(-((-2.0 - 0.8) ** 2) / 0.25),
+    "heading": np.exp(-((0.3 - 0.8 * 0.5) ** 2) / 0.25),  # half a second after the start
     "lean": 0.1**2 + 0.2**2,
     "rotation": 0.1**2 + 0.2**2 + 0.3**2,
     "spin": 9.0,
