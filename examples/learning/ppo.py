@@ -2,7 +2,7 @@
 
 PPO is that of Stable-Baselines3; returns go to curve.csv, and to TensorBoard where that is installed.
 
-python examples/learning/ppo.py examples/learning/trot.yaml --out runs/trot
+python examples/learning/ppo.py examples/learning/learn_zjudancer.yaml --out runs/zjudancer
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def main() -> None:
     options.add_argument("--robots", type=int, default=128)
     options.add_argument("--steps", type=int, default=1_800_000)
     options.add_argument("--step", type=float, default=0.005, help="of MuJoCo [s]")
-    options.add_argument("--deviation", type=float, default=0.25, help="of actions at the start, of their reach")
+    options.add_argument("--deviation", type=float, default=0.13, help="of actions at the start, of their reach")
     options.add_argument("--minutes", type=float, default=120)
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--out", type=Path, default=Path("runs/learnt"))
