@@ -2,7 +2,7 @@
 
 PPO is that of Stable-Baselines3; returns go to curve.csv, and to TensorBoard where that is installed.
 
-python examples/learning/ppo.py examples/learning/trot.yaml --out runs/trot
+python examples/learning/ppo.py examples/learning/learn_zjudancer.yaml --out runs/zjudancer
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ SETTINGS: dict[str, Any] = {
     "learning_rate": lambda left: 1e-4 + 6e-4 * left,
     "ent_coef": 0.0,
     "max_grad_norm": 1.0,
-    "policy_kwargs": {"net_arch": {"pi": [128, 64], "vf": [128, 64]}, "activation_fn": nn.ELU, "log_std_init": -1.4},
+    "policy_kwargs": {"net_arch": {"pi": [128, 64], "vf": [128, 64]}, "activation_fn": nn.ELU},
 }
 
 
@@ -125,6 +125,7 @@ def main() -> None:
     options.add_argument("--robots", type=int, default=128)
     options.add_argument("--steps", type=int, default=1_800_000)
     options.add_argument("--step", type=float, default=0.005, help="of MuJoCo [s]")
+    options.add_argument("--deviation", type=float, default=0.13, help="of actions at the start, of their reach")
     options.add_argument("--minutes", type=float, default=120)
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--out", type=Path, default=Path("runs/learnt"))
@@ -134,6 +135,7 @@ def main() -> None:
     robots: Any = VecMonitor(Robots(StationVectorEnvironment(given.robots, given.task, step=given.step)))
     robots.seed(given.seed)
     robots = VecNormalize(robots, gamma=SETTINGS["gamma"])
+    SETTINGS["policy_kwargs"]["log_std_init"] = float(np.log(given.deviation))
     board = str(given.out) if find_spec("tensorboard") else None
     model = PPO("MlpPolicy", robots, seed=given.seed, device="cpu", tensorboard_log=board, **SETTINGS)
     model.learn(given.steps, Curve(given.out, given.minutes))

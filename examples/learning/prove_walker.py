@@ -63,7 +63,7 @@ def walked(walk: Walk) -> Walk:
     made.begin(seeds=seeds, start=np.clip(made.robot.initial + away, *made.robot.model.axis_limits))
     while not made.ended and made.time < LONG - made.period / 2:
         made.advance(None)
-    ahead, aside, _ = made.moment(goal=np.zeros(3), desired_speed=np.inf, yields=0.0).place.round(3).tolist()
+    ahead, aside, _ = made.moment(goal=np.zeros(3)).place.round(3).tolist()
     return replace(walk, ahead=ahead, aside=aside, lasted=round(made.time, 2), ended=made.ended)
 
 

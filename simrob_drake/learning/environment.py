@@ -92,7 +92,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         """Advance one control period; `info` holds what each term of the reward gave, and where the robot is."""
         episode, task = self.episode, self._curriculum.of(self.task)
         seen = episode.advance(np.asarray(action, dtype=float))
-        now = episode.moment(goal=self._goal, desired_speed=task.speed or np.inf, yields=task.yields)
+        now = episode.moment(goal=self._goal, **task.targets)
         parts = {name: float(part) for name, part in rewards(task.rewards, now, episode.period).items()}
         reward = sum(parts.values())
         info = {"rewards": parts, "place": now.place, "time": episode.time}

@@ -137,8 +137,8 @@ class Episode:
         self._look()
         return seen
 
-    def moment(self, *, goal: Vector, desired_speed: float, yields: float) -> RewardSample:
-        """Return what is true now."""
+    def moment(self, *, goal: Vector, **targets: float) -> RewardSample:
+        """Return what is true now; ``targets`` stand in the sample as they are."""
         base = self._value("base_pose")
         moving = self._value("base_velocity") if self.robot.floats else np.zeros(6)
         limits = self.robot.gains.torque_limit  # perhaps none
@@ -152,9 +152,9 @@ class Episode:
             tool=tool,
             tool_speed=tool_speed,
             goal=goal,
+            time=self.time,
             push=push,
-            desired_speed=desired_speed,
-            yields=yields,
+            **targets,
             ended=bool(self.ended),
         )
 

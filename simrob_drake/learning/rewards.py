@@ -13,8 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.frames import Vector
-
-_KERNEL = 0.4  # by how much speeds differ from the goal where tracking gives 1/e of its most [m/s]
+from simrob_drake.parts.controllers.policy import observed_of_turn
 
 
 @dataclass(frozen=True)
@@ -31,9 +30,11 @@ class RewardSample:
     tool: Vector = field(default_factory=lambda: np.zeros(3))  # place of the tool in the world, shape (3,) [m]
     tool_speed: Vector = field(default_factory=lambda: np.zeros(3))  # its speed in the world [m/s]
     goal: Vector = field(default_factory=lambda: np.zeros(3))  # what is wanted
+    time: float | Vector = 0.0  # since the start [s]
     # force that acts at the tool or the root link, in the world's axes, shape (3,) [N]
     push: Vector = field(default_factory=lambda: np.zeros(3))
     desired_speed: float = np.inf  # ahead [m/s]
+    astray: float = 0.4  # by how much speeds differ from the goal where tracking gives 1/e of its most [m/s]
     yields: float = 0.0  # how fast the tool is to go for a force on it [m/s per N]
     ended: bool | npt.NDArray[np.bool_] = False  # whether a monitor ended the episode
 
@@ -58,6 +59,9 @@ class Origin:
         )
 
 
+_TURNED = 0.5  # by how much it faces elsewhere where heading gives 1/e of its most [rad]
+
+
 def _square(values: Vector) -> Vector:
     return np.asarray((values * values).sum(axis=-1))
 
@@ -69,14 +73,20 @@ def _astray(now: RewardSample) -> Vector:
     return _square(np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1) - now.goal[..., :2])
 
 
+def _heading_error(now: RewardSample) -> Vector:
+    return observed_of_turn("heading_error", now.turned, now.goal, np.asarray(now.time)[..., np.newaxis])
+
+
 TERMS: dict[str, Callable[[RewardSample], npt.ArrayLike]] = {
     "ahead": lambda now: np.minimum(now.speed[..., 0], now.desired_speed),
-    "tracking": lambda now: np.exp(-_astray(now) / _KERNEL**2),
+    "tracking": lambda now: np.exp(-_astray(now) / now.astray**2),
+    "heading": lambda now: np.exp(-_square(_heading_error(now)) / _TURNED**2),
     "bounce": lambda now: now.speed[..., 2] ** 2,
     "alive": lambda now: np.ones(now.speed.shape[:-1]),
     "height": lambda now: np.minimum(now.place[..., 2], 0.0) ** 2,
     "lateral": lambda now: now.place[..., 1] ** 2,
     "rotation": lambda now: _square(now.turned),
+    "lean": lambda now: _square(now.turned[..., :2]),
     "spin": lambda now: _square(now.spin),
     "effort": lambda now: np.mean(now.effort**2, axis=-1),
     "haste": lambda now: _square(now.action - now.last_action),
@@ -84,11 +94,11 @@ TERMS: dict[str, Callable[[RewardSample], npt.ArrayLike]] = {
     "yielding": lambda now: _square(now.tool_speed - now.yields * now.push),
     "ended": lambda now: np.asarray(now.ended, dtype=float),
 }
-"""The terms by name: speed ahead, up to the one that is wanted [m/s]; exp(-e²/0.16), by how far e its speeds ahead and
-to the left are from the goal [m/s]; the square of its speed upwards [m²/s²]; 1; the squares of how far it sank [m²],
-went aside [m²] and turned [rad²], of its rates [rad²/s²], of its torques as parts of their limits, of the change of its
-action; from the tool to the goal [m]; the square of how far its speed is from what the force on it
-asks for [m²/s²]; 1 where a monitor ends the episode."""
+"""The terms by name: speed ahead, up to the one that is wanted [m/s]; exp(-e²/d²), by how far e its speeds ahead and
+to the left are from the goal [m/s], and exp(-e²/0.25) by how far its heading is [rad]; the square of its speed upwards
+[m²/s²]; 1; the squares of how far it sank [m²], went aside [m²], turned and leans [rad²], of its rates [rad²/s²], of
+its torques as parts of their limits, of the change of its action; from the tool to the goal [m]; the square of how far
+its speed is from what the force on it asks for [m²/s²]; 1 where a monitor ends the episode."""
 
 
 def rewards(weights: Mapping[str, float], now: RewardSample, period: float) -> dict[str, Vector]:

@@ -113,7 +113,14 @@ def spaces(
     """
     lower, upper = robot.model.axis_limits
     bounds = {name: (np.full(size, -_FAR), np.full(size, _FAR)) for name, size in sizes.items()}
-    for name, most in (("attitude", np.pi * np.array([1.0, 0.5, 1.0])), ("action", 1.0), ("clock", 1.0)):
+    turns = np.pi * np.array([1.0, 0.5, 1.0])
+    for name, most in (
+        ("attitude", turns),
+        ("lean", turns[:2]),
+        ("heading_error", np.pi),
+        ("action", 1.0),
+        ("clock", 1.0),
+    ):
         if name in bounds:
             bounds[name] = (0 * bounds[name][0] - most, 0 * bounds[name][1] + most)
     low, high = (np.clip(limit - robot.initial, -_FAR, _FAR) for limit in (lower, upper))

@@ -24,6 +24,12 @@ from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located_changes, located_station
 from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
 
+_GOALS = (
+    ("distance", (3,), "x y z"),
+    ("tracking", (2, 3), "speeds ahead and to the left, and perhaps a rate to the left"),
+    ("heading", (3,), "speeds ahead and to the left and a rate to the left"),
+)
+"""Terms that need a goal: its sizes, and what it is."""
 _GROWING = ("rewards", "speed", "yields", "noise_deg", "pushes", "goals")
 
 
@@ -102,6 +108,8 @@ class Task(Strict):
     """Weights of the terms of the reward, by name."""
     speed: Positive | None = None
     """How fast ahead is fast enough [m/s]; the faster the better unless given."""
+    astray: Positive = 0.4
+    """How far speeds are from the goal where `tracking` gives 1/e of its most [m/s]."""
     yields: NotNegative = 0.0
     """How fast a tool is to go for a force on it [m/s per N]."""
     noise_deg: NotNegative = 0.0
@@ -138,6 +146,11 @@ class Task(Strict):
             one_of(f"key of the task, for grows.{key}", name, known if number else _GROWING)
             section = section[name] if isinstance(section, dict) else getattr(section, name)
 
+    @property
+    def targets(self) -> dict[str, float]:
+        """What terms of the reward are measured by, as samples of it have it."""
+        return {"desired_speed": self.speed or np.inf, "yields": self.yields, "astray": self.astray}
+
     def at(self, steps: float, returned: float) -> "Task":
         """Return the task as it stands after so many steps, at a mean return."""
         task = self
@@ -171,8 +184,8 @@ class Task(Strict):
         return config
 
     def _check_goals(self, size: int, where: Path | str) -> None:
-        for term, needed, names in (("distance", 3, "x y z"), ("tracking", 2, "speeds ahead and to the left")):
-            if term in self.rewards and size != needed:
+        for term, sizes, names in _GOALS:
+            if term in self.rewards and size not in sizes:
                 expected = f"needs a goal of the policy of {names}, not of {size} figures"
                 raise InvalidConfig(where, f"rewards.{term}", expected)
         if self.goals is not None and len(self.goals.low) != size:

@@ -26,6 +26,7 @@ from simrob_drake.learning.rewards import Origin, RewardSample, rewards, turned_
 from simrob_drake.learning.sensing import Places, PolicySensors, spaces
 from simrob_drake.learning.task import Curriculum, beginning, load_task
 from simrob_drake.mujoco.built import BuiltStation, controls, force_values
+from simrob_drake.parts.controllers.policy import TURNED, observed_of_turn
 from simrob_drake.results.animation.pictures import Still
 from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.closed import station_references
@@ -34,7 +35,7 @@ from simrob_drake.stations.mujoco.model import STEP
 
 _HELD = ("contact", "floor", "gravity", "joint_stops", "pieces", "servo", "robot", "robots")
 """Sections of a station that a model of MuJoCo holds."""
-_KNOWN = ("position", "velocity", "attitude", "angular_velocity", "action", "clock", "goal")
+_KNOWN = ("position", "velocity", *TURNED, "angular_velocity", "action", "clock", "goal")
 _ASTRAY = 1e6  # of any coordinate
 _MOST = 100_000  # robots, or threads
 _STEADY = 100.0  # the largest kd h / I of a servo: of 32 that stand, roid1 loses none at 97, one at 193, 14 at 386
@@ -113,7 +114,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._data = [mujoco.MjData(self._built.model) for _ in range(max(threads, 1))]
         self._draws = [np.random.default_rng() for _ in range(num_envs)]
         self._make_room()
-        sizes = {"position": len(self._reach), "velocity": len(self._reach), "attitude": 3, "angular_velocity": 3}
+        sizes = {"position": len(self._reach), "velocity": len(self._reach), "angular_velocity": 3, **TURNED}
         sizes |= {"action": len(self._moved), "clock": 2 * len(self._clock), "goal": self._goals.shape[1]}
         self._bounds, self.single_action_space = spaces(self.section, self.robot, sizes)
         self.single_observation_space = self._bounds
@@ -198,7 +199,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Check that steps are short enough for servos at their limits, which MuJoCo takes explicitly."""
         model, found = built.model, list[tuple[float, str, float]]()
         for robot in built.ports.plant.robots.values():
-            for axis, kd in zip(robot.axes, robot.gains.kd.tolist(), strict=True):
+            for axis, kd in zip(robot.axes, (robot.gains.kd - robot.gains.damping).tolist(), strict=True):
                 joint = int(model.actuator(f"{robot.prefix}{axis}").trnid[0])
                 found.append((kd * float(model.dof_invweight0[model.jnt_dofadr[joint]]), f"{robot.prefix}{axis}", kd))
         rate, axis, kd = max(found)
@@ -318,8 +319,9 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             measured = {"position": sensors.position, "velocity": sensors.velocity}
             part = measured[name] if name in reads else self._value(name, self._motion)
             part = part - self.robot.initial if name == "position" else part
-        elif name == "attitude":
-            part = turned_from(self._upright, sensors.orientation)
+        elif name in TURNED:
+            turned, time = turned_from(self._upright, sensors.orientation), self._time[:, np.newaxis]
+            part = observed_of_turn(name, turned, self._goals, time)
         elif name == "angular_velocity":
             part = sensors.angular_velocity
         elif name == "clock":
@@ -359,7 +361,8 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             last_action=last,
             tool=self._built.output(f"{self.robot.prefix}tcp_pose", sensed)[:, :3] if arm else base[:, :3],
             goal=self._goals,
-            desired_speed=self._curriculum.of(self.task).speed or np.inf,
+            time=self._time,
+            **self._curriculum.of(self.task).targets,
             ended=ended,
         )
 

@@ -55,9 +55,9 @@ def _check_servo(config: StationConfig, robot: str, gains: ServoGains) -> None:
     key = "servo" if config.robots[robot].servo is None else f"robots.{robot}.servo"
     if servo.law != "pid":
         raise InvalidParameter(f"{key}.law", servo.law, "pid: MJCF's servos know no other law")
-    if gains.line is not None:
-        expected = "none: MJCF's servos have one limit at any speed; solver.kind mujoco has motors"
-        raise InvalidParameter(f"{key}.motor", "given", expected)
+    if gains.line is not None and (gains.line.slope > gains.damping).any():
+        expected = "none, or a whole damper (realization implicit): MJCF's servos have one limit at any speed"
+        raise InvalidParameter(f"{key}.motor", "given", f"{expected}; solver.kind mujoco has motors")
     if servo.bus is not None:
         raise InvalidParameter(f"{key}.bus", "given", "left out: MJCF's servos get their commands at once")
     if servo.feedforward != "none":

@@ -118,7 +118,7 @@ def test_an_episode_is_a_run_of_the_station(task, changed, tmp_path):
     seen, positions = episode.begin(), []
     for _ in range(round(0.4 / period)):
         seen = episode.advance(network(seen))
-        positions.append(episode.moment(goal=np.zeros(3), desired_speed=1.0, yields=0.0).tool)
+        positions.append(episode.moment(goal=np.zeros(3)).tool)
     name = next(iter(key for key, section in config.controllers.items() if section.kind == "policy"))
     overrides = load_task(task)[0].overrides
     own = load_station(
@@ -197,6 +197,7 @@ def test_bad_input_gets_one_line(kwargs, told):
         ("goals: {low: [0], high: [1]}", "a box of 1 figures; the policy's goal has 0"),
         ("goals: {low: [2], high: [1]}", "low is nowhere above high"),
         ("rewards: {distance: -1}", "needs a goal of the policy of x y z, not of 0"),
+        ("rewards: {heading: 1}", "ahead and to the left and a rate to the left, not of 0"),
     ],
 )
 def test_goals_that_do_not_fit_are_refused(changed, told, tmp_path):

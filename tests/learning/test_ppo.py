@@ -19,7 +19,7 @@ def test_a_round_of_learning_writes_a_policy_and_its_curve(tmp_path):
             pytest.skip(f"needs {package}")
     asked = ["--robots", "32", "--steps", "1536", "--out", str(tmp_path)]
     done = subprocess.run(
-        [sys.executable, __file__, str(FOLDER / "trot.yaml"), *asked],
+        [sys.executable, __file__, str(FOLDER / "learn_yobotics.yaml"), *asked],
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(FOLDER), *sys.path])},
         capture_output=True,
         text=True,

@@ -20,6 +20,7 @@ NOW = RewardSample(
     tool=np.array([0.3, 0.0, 0.4]),
     tool_speed=np.array([0.1, 0.0, 0.0]),
     goal=np.array([0.3, 0.3, 0.8]),
+    time=0.5,
     push=np.array([10.0, 0.0, 5.0]),
     desired_speed=0.3,
     yields=0.02,
@@ -32,6 +33,8 @@ BY_HAND = {
     "alive": 1.0,
     "height": 0.05**2,
     "lateral": 0.2**2,
+    "heading": np.exp(-((0.3 - 0.8 * 0.5) ** 2) / 0.25),  # half a second after the start
+    "lean": 0.1**2 + 0.2**2,
     "rotation": 0.1**2 + 0.2**2 + 0.3**2,
     "spin": 9.0,
     "effort": (0.25 + 1.0) / 2,
@@ -52,6 +55,7 @@ def test_tracking_is_of_the_speed_as_the_robot_faces_now():
     facing = replace(NOW, turned=np.array([0.0, 0.0, np.pi / 2]), speed=np.array([0.0, 0.5, 0.0]))
     for goal, expected in (([0.5, 0.0], 1.0), ([0.1, 0.0], np.exp(-1)), ([0.5, 0.4], np.exp(-1))):
         assert TERMS["tracking"](replace(facing, goal=np.array(goal))) == pytest.approx(expected)
+    assert TERMS["tracking"](replace(facing, goal=np.array([0.3, 0.0]), astray=0.2)) == pytest.approx(np.exp(-1))
 
 
 def test_weights_count_by_the_time_but_the_end_counts_once():

@@ -11,6 +11,9 @@ from simrob_drake.errors import SimrobError  # noqa: E402
 
 EXACT = {f"sensors.encoders.{key}": 0 for key in ("noise_deg", "resolution_deg")}
 STILL = {**EXACT, "sensors.imu.gyroscope_noise": 0, "sensors.imu.gyroscope_bias": 0}
+LEANS = {"observes": ["lean", "heading_error", "angular_velocity", "position", "velocity", "goal"], "goal": [0, 0, 1]}
+ON_MOTORS = {**STILL, **{f"controllers.policy.{key}": own for key, own in LEANS.items()}, "servo.motor": "urdf"}
+ON_MOTORS |= {"controllers.policy.clock": []}
 
 
 def many(name, count, **options):
@@ -27,7 +30,10 @@ def actions(size, steps, scale, seed=0):
         yield action
 
 
-@pytest.mark.parametrize(("name", "overrides", "scale"), [("Reach", EXACT, 0.3), ("Walk", STILL, 0.1)])
+WALKS = [("Walk", STILL, 0.1), ("Walk", ON_MOTORS, 0.1)]
+
+
+@pytest.mark.parametrize(("name", "overrides", "scale"), [("Reach", EXACT, 0.3), *WALKS])
 def test_a_robot_moves_and_sees_as_in_drake(name, overrides, scale):
     """Drake at 0.5 ms and MuJoCo at its 2 ms: 0.31° and 0.18° in the root of the mean square; sensors 10 ms apart."""
     fine = {**overrides, "solver": {"kind": "discrete", "time_step": 5e-4}}
@@ -39,7 +45,7 @@ def test_a_robot_moves_and_sees_as_in_drake(name, overrides, scale):
     told, _ = both.reset(seed=1)
     np.testing.assert_allclose(told, np.tile(seen, (2, 1)), atol=1e-6)
     axes, rows, earned = len(one.episode.robot.axes), [], np.zeros(2)
-    sizes = {"position": axes, "velocity": axes, "attitude": 3, "angular_velocity": 3}
+    sizes = {"position": axes, "velocity": axes, "attitude": 3, "lean": 2, "heading_error": 1, "angular_velocity": 3}
     parts = [part for part in one.episode.section.observes if part in sizes]  # what follows them is known
     ends = np.cumsum([sizes[part] for part in parts])
     for action in actions(one.action_space.shape, 40, scale):

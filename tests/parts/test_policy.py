@@ -172,6 +172,7 @@ def test_networks_of_several_inputs_or_of_whole_numbers_are_refused(tmp_path):
         ({"observes": ["positon"], "reads": {}, "clock": [], "goal": []}, "did you mean 'position'"),
         ({"clock": []}, "clock goes with 'clock'"),
         ({"observes": ["position"], "reads": {}, "clock": []}, "goal goes with 'goal'"),
+        ({"observes": ["heading_error"], "clock": [], "goal": [], "reads": {}}, "heading_error goes with a goal"),
         ({"moves_deg": {"joint_9": 3}}, "joint_9"),
         ({"moves_deg": {"joint_2": -3}}, "positive"),
     ],

@@ -86,7 +86,9 @@ def _size(port: Any, file: Path, key: str) -> int:
     return size
 
 
-_READS = {"position": "position", "velocity": "velocity", "attitude": "orientation"}
+TURNED = {"attitude": 3, "lean": 2, "heading_error": 1}  # what is observed of the orientation, and of what size it is
+_TURN = 2  # the place in a goal of the rate at which the heading is to turn to the left [rad/s]
+_READS = {"position": "position", "velocity": "velocity", **dict.fromkeys(TURNED, "orientation")}
 """Which input tells what is observed, where that is not called the same."""
 _REMEMBERED = ("action", "clock", "goal")
 
@@ -105,9 +107,10 @@ class Policy(LoopSection):
     moves_deg: PositiveAxisValues
     """How far an action of 1 moves an axis [deg, or m where it slides]: a number for all, or those that it moves."""
     observes: list[str] = Field(min_length=1)
-    """What it sees, in this order: `position` from the initial posture and `velocity` of all axes; `attitude`, the
-    angles Rx Ry Rz of the root link from how it stood, and its `angular_velocity`, of an IMU that `reads` names; the
-    last `action`; `clock`; `goal`; or any output of the station, such as `external_force.hand`."""
+    """What it sees, in this order: `position` from the initial posture and `velocity` of all axes; of an IMU that
+    `reads` names `attitude`, the angles Rx Ry Rz of the root link from how it stood, or `lean`, Rx and Ry alone, and
+    `heading_error`, Rz from where a turn by the third figure of `goal` [rad/s] has it; its `angular_velocity`; the last
+    `action`; `clock`; `goal`; or any output of the station, such as `external_force.hand`."""
     clock: list[Frequency] = Field(default_factory=list)
     """Of each of these it sees sine and cosine over time [Hz]."""
     goal: list[Number] = Field(default_factory=list)
@@ -118,6 +121,8 @@ class Policy(LoopSection):
         for name in ("clock", "goal"):
             if bool(getattr(self, name)) != (name in self.observes):
                 raise ValueError(f"{name} goes with '{name}' among what it observes")
+        if "heading_error" in self.observes and len(self.goal) <= _TURN:
+            raise ValueError("heading_error goes with a goal of three figures, whose last is a rate")
         return self
 
     @property
@@ -154,6 +159,14 @@ class Policy(LoopSection):
     @property
     def _outputs(self) -> list[str]:
         return [name for name in self.observes if name not in (*_READS, "angular_velocity", *_REMEMBERED)]
+
+
+def observed_of_turn(name: str, turned: Vector, goal: Vector, time: Vector) -> Vector:
+    """Return what is observed by this name of how robots are turned, Rx Ry Rz (..., 3) [rad], at times (..., 1) [s]."""
+    if name != "heading_error":
+        return turned[..., : TURNED[name]]
+    ahead = turned[..., _TURN:] - goal[..., _TURN : _TURN + 1] * time
+    return np.asarray((ahead + np.pi) % (2 * np.pi) - np.pi)
 
 
 class LearntPolicy(SampledBlock):
@@ -194,12 +207,10 @@ class LearntPolicy(SampledBlock):
         self._matrix = np.eye(len(reach))[:, moved] * reach[moved]
         self._upright = (upright or RotationMatrix()).inverse()
         self.clock, goal = np.array(section.clock, dtype=float), np.array(section.goal)
-        seen = {"position": len(reach), "velocity": len(reach), "attitude": 3, "angular_velocity": 3, **(sizes or {})}
+        seen = {"position": len(reach), "velocity": len(reach), **TURNED, "angular_velocity": 3, **(sizes or {})}
         self.sizes = {**seen, "action": self.acts, "clock": 2 * len(self.clock), "goal": len(goal)}
         self.observed = sum(self.sizes[name] for name in self._observes)
-        reads = {
-            _READS.get(name, name): 4 if name == "attitude" else seen[name] for name in self._observes if name in seen
-        }
+        reads = {_READS.get(name, name): 4 if name in TURNED else seen[name] for name in self._observes if name in seen}
         goals = {"goal": goal} if len(goal) else {}
         super().__init__(
             period=1 / section.rate,
@@ -243,9 +254,10 @@ class LearntPolicy(SampledBlock):
         match name:
             case "position":
                 return np.asarray(read["position"] - self._home)
-            case "attitude":
+            case "attitude" | "lean" | "heading_error":
                 turned: Vector = RollPitchYaw(self._upright @ rotation_of(read["orientation"])).vector()
-                return turned
+                goal = memory["goal"] if "goal" in self._observes else np.zeros(0)
+                return observed_of_turn(name, turned, goal, memory["count"] * self.period)
             case "clock":
                 angles = 2 * np.pi * self.clock * (memory["count"] * self.period)
                 return np.concatenate([np.sin(angles), np.cos(angles)])

@@ -23,7 +23,8 @@ _POSITION = mujoco.mjtCtrlInput.mjINPUT_POS
 def add_servos(spec: mujoco.MjSpec, robot: StationRobot, names: Names) -> None:
     """Add a robot's servos, one actuator an axis in its sense: the control is its reference [rad or m].
 
-    With an integral part it is a PID whose integral is clamped.
+    With an integral part it is a PID whose integral is clamped. The line of a motor is the joint's damper, which the
+    plant has, beside what is left of the servo.
     """
     gains = robot.gains
     for axis, joint, sign, kp, ki, kd, limit, most in zip(
@@ -32,8 +33,8 @@ def add_servos(spec: mujoco.MjSpec, robot: StationRobot, names: Names) -> None:
         robot.axis_map.signs,
         gains.kp,
         gains.ki,
-        gains.kd,
-        gains.torque_limit,
+        gains.kd - gains.damping,
+        gains.actuator_limit,
         gains.integral_limit,
         strict=True,
     ):
@@ -91,6 +92,7 @@ class OutputSensors:
     # how their values become the output's: ``row``, side by side; ``pose``, one whose quaternion has a sense; ``sum``
     # of vectors; ``least`` of numbers
     kind: Literal["row", "pose", "sum", "least"] = "row"
+    damping: Vector | None = None  # of dampers that brake beside servos: their speeds follow in a row, shape (n,)
 
     def of(self, columns: Mapping[str, slice], data: Vector) -> Vector:
         """Return the output (m, size) of a model's sensor data (m, k)."""
@@ -98,6 +100,9 @@ class OutputSensors:
         if self.kind == "sum":
             return np.asarray(sum(values))
         whole = np.hstack(values)
+        if self.damping is not None:
+            torque, speed = np.split(whole, 2, axis=1)
+            return np.asarray(torque - self.damping * speed)
         if self.kind == "pose":
             return unit_poses(whole)
         return whole.min(axis=1, keepdims=True) if self.kind == "least" else whole
@@ -153,6 +158,9 @@ def _of_servos(spec: mujoco.MjSpec, robot: StationRobot) -> dict[str, OutputSens
         for name, axis in zip(sensors, robot.axes, strict=True):
             spec.add_sensor(name=name, type=sense, objtype=_OBJECTS.mjOBJ_ACTUATOR, objname=f"{robot.prefix}{axis}")
         outputs[f"{robot.prefix}{output}"] = OutputSensors(tuple(sensors))
+    if robot.gains.damping.any():
+        torque, speed = (outputs[f"{robot.prefix}{output}"].names for output in ("torque", "velocity"))
+        outputs[f"{robot.prefix}torque"] = OutputSensors((*torque, *speed), damping=robot.gains.damping)
     return outputs
 
 
