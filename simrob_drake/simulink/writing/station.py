@@ -30,7 +30,7 @@ from simrob_drake.stations.config import JointStops
 
 _INSIDE = 1e-8  # how far within its limits a joint starts at least [rad or m]: files hold degrees and radians
 _SOLVERS: dict[str, dict[str, Any]] = {
-    "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1},
+    "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-3, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
     "loops": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4, "max_step": 0.01},
     "points": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},
@@ -219,8 +219,7 @@ class StationWriter:
         }
         if robot.tools:
             described["tools"] = robot.tools
-        feet = feet_of(robot, self._touching, self._gravity, self._report)
-        if feet:
+        if feet := feet_of(robot, self._touching, self._gravity, self._report):
             described["feet"] = feet
         (folder / ROBOT_FILE).write_text(_as_yaml(described), encoding="utf-8")
         start = self._starts(robot)
@@ -231,16 +230,14 @@ class StationWriter:
         if not base.IsNearlyIdentity(1e-12):
             entry["base"] = pose_list(base)
         degrees = {axis: np.rad2deg(start[axis]) if one.turns else start[axis] for one, axis in robot.axes.items()}
-        if any(degrees.values()):
-            entry["initial_deg"] = {axis: float(f"{value:.12g}") for axis, value in degrees.items() if value}
+        if initial := {axis: float(f"{value:.12g}") for axis, value in degrees.items() if value}:
+            entry["initial_deg"] = initial
         laws = {freedom: self._law(freedom) for freedom in robot.axes}
         for freedom, law in laws.items():
             self._tell(name, robot.axes[freedom], freedom, law, kinematic=kinematic)
         if not kinematic:
             entry["servo"] = _servo(robot, laws)
-            stops = _stops(robot)
-            if stops:
-                entry["joint_stops"] = stops
+            entry |= {"joint_stops": stops} if (stops := _stops(robot)) else {}
         forms = {freedom: law.reference for freedom, law in laws.items()}
         table = self._folder / f"{name}_reference.csv"
         entry["reference"] = JointMotions(robot.axes, forms, start, duration, table).reference()
@@ -305,9 +302,11 @@ class StationWriter:
 
     def _solver(self) -> dict[str, Any]:
         trees = [robot.tree for robot in self._files.robots.values()]
-        if any(tree.closings or tree.gears for tree in trees):
+        if any(tree.closings or tree.gears for tree in trees):  # springs of joints tear at couplings that are springs
             points = any(closing.kind in ("rod", "ball") for tree in trees for closing in tree.closings)
-            return _SOLVERS["points" if points or self._touching.ends else "loops"]
+            loops = [robot for robot in self._files.robots.values() if robot.tree.closings]
+            sprung = any(freedom.stiffness for robot in loops for freedom in robot.axes)
+            return _SOLVERS["points" if points or sprung or self._touching.ends else "loops"]
         if any(not robot.tree.root.grounded and _is_moved(robot) for robot in self._files.robots.values()):
             return _SOLVERS["walkers"]
         if any(push.jumps for push in self._model.pushes):
