@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import yaml
 from scipy.integrate import solve_ivp
 from slx_files import INERTIA, MECHANISM, REVOLUTE, TO_PHYSICS, TRANSFORM, WORLD, Level, write_model
 
@@ -234,18 +235,29 @@ def test_six_degrees_of_freedom_on_springs(tmp_path):
     np.testing.assert_allclose(y, aside, atol=2e-3)
 
 
-def test_a_crank_that_is_driven_starts_on_its_motion(tmp_path):
-    """A crank whose angle is 1 + 2 t moves the slider of its loop, which starts where and as fast as that asks for."""
+@pytest.mark.parametrize("spring", ["0", "500"])
+def test_a_crank_that_is_driven_starts_on_its_motion(tmp_path, spring):
+    """A crank whose angle is 1 + 2 t moves the slider of its loop, which starts where and as fast as that asks for.
+
+    Stiff springs in its hinges change what that takes, and do not tear the loop, which is a constraint then.
+    """
     shop, _ = crank("sm_lib/Joints/Prismatic Joint")
     driven = '<P Name="MotionActuationMode">InputMotion</P><P Name="TorqueActuationMode">ComputedTorque</P>'
     place = next(place for place, text in enumerate(shop.blocks) if 'Name="Crank"' in text)
     shop.blocks[place] = shop.blocks[place].replace("<InstanceData>", f"<InstanceData>{driven}")
+    sprung = f'<InstanceData><P Name="SpringStiffness">{spring}</P><P Name="SpringStiffnessUnits">N*m/deg</P>'
+    for place_of_other, text in enumerate(shop.blocks):
+        if 'Name="Rod"' in text or 'Name="Pin"' in text:
+            shop.blocks[place_of_other] = text.replace("<InstanceData>", sprung)
     motion = shop.block("Ramp", "Motion", slope="2", start="0", InitialOutput="1")
     into = shop.block(TO_PHYSICS, "In", Unit="rad")
     shop.wire(f"{motion}#out:1", f"{into}#in:1")
     shop.connect(f"{into}#rconn:1", f"{place + 1}#lconn:2")
     imported, result = ran(tmp_path, shop)
     assert imported.fidelity == "mechanics complete; 1 joint prescribed"
+    assert yaml.safe_load(imported.station.read_text())["solver"]["kind"] == (
+        "discrete" if float(spring) else "continuous"
+    )
     angle = 1 + 2 * result.times
     np.testing.assert_allclose(result["q.Crank"], angle, atol=2e-3)
     assert result["v.Crank"][0] == pytest.approx(2, rel=1e-3)

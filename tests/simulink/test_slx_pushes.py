@@ -96,6 +96,51 @@ def test_a_ball_bounces_by_the_forces_that_the_model_computes(tmp_path):
     assert np.abs(result["applied_force.Push.y"]).max() > 100  # its own y is the world's z
 
 
+def test_a_contact_that_blocks_draw_is_merged_and_split_by_its_parts(tmp_path):
+    """A ball bounces where an If lets one of two subsystems act; ports that no parameter counts are counted."""
+    mass, stiffness, damping = 2.0, 4e3, 12.0
+    body = Body(INERTIA, Mass=mass, MomentsOfInertia="[1 1 1]", gravity="[0 0 -9.81]", at="[0 0 0.2]")
+    sensed = body.sense("Z", "ZDot")
+    contact, none = Level(first=100), Level(first=200)
+    depth, speed = (contact.block("Inport", name, Port=str(place)) for place, name in enumerate(("z", "vz"), 1))
+    pressed = contact.block("Sum", "Fz", Inputs="--")
+    for place, (source, gain) in enumerate(((depth, stiffness), (speed, damping)), start=1):
+        factor = contact.block("Gain", f"k{place}", Gain=str(gain))
+        contact.wire(f"{source}#out:1", f"{factor}#in:1")
+        contact.wire(f"{factor}#out:1", f"{pressed}#in:{place}")
+    zero, torque = contact.block("Constant", "0", Value="0"), contact.block("Constant", "T", Value="[0 0 0.5]")
+    mux = contact.block("Mux", "Mux", ports='<PortCounts in="4" out="1"/>')
+    for place, part in enumerate((zero, zero, pressed, torque), start=1):
+        contact.wire(f"{part}#out:1", f"{mux}#in:{place}")
+    nothing = none.block("Constant", "Zeros", Value="zeros(1, 6)")
+    for level, source in ((contact, mux), (none, nothing)):
+        level.block("ActionPort", "Action")
+        level.wire(f"{source}#out:1", f"{level.block('Outport', 'F')}#in:1")
+    test = body.block("If", "If", IfExpression="u1 < 0", NumInputs="1")
+    body.wire(sensed[0], f"{test}#in:1")
+    ways = [body.block("SubSystem", name, inner=level.xml()) for name, level in (("Forces", contact), ("No", none))]
+    for place, way in enumerate(ways, start=1):
+        body.wire(f"{test}#out:{place}", f"{way}#ifaction")
+        body.wire(sensed[place - 1], f"{ways[0]}#in:{place}")
+    merged = body.chain("Merge", "Merge", *(f"{way}#out:1" for way in ways))
+    split = body.block("Demux", "Demux", ports='<PortCounts in="1" out="4"/>')
+    body.wire(merged, f"{split}#in:1")
+    axes = {f"EnableForce{axis}": "on" for axis in "XYZ"}
+    outputs = [f"{split}#out:{place}" for place in range(1, 5)]
+    body.push(body.frame, *outputs, **axes, EnableTorque="on", ForceResolutionFrame="World")
+    made = body.imported(tmp_path, stop="0.6")
+    assert made.fidelity == "mechanics complete"
+    assert yaml.safe_load(made.station.read_text())["solver"]["kind"] == "discrete"  # for it jumps
+    result = simulate(made.station, progress=False)
+
+    def motion(t, y):
+        return y[1], -9.81 - (stiffness * y[0] + damping * y[1]) / mass * (y[0] < 0), 0.5 * (y[0] < 0)
+
+    exact = solve_ivp(motion, (0, 0.6), [0.2, 0.0, 0.0], rtol=1e-9, atol=1e-9, max_step=1e-3, t_eval=result.times)
+    np.testing.assert_allclose(result["frame.Sensor.z"], exact.y[0], atol=2e-3)
+    np.testing.assert_allclose(result["frame.Sensor.wz"], exact.y[2], atol=2e-3)
+
+
 def test_a_force_off_the_centre_turns_a_body_that_carries_its_axes_along(tmp_path):
     body = Body(BRICK, BrickDimensions="[0.3 0.3 0.1]", BasedOnType="Mass", Mass="3")
     edge = body.transform("Edge", "[0 0.1 0]", "90")

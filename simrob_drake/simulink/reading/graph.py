@@ -242,6 +242,15 @@ class TooManyElements(ValueError):
     """A model that refers to its own parts so often that it grows without end."""
 
 
+_COUNTED = {
+    "Mux": ("Inputs", "in"),
+    "BusCreator": ("Inputs", "in"),
+    "Merge": ("Inputs", "in"),
+    "Demux": ("Outputs", "out"),
+}
+"""The parameter in which blocks have how many ports they have, where that is left unsaid."""
+
+
 class SystemReader:
     """Reads systems, following references to those that lie in parts of their own."""
 
@@ -275,6 +284,9 @@ class SystemReader:
         if instance is not None:
             parameters |= _parameters(instance)
         kind, source = element.get("BlockType", ""), parameters.get("SourceBlock", "")
+        counts = element.find("PortCounts")
+        name, side = _COUNTED.get(kind, ("", ""))
+        counted = {name: counts.attrib[side]} if counts is not None and side in counts.attrib else {}
         linked = kind == "Reference"
         inner = element.find("System")
         mask = element.find("Mask")
@@ -283,7 +295,7 @@ class SystemReader:
             name=one_line(element.get("Name", "")),
             kind=one_line(source) if linked else kind,
             linked=linked,
-            parameters={**self._defaults.get(kind, {}), **parameters},
+            parameters={**counted, **self._defaults.get(kind, {}), **parameters},
             mask=None if mask is None else read_mask(mask),
             system=None if inner is None else self.system(inner, depth + 1),
         )

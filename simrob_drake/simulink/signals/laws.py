@@ -235,6 +235,14 @@ class ExternalForce:
     ends: tuple[Node, Node] | None = None
     """The blocks on whose frames what it senses is, and from where that is seen; its own unless given."""
 
+    @property
+    def jumps(self) -> bool:
+        """Whether it depends on how a body is, and on a choice or a sign, as where contact is drawn of signals."""
+        terms = {term for terms in closure([*self.force, *self.torque]) for term in terms}
+        blocks = [term.of for term in terms if isinstance(term.of, Primitive)]
+        chooses = any(one.kind in ("switch", "compare") or one.parameters.get("function") == "sign" for one in blocks)
+        return chooses and any(term.kind in ("q", "w", "sensed") for term in terms)
+
 
 def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
     """Return what blocks apply from signals; those that inputs of the model drive alone stay ports of the station."""

@@ -239,9 +239,9 @@ def _echelon(rows: Any, columns: int) -> tuple[Any, Any]:
         if place is None:
             continue
         pivot = left.pop(place)
-        pivot = pivot / pivot[column]
-        found = [row - row[column] * pivot if row[column] else row for row in found]
-        with np.errstate(invalid="ignore"):  # which some processors tell of fractions
+        with np.errstate(all="ignore"):  # some processors tell of fractions what is not so
+            pivot = pivot / pivot[column]
+            found = [row - row[column] * pivot if row[column] else row for row in found]
             left = [row - row[column] * pivot if row[column] else row for row in left]
         found.append(pivot)
     width = rows.shape[1]

@@ -57,7 +57,9 @@ def _demux(reader: SignalReader, node: Node, number: int) -> Signal:
         width, rest = divmod(len(values), count)
         if not width:
             raise node.refusal(f"splits a signal of {len(values)} elements in {count}")
-        sizes = np.array([width + 1] * rest + [width] * (count - rest))
+        parts = _muxed(reader, reader.network.source(node)) if rest else []
+        even = [width + 1] * rest + [width] * (count - rest)
+        sizes = np.array(parts if len(parts) == count and sum(parts) == len(values) else even)
     if number > sizes.size:
         raise node.refusal(f"has no output {number}")
     if np.any(sizes < 0):
@@ -66,6 +68,19 @@ def _demux(reader: SignalReader, node: Node, number: int) -> Signal:
     start = int(sizes[: number - 1].sum())
     taken = values[start : start + int(sizes[number - 1])]
     return taken if len(taken) else signal([0.0])
+
+
+def _muxed(reader: SignalReader, source: tuple[Node, int] | None) -> list[int]:
+    """Return the widths of what makes up a signal, also behind a choice; Simulink finds them from both its ends."""
+    while source is not None:
+        node = source[0]
+        if node.kind == "Mux":
+            return [part.size for part in inputs_of(reader, node)]
+        if node.kind == "Merge":
+            ways = (_muxed(reader, reader.network.source(node, place + 1)) for place in range(_ways(node)))
+            return next(filter(None, ways), [])
+        source = reader.network.inside(*source) if node.children else None
+    return []
 
 
 def _selector(reader: SignalReader, node: Node, _: int) -> Signal | None:
@@ -236,10 +251,14 @@ def _condition(reader: SignalReader, node: Node) -> Value | None:
     return parts[0] if len(parts) == 1 else joined("and", *parts)
 
 
+def _ways(merge: Node) -> int:
+    return min(int(merge.number("Inputs", "2")), _MOST_WAYS)
+
+
 def _merge(reader: SignalReader, node: Node, _: int) -> Signal | None:
     """Return what the subsystem gives that runs; the last one where none does."""
     merged: Signal | None = None
-    for place in range(1, min(int(node.number("Inputs", "2")), _MOST_WAYS) + 1):
+    for place in range(1, _ways(node) + 1):
         source = reader.network.source(node, place)
         condition = None if source is None else _condition(reader, source[0])
         inside = None if source is None else reader.network.inside(*source)

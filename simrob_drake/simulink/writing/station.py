@@ -30,10 +30,11 @@ from simrob_drake.stations.config import JointStops
 
 _INSIDE = 1e-8  # how far within its limits a joint starts at least [rad or m]: files hold degrees and radians
 _SOLVERS: dict[str, dict[str, Any]] = {
-    "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1},
+    "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-3, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
     "loops": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4, "max_step": 0.01},
     "points": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},
+    "struck": {"kind": "discrete", "scheme": "sap", "time_step": 2e-4},  # by forces that jump: contact in signals
     "walkers": {"kind": "discrete", "scheme": "sap", "time_step": 5e-4},  # whose joints are moved along given motions
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
 }
@@ -155,7 +156,7 @@ class StationWriter:
         for push in self._model.pushes if kinematic else ():
             push.node.note("dropped", "a force, in a station without forces: what moves is prescribed")
         content |= coupling_sections(model, self._files, self._turn, self._names, kinematic=kinematic)
-        content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}), measured)
+        content |= {} if kinematic else self._dynamics(content.get("sensors", {}), measured)
         content["duration"] = duration
         return content
 
@@ -174,11 +175,11 @@ class StationWriter:
         pulls = any(node.is_on(f"EnableForce{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
         return [*(["external_force"] if pulls or not turns else []), *(["external_torque"] if turns else [])]
 
-    def _dynamics(self, robots: dict[str, Any], sensors: dict[str, Any], measured: dict[Term, Sum]) -> dict[str, Any]:
+    def _dynamics(self, sensors: dict[str, Any], measured: dict[Term, Sum]) -> dict[str, Any]:
         """Return what only a station of torques has: its solver, laws that are no servos, and speeds at the start."""
         flows = flows_of(self._model, self._files, sensors, measured, self._turn)
         content: dict[str, Any] = {"controllers": flows} if flows else {}
-        content["solver"] = self._solver(robots)
+        content["solver"] = self._solver()
         moved = any(map(_is_moved, self._files.robots.values()))
         if (flows or moved) and "accuracy" in content["solver"]:
             longest = 0.02 if self._touching.ends else 0.005  # limits of a law are found within a step
@@ -218,8 +219,7 @@ class StationWriter:
         }
         if robot.tools:
             described["tools"] = robot.tools
-        feet = feet_of(robot, self._touching, self._gravity, self._report)
-        if feet:
+        if feet := feet_of(robot, self._touching, self._gravity, self._report):
             described["feet"] = feet
         (folder / ROBOT_FILE).write_text(_as_yaml(described), encoding="utf-8")
         start = self._starts(robot)
@@ -230,16 +230,14 @@ class StationWriter:
         if not base.IsNearlyIdentity(1e-12):
             entry["base"] = pose_list(base)
         degrees = {axis: np.rad2deg(start[axis]) if one.turns else start[axis] for one, axis in robot.axes.items()}
-        if any(degrees.values()):
-            entry["initial_deg"] = {axis: float(f"{value:.12g}") for axis, value in degrees.items() if value}
+        if initial := {axis: float(f"{value:.12g}") for axis, value in degrees.items() if value}:
+            entry["initial_deg"] = initial
         laws = {freedom: self._law(freedom) for freedom in robot.axes}
         for freedom, law in laws.items():
             self._tell(name, robot.axes[freedom], freedom, law, kinematic=kinematic)
         if not kinematic:
             entry["servo"] = _servo(robot, laws)
-            stops = _stops(robot)
-            if stops:
-                entry["joint_stops"] = stops
+            entry |= {"joint_stops": stops} if (stops := _stops(robot)) else {}
         forms = {freedom: law.reference for freedom, law in laws.items()}
         table = self._folder / f"{name}_reference.csv"
         entry["reference"] = JointMotions(robot.axes, forms, start, duration, table).reference()
@@ -288,10 +286,8 @@ class StationWriter:
         if terms_of(law.net):
             self._report.add("read", freedom.name, f"axis {axis} of {robot}: driven by the blocks of its law")
             return
-        moved = (
-            "moved as its reference" if kinematic else "its motion is prescribed" if freedom.driven == "motion" else ""
-        )
-        drive = moved or (f"servo {shown}" if shown else "no servo")
+        prescribed = "its motion is prescribed" if freedom.driven == "motion" else ""
+        drive = ("moved as its reference" if kinematic else prescribed) or (f"servo {shown}" if shown else "no servo")
         self._report.add("read", freedom.name, f"axis {axis} of {robot}: {drive}")
 
     def _place(self, freedom: Freedom) -> tuple[int, int]:
@@ -304,16 +300,18 @@ class StationWriter:
                     return int(port) if port.isdecimal() else 1, term.index
         return 10**6, 0
 
-    def _solver(self, robots: dict[str, Any]) -> dict[str, Any]:
-        if not robots:
-            return _SOLVERS["pieces"]
+    def _solver(self) -> dict[str, Any]:
         trees = [robot.tree for robot in self._files.robots.values()]
-        if any(tree.closings or tree.gears for tree in trees):
+        if any(tree.closings or tree.gears for tree in trees):  # springs of joints tear at couplings that are springs
             points = any(closing.kind in ("rod", "ball") for tree in trees for closing in tree.closings)
-            return _SOLVERS["points" if points or self._touching.ends else "loops"]
+            loops = [robot for robot in self._files.robots.values() if robot.tree.closings]
+            sprung = any(freedom.stiffness for robot in loops for freedom in robot.axes)
+            return _SOLVERS["points" if points or sprung or self._touching.ends else "loops"]
         if any(not robot.tree.root.grounded and _is_moved(robot) for robot in self._files.robots.values()):
             return _SOLVERS["walkers"]
-        return _SOLVERS["feet"] if self._touching.ends else _SOLVERS["arm"]
+        if any(push.jumps for push in self._model.pushes):
+            return _SOLVERS["struck"]
+        return _SOLVERS["pieces" if not trees else "feet" if self._touching.ends else "arm"]
 
 
 def _as_yaml(content: dict[str, Any]) -> str:
