@@ -5,6 +5,7 @@
   const three = MeshCat.THREE;
   const { Vector2, Vector3, Matrix4, Quaternion, Euler, Plane, Raycaster, Group, Mesh, Line, BufferGeometry } = three;
   const canvas = viewer.renderer.domElement;
+  const CLICK = 4; // px that a pointer moves at most where nothing is dragged
   const caster = new Raycaster();
   const hand = { on: false, pull: false, own: false, step: 0, turn: 0 };
   const words = document.body.appendChild(document.createElement("div"));
@@ -172,6 +173,7 @@
     if (body) offsets[handle] ??= matrix(begin).invert().multiply(new Matrix4().copy(body.matrix));
     return {
       handle,
+      still: true,
       move() {
         const now = turns ? turned() : along(centre, direction);
         if (now === null || first === null) return;
@@ -198,6 +200,7 @@
     const first = turns ? 0 : along(spot, direction) ?? 0;
     const report = () => ["turn", [axis, target]];
     return {
+      still: true,
       move() {
         const now = turns ? turned() : along(spot, direction);
         if (now === null) return;
@@ -230,15 +233,17 @@
   };
   const end = () => {
     if (!held) return;
-    const { last, end: done } = held;
+    const { last, still, end: done } = held;
     held = null;
     board.held = false;
-    if (last) window.tell(...last());
+    if (last && !still) window.tell(...last());
     done();
     viewer.set_dirty();
   };
   const move = (event) => {
     if (!held) return;
+    held.still &&= Math.hypot(event.clientX - held.from[0], event.clientY - held.from[1]) < CLICK;
+    if (held.still) return;
     aim(event);
     held.move();
     viewer.set_dirty();
@@ -249,6 +254,7 @@
     held = taken(event);
     if (!held) return;
     board.held = true;
+    held.from = [event.clientX, event.clientY];
     event.stopImmediatePropagation();
     event.preventDefault();
     canvas.setPointerCapture(event.pointerId);
@@ -258,7 +264,7 @@
   canvas.addEventListener("pointermove", move, true);
   ["pointerup", "pointercancel", "lostpointercapture"].forEach((name) => canvas.addEventListener(name, end, true));
   window.addEventListener("blur", end);
-  window.addEventListener("pagehide", () => held?.last && navigator.sendBeacon("told", JSON.stringify(held.last())));
+  window.addEventListener("pagehide", () => held?.last && !held.still && navigator.sendBeacon("told", JSON.stringify(held.last())));
   canvas.addEventListener("dblclick", (event) => { // the view turns about what was clicked
     aim(event);
     const hit = seen();

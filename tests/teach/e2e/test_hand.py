@@ -35,7 +35,8 @@ class Hand:
         self.view.wait_for_function("typeof setHand !== 'undefined'")
         page.get_by_role("button", name="Move things with the pointer").click()
 
-    def _seen(self, place):
+    def seen(self, place):
+        """Return where a place of the view is on the page."""
         box = self.page.locator("iframe").bounding_box()
         return box["x"] + place[0], box["y"] + place[1]
 
@@ -47,7 +48,7 @@ class Hand:
     def choose(self, handle):
         """Click a dot; return where its gizmo is, and how long an arrow [m]."""
         self.view.wait_for_function(_THERE, arg=handle)
-        self.page.mouse.click(*self._seen(self.view.evaluate(_DOT, handle)))
+        self.page.mouse.click(*self.seen(self.view.evaluate(_DOT, handle)))
         return self.gizmo()
 
     def gizmo(self):
@@ -56,10 +57,10 @@ class Hand:
 
     def drag(self, begin, *ends):
         """Drag from a point of the world to others."""
-        self.page.mouse.move(*self._seen(self.view.evaluate(_POINT, [*begin])))
+        self.page.mouse.move(*self.seen(self.view.evaluate(_POINT, [*begin])))
         self.page.mouse.down()
         for end in ends:
-            self.page.mouse.move(*self._seen(self.view.evaluate(_POINT, [*end])), steps=5)
+            self.page.mouse.move(*self.seen(self.view.evaluate(_POINT, [*end])), steps=5)
         with self.page.expect_response(lambda answer: answer.url.endswith("/told")):
             self.page.mouse.up()
 
@@ -79,6 +80,12 @@ def test_an_arm_is_jogged_by_arrows_rings_and_links(page, tmp_path):
         expect(height).to_have_value(re.compile(rf"^{1e3 * place[2] + 50:.0f}(\.0)?$"))  # by steps
         moved, size = hand.gizmo()
         np.testing.assert_allclose(moved, np.add(place, [0, 0, 0.05]), atol=1e-4)
+        told = []
+        page.on("request", lambda asked: told.append(asked.url) if asked.url.endswith("/told") else None)
+        page.mouse.dblclick(*hand.seen(hand.view.evaluate(_POINT, [*np.add(moved, [0, 0, size])])))  # drags nothing
+        page.mouse.dblclick(*hand.seen(hand.view.evaluate(_POINT, [0.0, -0.08, 0.45])))
+        assert told == []
+        moved, size = hand.gizmo()
         angles = np.array([-1.1, -0.8, -0.55])  # of its side that is near
         ring = 0.72 * size * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
         hand.drag(*(moved + ring))
