@@ -1,5 +1,7 @@
 """What a hand in the view can take hold of: against Drake's plants, built by hand, and the session that hears of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fake_runs import BenchRun
@@ -11,7 +13,7 @@ from simrob_drake import load_station
 from simrob_drake.errors import SimrobError
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.robots.catalog import load_robot
-from simrob_drake.teach.handles import handles, reached
+from simrob_drake.teach.handles import _limbs, _moved, handles, reached
 from simrob_drake.teach.session import Session
 
 
@@ -102,6 +104,13 @@ def _about(axis, angle):
     return RotationMatrix(np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * skew @ skew)
 
 
+def test_a_limb_with_several_tools_is_one():
+    cell, robot, _ = standing("humanoid")
+    own = cell.robot(robot)
+    twice = own.model.model_copy(update={"tools": {**own.model.tools, "palm": own.model.tools["right_hand"]}})
+    assert {*_limbs(replace(own, model=twice), _moved(own))} == {"right_hand", "left_hand", "right_foot", "left_foot"}
+
+
 def test_what_is_to_be_elsewhere_is_counted_from_there():
     cell, robot, by_hand = standing("humanoid")
     near = {"left_shoulder_pitch": 40.0}
@@ -171,6 +180,7 @@ def test_a_target_is_put_elsewhere_and_undone(teach):
     before = session.book.targets["here"]
     pose = np.add(before["pose"], [0, 0.05, -0.1, 0, 0, 0])
     session.hand.put("target:here", pose.tolist(), turned=False, over=False)
+    session.hear()
     assert session.book.targets["here"] == before
     session.hand.put("target:here", pose.tolist(), turned=False, over=True)
     session.hear()
@@ -187,6 +197,30 @@ def test_a_target_is_put_elsewhere_and_undone(teach):
     assert session.book.targets["here"] == after
     session.undo()
     assert session.book.targets["here"] == before
+
+
+def test_a_target_that_goes_with_a_piece_is_put_elsewhere_in_the_frame_of_that(teach):
+    session = teach("irb120_gripper")
+    session.arm.teach_target("here", "cube_2")
+    session.hear()
+    frame, *_ = np.reshape(handles_of(session)["piece:cube_2"]["pose"], (1, 4, 4)).transpose(0, 2, 1)
+    pose = np.add(answered(session, session.arm.where("world"))["pose"], [0, 0.02, -0.05, 0, 0, 0])
+    session.hand.put("target:here", pose.tolist(), turned=False, over=True)
+    session.hear()
+    after = session.book.targets["here"]
+    assert after["frame"] == "cube_2"
+    tcp = np.reshape(handles_of(session)["target:here"]["pose"], (4, 4), order="F")
+    np.testing.assert_allclose(tcp[:3, 3], pose[:3], atol=1e-6)
+    in_frame = frame[:3, :3].T @ (pose[:3] - frame[:3, 3])
+    np.testing.assert_allclose(after["pose"][:3], in_frame, atol=1e-5)
+
+
+def handles_of(session):
+    """Return what can be taken now."""
+    told = viewed(session)
+    session.hand.open()
+    session.hear()
+    return told["handles"][0]["handles"]
 
 
 def test_a_piece_begins_where_it_is_put(teach):
