@@ -1,5 +1,6 @@
 """What is done in the view with the pointer: bodies that are pulled, and a hand that moves and turns things."""
 
+from collections.abc import Callable
 from json import dumps
 
 from nicegui import ui
@@ -13,8 +14,12 @@ _STEPS = {"": (0, 0), "1": (1, 1), "5": (5, 5), "10": (10, 15), "50": (50, 45)}
 """What is moved and turned by steps of [mm, deg], by the choice of it; freely by the first."""
 
 
-def build(session: Session, t: Words) -> None:
-    """Build the buttons that begin both, and the hand's settings, which are there while it is on."""
+def build(session: Session, t: Words) -> Callable[[], None]:
+    """Build the buttons that begin both, and the hand's settings, which are there while it is on.
+
+    Returns:
+        what tells the view of these, once it is loaded.
+    """
     pull = icon_button("pan_tool_alt", t("shell.drag"), keys="D").classes("pendant-drag pendant-mood")
     hand = icon_button("open_with", t("hand.begin"), keys="G").classes("pendant-hand pendant-mood")
     with ui.element("div").classes("pendant-grip").props("role=group") as settings:
@@ -33,7 +38,7 @@ def build(session: Session, t: Words) -> None:
             button.props["aria-pressed"] = "true" if name == on else "false"
             button.update()
         settings.set_visibility(on == "on")
-        ui.run_javascript(f"document.getElementById('{FRAME}').contentWindow.setHand({dumps(state)})")
+        ui.run_javascript(f"document.getElementById('{FRAME}').contentWindow.setHand?.({dumps(state)})")
 
     def choose(name: str) -> None:
         nonlocal on
@@ -48,3 +53,4 @@ def build(session: Session, t: Words) -> None:
     for field in (own, step):
         field.on_value_change(tell)
     settings.set_visibility(False)
+    return tell

@@ -36,7 +36,7 @@ def _frame(session: Session, t: Words) -> None:
     frame = ui.element("iframe").props(f"id={hand.FRAME} src=view/")
     frame.props["title"] = t("shell.view")
     frame.on("load", js_handler="(event) => window.viewShown(event.target)")
-    hand.build(session, t)
+    frame.on("load", hand.build(session, t))
 
 
 def _stills(session: Session, t: Words) -> None:

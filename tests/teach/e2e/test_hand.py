@@ -10,6 +10,7 @@ from running import running
 
 _NAMED = "let found; viewer.scene.traverse((one) => { if (one.isMesh && one.name === name) found = one; });"
 _ON_SCREEN = """
+  viewer.camera.updateMatrixWorld(); // it may have been moved since the last frame
   const place = point.project(viewer.camera), box = viewer.renderer.domElement.getBoundingClientRect();
   return [box.left + (1 + place.x) / 2 * box.width, box.top + (1 - place.y) / 2 * box.height];
 """

@@ -413,6 +413,7 @@ def test_a_move_takes_as_long_as_its_edge_is_dragged_and_goes_where_it_is_droppe
     typed(page, "left elbow: fore-arm up", 20)
     expect(page.get_by_text(re.compile("Tested and not added yet.*20"))).to_be_visible()
     page.keyboard.press("Alt+A")
+    expect(page.locator(".pendant-block")).to_have_count(2)
     moves = program(alone)["moves"]
     page.locator(".pendant-block").last.drag_to(page.locator(".pendant-block").first)
     expect(page.locator(".pendant-block").first).to_contain_text("20")
