@@ -79,6 +79,7 @@ def test_axe_finds_nothing_serious(page, humanoid, theme):
     page.emulate_media(color_scheme=theme, reduced_motion="reduce")
     opened(page, humanoid)
     page.evaluate(files("axe_playwright_python").joinpath("axe.min.js").read_text())
+    expect(page.get_by_role("button", name="Move things with the pointer")).to_be_visible()
     page.keyboard.press("g")  # with all that there is over the view
     expect(page.get_by_role("button", name="Own", exact=True)).to_be_visible()
     for tab in page.get_by_role("tab", name=re.compile("Legged|Arm|Station")).all():
