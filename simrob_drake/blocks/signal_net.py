@@ -1,13 +1,12 @@
 """A net of small blocks, computed as one: whatever is drawn between what is measured and what is commanded."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
 from graphlib import TopologicalSorter
-from itertools import accumulate, pairwise
 from math import gcd, lcm
-from typing import Any, Protocol
+from traceback import walk_tb
+from typing import Any
 
 import numpy as np
 from pydrake.symbolic import Expression, Variable
@@ -15,51 +14,7 @@ from pydrake.systems.framework import BasicVector, Context, ContinuousState, Dis
 from pydrake.systems.primitives import SymbolicVectorSystem
 
 from simrob_drake.blocks.block import Block
-
-Values = Sequence[float]
-
-
-class NetBlock(Protocol):
-    """What a block of a net does; see :mod:`simrob_drake.parts.controllers.flow_blocks`."""
-
-    @property
-    def period(self) -> float:
-        """Between samples [s]; 0 of a continuous block."""
-
-    @property
-    def size(self) -> int:
-        """How many elements its output has."""
-
-    @property
-    def start(self) -> Values:
-        """Its states at the start."""
-
-    @property
-    def fed_through(self) -> bool:
-        """Whether its output depends on its inputs at the same time."""
-
-    @property
-    def repeats(self) -> int:
-        """How often an input stands in its equation."""
-
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output by the time [s], its states and its inputs."""
-
-    def following(self, x: Values, u: Values) -> Values:
-        """Return the derivatives of its states, or their next values."""
-
-
-Terms = Sequence[tuple[int, float]]
-"""A sum: places among the values, with factors."""
-
-
-@dataclass(frozen=True)
-class WiredBlock:
-    """A block with its inputs, sums of values: first 1, the time [s], what is measured, then the outputs of blocks."""
-
-    block: NetBlock
-    inputs: Sequence[Terms]
-
+from simrob_drake.blocks.written_net import SOURCE, WiredBlock, WrittenNet, output_places
 
 _MOST_TERMS = 4000
 """Of a net as one expression: what several blocks read is written out, and computed, for each of them."""
@@ -83,13 +38,8 @@ def signal_net(blocks: Mapping[str, WiredBlock], measured: int) -> LeafSystem:
     return _symbolic(list(blocks.values()), measured, order)
 
 
-def _places(blocks: Mapping[str, WiredBlock], measured: int) -> list[slice]:
-    ends = accumulate((one.block.size for one in blocks.values()), initial=2 + measured)
-    return [slice(*pair) for pair in pairwise(ends)]
-
-
 def _sorted(blocks: Mapping[str, WiredBlock], measured: int) -> list[int]:
-    names, places = list(blocks), _places(blocks, measured)
+    names, places = list(blocks), output_places(list(blocks.values()), measured)
     owner = {place: name for name, found in zip(names, places, strict=True) for place in range(found.start, found.stop)}
     graph = {
         name: [owner[place] for terms in one.inputs for place, _ in terms if place in owner and one.block.fed_through]
@@ -101,7 +51,7 @@ def _sorted(blocks: Mapping[str, WiredBlock], measured: int) -> list[int]:
 
 def _terms(blocks: Mapping[str, WiredBlock], measured: int, order: Sequence[int]) -> int:
     """Return how many terms a net has as expressions of what is measured."""
-    wired, places = list(blocks.values()), _places(blocks, measured)
+    wired, places = list(blocks.values()), output_places(list(blocks.values()), measured)
     counts = [1] * (places[-1].stop if places else 2)
 
     def taken(one: WiredBlock) -> int:
@@ -121,7 +71,7 @@ def _symbolic(wired: Sequence[WiredBlock], measured: int, order: Sequence[int]) 
     inputs = [Variable(f"u{number}") for number in range(measured)]
     values: list[Any] = [1.0, Expression(time), *map(Expression, inputs)]
     values += [zero] * sum(one.block.size for one in wired)
-    places = _places({str(number): one for number, one in enumerate(wired)}, measured)
+    places = output_places(wired, measured)
     states = [[Variable(f"x{number}_{k}") for k in range(len(one.block.start))] for number, one in enumerate(wired)]
     current = [[start + x for start, x in zip(one.block.start, own, strict=True)]
                for one, own in zip(wired, states, strict=True)]  # fmt: skip
@@ -159,7 +109,7 @@ def _common_step(periods: Sequence[float]) -> float:
 
 
 class SignalNet(Block):
-    """Compute a net of blocks in the order in which they depend on each other.
+    """Compute a net of blocks in the order in which they depend on each other, by Python that is written out of them.
 
     Continuous blocks share the station's integration. Sampled ones, whose periods are multiples of a common step, take
     their samples together, each with what the blocks before it give at that very time, and hold their outputs between.
@@ -179,76 +129,53 @@ class SignalNet(Block):
         super().__init__()
         self._input = self.DeclareVectorInputPort("measured", measured)
         wired = list(blocks.values())
-        self._places = _places(blocks, measured)
-        self._blocks, self._first = wired, 2 + measured
-        self._names = list(blocks)
-        self._order = _sorted(blocks, measured)
-        self._states: dict[int, slice] = {}
-        starts: tuple[list[float], list[float]] = [], []  # continuous, sampled: states and what is held
-        for number, one in enumerate(wired):
-            start = [*one.block.start, *([0.0] * one.block.size if one.block.period else [])]
-            kept = starts[one.block.period > 0]
-            self._states[number] = slice(len(kept), len(kept) + len(start))
-            kept.extend(start)
-        if starts[0]:
-            self.DeclareContinuousState(BasicVector(starts[0]))
         periods = {number: one.block.period for number, one in enumerate(wired) if one.block.period}
-        self._every: dict[int, int] = {}
+        step = _common_step(list(periods.values())) if periods else 0.0
+        every = {number: round(period / step) for number, period in periods.items()}
+        self._written = WrittenNet(wired, measured, _sorted(blocks, measured), every)
+        self._names = list(blocks)
+        if self._written.continuous:
+            self.DeclareContinuousState(BasicVector(self._written.continuous))
         if periods:
-            step = _common_step(list(periods.values()))
-            self._every = {number: round(period / step) for number, period in periods.items()}
-            self.DeclareDiscreteState(np.array([0.0, *starts[1]]))  # the number of the sample stands first
+            self.DeclareDiscreteState(np.array([0.0, *self._written.sampled]))  # the number of the sample stands first
             self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._sample)
-        self._output = self.DeclareVectorOutputPort("values", self._places[-1].stop - self._first, self._give)
-
-    def _inputs(self, number: int, values: Values) -> Values:
-        return [sum(factor * values[place] for place, factor in terms) for terms in self._blocks[number].inputs]
+        size = sum(one.block.size for one in wired)
+        self._output = self.DeclareVectorOutputPort("values", size, self._give)
 
     def _known(self, context: Context) -> list[float]:
         return [1.0, context.get_time(), *(self._input.Eval(context).tolist() if self._input.size() else [])]
 
-    def _computed(self, context: Context, *, sampled: bool = False) -> tuple[list[float], list[float], list[float]]:
-        """Return all values at a time, the continuous states, and the sampled ones; at a sample with its outputs."""
-        x = context.get_continuous_state_vector().CopyToVector().tolist()
-        kept = context.get_discrete_state_vector().CopyToVector().tolist() if self._every else []
-        values = [*self._known(context), *[0.0] * (self._places[-1].stop - self._first)]
-        for number in self._order:
-            block = self._blocks[number].block
-            own = (kept[1:] if block.period else x)[self._states[number]]
-            if block.period and not (sampled and kept[0] % self._every[number] == 0):
-                values[self._places[number]] = own[len(block.start) :]
-                continue
-            u = self._inputs(number, values) if block.fed_through else ()
-            try:
-                values[self._places[number]] = block.output(values[1], own[: len(block.start)], u)
-            except (ArithmeticError, ValueError) as problem:
-                message = f"the block {self._names[number]} cannot be computed of {u}: {problem}"
-                raise RuntimeError(message) from problem
-        return values, x, kept
+    def _states(self, context: Context) -> tuple[list[float], list[float]]:
+        """Return the continuous states, and the number of the sample with what is sampled."""
+        discrete = context.num_discrete_state_groups()
+        kept = context.get_discrete_state_vector().CopyToVector().tolist() if discrete else [0.0]
+        return context.get_continuous_state_vector().CopyToVector().tolist(), kept
+
+    def _computed(self, part: str, *known: Any) -> list[float]:
+        """Return what a function of the net gives; RuntimeError: a block that cannot be computed."""
+        try:
+            found: list[float] = self._written.functions[part](*known)
+        except (ArithmeticError, ValueError) as problem:
+            steps = walk_tb(problem.__traceback__)
+            frame, line = next(step for step in steps if step[0].f_code.co_filename == SOURCE)
+            number, taken = self._written.at(line)
+            message = (
+                f"the block {self._names[number]} cannot be computed of {[frame.f_locals[name] for name in taken]}"
+            )
+            raise RuntimeError(f"{message}: {problem}") from problem
+        return found
 
     def _give(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._computed(context)[0][self._first :])
+        x, (_, *held) = self._states(context)
+        output.SetFromVector(self._computed("outputs", self._known(context), x, held, None))
 
     def DoCalcTimeDerivatives(self, context: Context, derivatives: ContinuousState) -> None:  # noqa: N802 - Drake's
         """Work out how the continuous states change."""
-        if not derivatives.size():
-            return
-        values = [*self._known(context), *self._output.Eval(context).tolist()]
-        x = context.get_continuous_state_vector().CopyToVector().tolist()
-        rates = [0.0] * len(x)
-        for number, one in enumerate(self._blocks):
-            if not one.block.period and one.block.start:
-                place = self._states[number]
-                rates[place] = one.block.following(x[place], self._inputs(number, values))
-        derivatives.SetFromVector(rates)
+        if derivatives.size():
+            values = [*self._known(context), *self._output.Eval(context).tolist()]
+            derivatives.SetFromVector(self._computed("rates", values, self._states(context)[0]))
 
     def _sample(self, context: Context, discrete: DiscreteValues) -> None:
-        values, _, kept = self._computed(context, sampled=True)
-        following = list(kept)
-        for number, every in self._every.items():
-            if kept[0] % every == 0:
-                place, block = self._states[number], self._blocks[number].block
-                own = kept[1:][place][: len(block.start)]
-                changed = [*block.following(own, self._inputs(number, values)), *values[self._places[number]]]
-                following[place.start + 1 : place.stop + 1] = changed
-        discrete.set_value([kept[0] + 1, *following[1:]])
+        known, (x, (count, *held)) = self._known(context), self._states(context)
+        values = self._computed("outputs", known, x, held, count)
+        discrete.set_value([count + 1, *self._computed("following", [*known, *values], held, count)])

@@ -11,7 +11,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, Sine
 from scipy import signal
 
-from simrob_drake.blocks.signal_net import SignalNet, WiredBlock, signal_net
+from simrob_drake.blocks.signal_net import SignalNet, signal_net
+from simrob_drake.blocks.written_net import WiredBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 
 ONE, TIME, U = 0, 1, 2
@@ -150,6 +151,14 @@ def test_a_block_without_states_is_its_equation(given, equation):
     inputs = [[(TIME if name == "time" else U, 1.0)] for name in given.inputs]
     times, u, (y,) = run({"B": (given, inputs)})
     np.testing.assert_allclose(y, equation(u, times), atol=1e-9)
+
+
+@pytest.mark.parametrize("count", [40, 3000])
+def test_a_long_table_is_looked_up_in(count):
+    points = np.cumsum(np.random.default_rng(3).uniform(0.1, 1.0, count))
+    points, values = 3 * points / points[-1] - 1.5, np.sin(20 * points)
+    _, u, (y,) = run({"T": (block("lookup", points=points.tolist(), values=values.tolist()), [[(U, 1.0)]])})
+    np.testing.assert_allclose(y, np.interp(u, points, values), atol=1e-12)
 
 
 @pytest.mark.parametrize("given", [block("product", of=["zero"], divides=[0]),

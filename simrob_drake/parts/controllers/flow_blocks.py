@@ -2,7 +2,6 @@
 
 import math
 import operator
-from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Literal
 
@@ -236,12 +235,15 @@ class Lookup(FlowBlock):
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
         within = least(largest(u[0], self.points[0]), self.points[-1]) if self.clip else u[0]
-        if isinstance(within, float):
-            return (self._line(min(max(bisect_right(self.points, within), 1), len(self.points) - 1), within),)
-        value = self._line(1, within)
-        for right in range(2, len(self.points)):
-            value = chosen(within < self.points[right - 1], value, self._line(right, within))
-        return (value,)
+        return (self._between(0, len(self.points) - 1, within),)
+
+    def _between(self, first: int, last: int, u: float) -> float:
+        """Return the line that holds, of those between two points."""
+        if last - first == 1:
+            return self._line(last, u)
+        middle = (first + last) // 2
+        found: float = chosen(u < self.points[middle], self._between(first, middle, u), self._between(middle, last, u))
+        return found
 
     def _line(self, right: int, u: float) -> float:
         """Return the line to a point from the one before."""

@@ -15,7 +15,8 @@ from pydrake.systems.primitives import Demultiplexer, PassThrough
 from simrob_drake.blocks.block import fed, joined
 from simrob_drake.blocks.monitor import Condition, Trigger
 from simrob_drake.blocks.passive_joints import add_external_force
-from simrob_drake.blocks.signal_net import WiredBlock, signal_net
+from simrob_drake.blocks.signal_net import signal_net
+from simrob_drake.blocks.written_net import WiredBlock
 from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import InnerBlock, wrapped
