@@ -124,6 +124,11 @@ def shortened(value: str, length: int = 80) -> str:
     return text if whole else text[: length - 1] + "…"
 
 
+def counted(count: int, thing: str) -> str:
+    """Return how many things there are, in words of messages."""
+    return f"{count} {thing}{'' if count == 1 or thing.endswith('s') else 's'}"
+
+
 def listed(names: Sequence[str], most: int = 3) -> str:
     """Return names in a row, of many the first ones."""
     rest = f" and {len(names) - most} more" if len(names) > most else ""

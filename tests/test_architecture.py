@@ -155,7 +155,6 @@ OWN_FILES = {
     "cli/app.py": "its own code",
     "results/animation/recording.py": "its own script",
     "results/animation/window.py": "its own script",
-    "simulink/tables.py": "its own tables",
     "teach/pages/shell.py": "its own script and style",
     "teach/pages/view.py": "a picture that was just drawn",
 }

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from simrob_drake.arguments import instance, truth
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, counted
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Workcell
@@ -15,7 +15,7 @@ from simrob_drake.programs.moves.go import GO_TIME
 from simrob_drake.programs.moves.joints import move_of, targets_on
 from simrob_drake.programs.moves.kinds import ActMove, AttachMove, GoMove, JointMove, ReleaseMove, WalkMove, move_from
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, Stage, checked
-from simrob_drake.programs.program import Program, counted
+from simrob_drake.programs.program import Program
 from simrob_drake.programs.stages import Snapshot, check_program, joint_reference, leg_moves, stages_of, step_moves
 from simrob_drake.programs.stages import stages_of_program as program_stages
 from simrob_drake.programs.stateful_station import GOES_ON

@@ -8,7 +8,7 @@ import yaml
 from pydantic import BeforeValidator, PlainSerializer, model_validator
 
 from simrob_drake.arguments import as_path, instance
-from simrob_drake.errors import InvalidParameter, shortened
+from simrob_drake.errors import InvalidParameter, counted, shortened
 from simrob_drake.folders import written_at_once
 from simrob_drake.importer.packages import Border
 from simrob_drake.programs.automatic import Automatic, pace_of
@@ -184,8 +184,3 @@ class Program(Strict):
 def _check_moves(*moves: object) -> None:
     for move in moves:
         instance(move, "move", Move, "a move, such as JointMove(target_deg={'waist': 10})")
-
-
-def counted(count: int, thing: str) -> str:
-    """Return how many things there are, in words of messages."""
-    return f"{count} {thing}{'' if count == 1 else 's'}"

@@ -10,7 +10,7 @@ from graphlib import CycleError, TopologicalSorter
 from os.path import isfile
 from pathlib import Path
 
-from simrob_drake.errors import InvalidModel
+from simrob_drake.errors import InvalidModel, counted
 from simrob_drake.robots.urdf import (
     DRAKE,
     LIMITED_JOINTS,
@@ -226,7 +226,7 @@ def shape_defect(shape: ET.Element) -> str:
             return f"has no {key}"
         numbers = numbers_in(text)
         if numbers is None or len(numbers) != count:
-            return f'has {key}="{text}" where {count} {"number" if count == 1 else "numbers"} should be'
+            return f'has {key}="{text}" where {counted(count, "number")} should be'
         if not all(number > 0 for number in numbers):
             return f'has {key}="{text}", which is not positive'
     return ""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 from simrob_drake.arguments import as_path
+from simrob_drake.errors import counted
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.mechanics.bodies import BETWEEN, GEARS, ROD, SPRING
@@ -144,21 +145,17 @@ def fidelity(found: list[BlockOutcome], prescribed: int = 0, assumed: int = 0) -
         assumed: figures whose variables are not known, in place of which a default is taken.
     """
     nouns = Counter(outcome.noun for outcome in lost_mechanics(found))
-    lost = [_counted(number, noun) for noun, number in nouns.items()]
+    lost = [counted(number, noun) for noun, number in nouns.items()]
     parts = [
         f"{' and '.join(part for part in (', '.join(lost[:-1]), *lost[-1:]) if part)} lost"
         if lost
         else "mechanics complete"
     ]
-    parts.append(f"{_counted(assumed, 'figure')} assumed" if assumed else "")
-    parts.append(f"{_counted(prescribed, 'joint')} prescribed" if prescribed else "")
+    parts.append(f"{counted(assumed, 'figure')} assumed" if assumed else "")
+    parts.append(f"{counted(prescribed, 'joint')} prescribed" if prescribed else "")
     opened = sum(outcome.fate == "open" for outcome in found)
-    parts.append(f"{_counted(opened, 'control block')} left open" if opened else "")
+    parts.append(f"{counted(opened, 'control block')} left open" if opened else "")
     return "; ".join(part for part in parts if part)
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 REPORT_FILE = "report.json"

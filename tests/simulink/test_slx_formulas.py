@@ -13,9 +13,12 @@ TIMES = np.linspace(0.02, 2, 34)
 
 
 def outputs(tmp_path, kind, inputs, parameters):
-    """Return the outputs, (n, t), of a block whose inputs are the time and 0.7."""
+    """Return the outputs, (n, t), of a block of the time and 0.7; of the negative time on a physical line."""
     level = Level()
     sid = level.block(kind, "B", **parameters)
+    if kind.startswith("fl_lib") and inputs:  # of a physical line
+        level.connect(f"{level.block('fl_lib/PS/PS Ramp', 'S', slope='-1')}#rconn:1", f"{sid}#lconn:1")
+        inputs = 0
     for number, source in enumerate((("Clock", {}), ("Constant", {"Value": "0.7"}))[:inputs], start=1):
         level.wire(f"{level.block(source[0], f'S{number}', **source[1])}#out:1", f"{sid}#in:{number}")
     model = read_simulink(write_model(tmp_path / "a.slx", level))
@@ -67,6 +70,8 @@ def outputs(tmp_path, kind, inputs, parameters):
         ("fl_lib/PS/PS Sine Wave", 0, {"amplitude": "2", "frequency": "3", "frequency_unit": "Hz", "phase": "90",
                                        "phase_unit": "deg", "bias": "1"},
          lambda t: 2 * np.sin(6 * np.pi * t + np.pi / 2) + 1),
+        ("fl_lib/PS/PS Abs", 1, {}, lambda t: t),
+        ("fl_lib/PS/PS Floor", 1, {}, lambda t: np.floor(-t)),
         ("fl_lib/PS/PS Constant", 0, {"constant": "[5 7]", "constant_unit": "cm"},
          lambda t: [0 * t + 0.05, 0 * t + 0.07]),
     ],
