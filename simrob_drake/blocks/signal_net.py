@@ -11,10 +11,20 @@ from typing import Any, Protocol
 
 import numpy as np
 from pydrake.symbolic import Expression, Variable
-from pydrake.systems.framework import BasicVector, Context, ContinuousState, DiscreteValues, LeafSystem
-from pydrake.systems.primitives import SymbolicVectorSystem
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    ContinuousState,
+    DiagramBuilder,
+    DiscreteValues,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+    System,
+)
+from pydrake.systems.primitives import PassThrough, Selector, SelectorParams, SymbolicVectorSystem
 
-from simrob_drake.blocks.block import Block
+from simrob_drake.blocks.block import Block, fed
 
 Values = Sequence[float]
 
@@ -63,11 +73,12 @@ class WiredBlock:
 
 _MOST_TERMS = 4000
 """Of a net as one expression: what several blocks read is written out, and computed, for each of them."""
+_MOST_INLINE = 20  # terms of a block of a larger net; what it reads is computed before it otherwise
 _FINEST = 1e-5  # s, of a step that several periods share
 
 
-def signal_net(blocks: Mapping[str, WiredBlock], measured: int) -> LeafSystem:
-    """Return a net of blocks as one system: in C++ unless blocks are sampled, or read each other too often.
+def signal_net(blocks: Mapping[str, WiredBlock], measured: int) -> System:
+    """Return a net of blocks as one system: in C++ unless blocks are sampled.
 
     Ports:
         in  the ``measured`` values, if there are any.
@@ -78,8 +89,10 @@ def signal_net(blocks: Mapping[str, WiredBlock], measured: int) -> LeafSystem:
         ValueError: periods without a common step.
     """
     order = _sorted(blocks, measured)
-    if any(one.block.period for one in blocks.values()) or _terms(blocks, measured, order) > _MOST_TERMS:
+    if any(one.block.period for one in blocks.values()):
         return SignalNet(blocks, measured)
+    if _terms(blocks, measured, order) > _MOST_TERMS:
+        return StagedNet(list(blocks.values()), measured, order).diagram()
     return _symbolic(list(blocks.values()), measured, order)
 
 
@@ -143,6 +156,99 @@ def _symbolic(wired: Sequence[WiredBlock], measured: int, order: Sequence[int]) 
     return SymbolicVectorSystem(
         time=time, state=every, input=inputs, dynamics=rates or [zero], output=values[2 + measured :], time_period=0.0
     )
+
+
+class StagedNet:
+    """A large net of continuous blocks: systems of short expressions, each of what those before it give."""
+
+    def __init__(self, wired: Sequence[WiredBlock], measured: int, order: Sequence[int]) -> None:
+        """Sort the blocks into stages; a block is written out for those of its own stage that read it."""
+        self._wired, self._first = wired, 2 + measured
+        self._places = _places({str(number): one for number, one in enumerate(wired)}, measured)
+        self._known = [Variable(f"v{place}") for place in range(self._places[-1].stop)]
+        self._states = [[Variable(f"x{number}") for _ in one.block.start] for number, one in enumerate(wired)]
+        self._time, self._stages = Variable("t"), list[dict[int, Any]]()  # of each stage: expressions by place
+        self._stage, self._terms = [-1] * len(self._known), [1] * len(self._known)
+        self._builder, self._sources = DiagramBuilder(), dict[int, tuple[OutputPort, int]]()
+        self._waiting: list[tuple[InputPort, list[Variable]]] = []
+        for number in order:
+            self._sort(number)
+
+    def _sort(self, number: int) -> None:
+        block, own = self._wired[number].block, self._places[number]
+        read = [place for terms in self._wired[number].inputs for place, _ in terms] if block.fed_through else []
+        stage = max([0, *(self._stage[place] for place in read)])
+        near = [place for place in read if self._stage[place] == stage]
+        terms = 1 + block.repeats * (len(read) + sum(self._terms[place] - 1 for place in near))
+        if near and terms > _MOST_INLINE:
+            stage, terms = stage + 1, 1 + block.repeats * len(read)
+        if stage == len(self._stages):
+            self._stages.append({})
+        inputs = self._taken(number, self._stages[stage]) if block.fed_through else []
+        output = block.output(Expression(self._time), self._current(number), inputs)
+        self._stages[stage] |= {own.start + index: Expression(0.0) + value for index, value in enumerate(output)}
+        self._stage[own], self._terms[own] = [stage] * block.size, [terms] * block.size
+
+    def _current(self, number: int) -> list[Any]:
+        return [start + x for start, x in zip(self._wired[number].block.start, self._states[number], strict=True)]
+
+    def _taken(self, number: int, near: Mapping[int, Any]) -> list[Any]:
+        """Return the inputs of a block: what is near as it is computed, the rest as it is given."""
+        fixed = {0: 1.0, 1: Expression(self._time), **near}
+        return [
+            sum((k * fixed.get(place, self._known[place]) for place, k in terms), start=Expression(0.0))
+            for terms in self._wired[number].inputs
+        ]
+
+    def diagram(self) -> System:
+        """Return the systems as one."""
+        if self._first > 2:
+            measured = self._builder.AddSystem(PassThrough(self._first - 2))
+            self._builder.ExportInput(measured.get_input_port(), "measured")
+            self._give(measured, self._known[2 : self._first])
+        held = [x for own in self._states for x in own]
+        rates = [Expression(0.0) + rate for number, one in enumerate(self._wired) if one.block.start
+                 for rate in one.block.following(self._current(number), self._taken(number, {}))]  # fmt: skip
+        if held:
+            self._give(self._system(list(map(Expression, held)), held, rates), held)
+        for stage in self._stages:
+            system = self._system(list(stage.values()), [Variable("none")], [Expression(0.0)])
+            self._give(system, [self._known[place] for place in stage])
+        for port, variables in self._waiting:
+            self._builder.Connect(self._selected(variables), port)
+        self._builder.ExportOutput(self._selected(self._known[self._first :]), "values")
+        return self._builder.Build()
+
+    def _system(self, output: list[Any], state: Sequence[Variable], dynamics: Sequence[Any]) -> System:
+        """Add a system of expressions, which is to be connected to what they read."""
+        read = {one.get_id(): one for part in (*dynamics, *output) for one in part.GetVariables()}
+        for own in (self._time, *state):
+            read.pop(own.get_id(), None)
+        parameters = {"input": list(read.values()), "dynamics": dynamics, "output": output, "time_period": 0.0}
+        system = self._builder.AddSystem(SymbolicVectorSystem(time=self._time, state=state, **parameters))
+        if read:
+            self._waiting.append((system.get_input_port(), list(read.values())))
+        return system
+
+    def _give(self, system: System, variables: Sequence[Variable]) -> None:
+        port = system.get_output_port()
+        self._sources |= {one.get_id(): (port, index) for index, one in enumerate(variables)}
+
+    def _selected(self, variables: Sequence[Variable]) -> OutputPort:
+        """Return what variables are given as, as one vector."""
+        sources = [self._sources[one.get_id()] for one in variables]
+        ports = list({id(port): port for port, _ in sources}.values())
+        number = {id(port): place for place, port in enumerate(ports)}
+        chosen = [
+            SelectorParams.OutputSelection(input_port_index=number[id(port)], input_offset=index)
+            for port, index in sources
+        ]
+        inputs = [
+            SelectorParams.InputPortParams(name=f"u{place}", size=port.size()) for place, port in enumerate(ports)
+        ]
+        outputs = [SelectorParams.OutputPortParams(name="y", selections=chosen)]
+        selector = Selector(SelectorParams(inputs=inputs, outputs=outputs))
+        return fed(self._builder, f"selected_{len(self._builder.GetSystems())}", selector, *ports)
 
 
 def _common_step(periods: Sequence[float]) -> float:
