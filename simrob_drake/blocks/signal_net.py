@@ -77,8 +77,10 @@ _MOST_INLINE = 20  # terms of a block of a larger net; what it reads is computed
 _FINEST = 1e-5  # s, of a step that several periods share
 
 
-def signal_net(blocks: Mapping[str, WiredBlock], measured: int) -> System:
+def signal_net(blocks: Mapping[str, WiredBlock], measured: int, *, integrated: bool = True) -> System:
     """Return a net of blocks as one system: in C++ unless blocks are sampled.
+
+    Drake asks expressions for their rates wherever anything is ``integrated``; elsewhere they need no state for that.
 
     Ports:
         in  the ``measured`` values, if there are any.
@@ -92,8 +94,8 @@ def signal_net(blocks: Mapping[str, WiredBlock], measured: int) -> System:
     if any(one.block.period for one in blocks.values()):
         return SignalNet(blocks, measured)
     if _terms(blocks, measured, order) > _MOST_TERMS:
-        return StagedNet(list(blocks.values()), measured, order).diagram()
-    return _symbolic(list(blocks.values()), measured, order)
+        return StagedNet(list(blocks.values()), measured, order).diagram(integrated=integrated)
+    return _symbolic(list(blocks.values()), measured, order, integrated=integrated)
 
 
 def _places(blocks: Mapping[str, WiredBlock], measured: int) -> list[slice]:
@@ -128,7 +130,7 @@ def _terms(blocks: Mapping[str, WiredBlock], measured: int, order: Sequence[int]
     return sum(counts) + sum(taken(one) * one.block.repeats for one in wired if one.block.start)
 
 
-def _symbolic(wired: Sequence[WiredBlock], measured: int, order: Sequence[int]) -> LeafSystem:
+def _symbolic(wired: Sequence[WiredBlock], measured: int, order: Sequence[int], *, integrated: bool) -> LeafSystem:
     """Return a net of continuous blocks as Drake's own system of expressions, whose states are 0 at the start."""
     time, zero = Variable("t"), Expression(0.0)
     inputs = [Variable(f"u{number}") for number in range(measured)]
@@ -152,9 +154,11 @@ def _symbolic(wired: Sequence[WiredBlock], measured: int, order: Sequence[int]) 
         if one.block.start
         for rate in one.block.following(current[number], taken(number))
     ]
-    every = [x for own in states for x in own] or [Variable("none")]  # Drake asks one without states for its rates, too
+    every = [x for own in states for x in own]
+    if integrated and not every:
+        every, rates = [Variable("none")], [zero]
     return SymbolicVectorSystem(
-        time=time, state=every, input=inputs, dynamics=rates or [zero], output=values[2 + measured :], time_period=0.0
+        time=time, state=every, input=inputs, dynamics=rates, output=values[2 + measured :], time_period=0.0
     )
 
 
@@ -200,8 +204,8 @@ class StagedNet:
             for terms in self._wired[number].inputs
         ]
 
-    def diagram(self) -> System:
-        """Return the systems as one."""
+    def diagram(self, *, integrated: bool = True) -> System:
+        """Return the systems as one; see :func:`signal_net`."""
         if self._first > 2:
             measured = self._builder.AddSystem(PassThrough(self._first - 2))
             self._builder.ExportInput(measured.get_input_port(), "measured")
@@ -212,7 +216,8 @@ class StagedNet:
         if held:
             self._give(self._system(list(map(Expression, held)), held, rates), held)
         for stage in self._stages:
-            system = self._system(list(stage.values()), [Variable("none")], [Expression(0.0)])
+            none = [Variable("none")] if integrated else []
+            system = self._system(list(stage.values()), none, [Expression(0.0) for _ in none])
             self._give(system, [self._known[place] for place in stage])
         for port, variables in self._waiting:
             self._builder.Connect(self._selected(variables), port)
