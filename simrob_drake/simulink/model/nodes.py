@@ -21,6 +21,11 @@ from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor
 from simrob_drake.simulink.values.workspace import Octave, Variables
 
+_OLDER_UNITS = {
+    **dict.fromkeys(("TranslationStandardOffset", "TranslationCartesianOffset"), "TranslationLengthUnit"),
+    "GravityVector": "GravityUnits",
+}
+"""Where the first releases of Simscape Multibody keep units."""
 _NAME = re.compile(r"(?<![\w.])[A-Za-z]\w*")
 
 
@@ -123,7 +128,8 @@ class Node:
 
     def unit(self, name: str, like: str) -> float:
         """Return what a parameter's unit is in SI; SI where none is written."""
-        written = self.text(f"{name}Units") or self.text(f"{name.removesuffix('s')}Units")
+        names = f"{name}Units", f"{name.removesuffix('s')}Units", _OLDER_UNITS.get(name, "")
+        written = next(filter(None, map(self.text, names)), "")
         return self.in_si(written, name, like) if written else 1.0
 
     def in_si(self, text: str, name: str, like: str = "") -> float:
