@@ -21,8 +21,10 @@ _MOST_TERMS = 4000
 _FINEST = 1e-5  # s, of a step that several periods share
 
 
-def signal_net(blocks: Mapping[str, WiredBlock], measured: int) -> LeafSystem:
+def signal_net(blocks: Mapping[str, WiredBlock], measured: int, *, integrated: bool = True) -> LeafSystem:
     """Return a net of blocks as one system: in C++ unless blocks are sampled, or read each other too often.
+
+    Drake asks expressions for their rates wherever anything is ``integrated``; elsewhere they need no state for that.
 
     Ports:
         in  the ``measured`` values, if there are any.
@@ -35,7 +37,7 @@ def signal_net(blocks: Mapping[str, WiredBlock], measured: int) -> LeafSystem:
     order = _sorted(blocks, measured)
     if any(one.block.period for one in blocks.values()) or _terms(blocks, measured, order) > _MOST_TERMS:
         return SignalNet(blocks, measured)
-    return _symbolic(list(blocks.values()), measured, order)
+    return _symbolic(list(blocks.values()), measured, order, integrated=integrated)
 
 
 def _sorted(blocks: Mapping[str, WiredBlock], measured: int) -> list[int]:
@@ -65,7 +67,7 @@ def _terms(blocks: Mapping[str, WiredBlock], measured: int, order: Sequence[int]
     return sum(counts) + sum(taken(one) * one.block.repeats for one in wired if one.block.start)
 
 
-def _symbolic(wired: Sequence[WiredBlock], measured: int, order: Sequence[int]) -> LeafSystem:
+def _symbolic(wired: Sequence[WiredBlock], measured: int, order: Sequence[int], *, integrated: bool) -> LeafSystem:
     """Return a net of continuous blocks as Drake's own system of expressions, whose states are 0 at the start."""
     time, zero = Variable("t"), Expression(0.0)
     inputs = [Variable(f"u{number}") for number in range(measured)]
@@ -89,9 +91,11 @@ def _symbolic(wired: Sequence[WiredBlock], measured: int, order: Sequence[int]) 
         if one.block.start
         for rate in one.block.following(current[number], taken(number))
     ]
-    every = [x for own in states for x in own] or [Variable("none")]  # Drake asks one without states for its rates, too
+    every = [x for own in states for x in own]
+    if integrated and not every:
+        every, rates = [Variable("none")], [zero]
     return SymbolicVectorSystem(
-        time=time, state=every, input=inputs, dynamics=rates or [zero], output=values[2 + measured :], time_period=0.0
+        time=time, state=every, input=inputs, dynamics=rates, output=values[2 + measured :], time_period=0.0
     )
 
 

@@ -88,6 +88,7 @@ def closed_station(
         blocks=blocks,
         sources={name: port for _, driven in early.values() for name, port in driven.items()},
         lean=lean,
+        closed=True,
     )
     kept, players = dict[str, Reference](), dict[str, TrajectorySource]()
     for robot in ports.plant.robots.values():

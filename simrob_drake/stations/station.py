@@ -72,6 +72,7 @@ def compose(
     blocks: Mapping[str, LeafSystem] | None = None,
     sources: Mapping[str, OutputPort] | None = None,
     lean: bool = False,
+    closed: bool = False,
 ) -> StationPorts:
     """Add a station's systems, and perhaps not all of its parts.
 
@@ -79,7 +80,8 @@ def compose(
     ``monitors`` in the diagram the ports know them all the same, for whoever records the run. ``blocks`` are the
     station's controllers, made, and others of the user's own, by name; ``sources`` drive inputs of a dynamic
     station, by the inputs' names, so that these are no inputs. In a ``lean`` diagram blocks that only
-    report stand where something reads them: the recorded states tell the poses of robots after a run.
+    report stand where something reads them: the recorded states tell the poses of robots after a run. ``closed``
+    tells that no more systems with continuous states come.
     """
     own = own_blocks(station.config.controllers) if blocks is None else blocks
     config = station.config.model_copy(update={"inputs": with_driven(station.config.inputs, own)})
@@ -109,7 +111,8 @@ def compose(
     if flows := flows_of(config.controllers):
         from simrob_drake.parts.controllers.signal_flow import add_flows  # loaded where there is one: it is large
 
-        add_flows(builder, ports, flows, monitors=monitors)
+        integrated = any(system.num_continuous_states() for system in (*builder.GetSystems(), *own.values()))
+        add_flows(builder, ports, flows, monitors=monitors, integrated=integrated or not closed)
     gather_forces(builder, ports)
     add_own_blocks(builder, ports, own)
     add_loops(builder, ports, loops_of(config.controllers))

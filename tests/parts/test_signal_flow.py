@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
-from pydrake.systems.framework import LeafSystem
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from simrob_drake import load_station, simulate
+from simrob_drake import add_station, load_station, simulate
 from simrob_drake.errors import SimrobError
+from simrob_drake.stations.closed import closed_station
+from simrob_drake.stations.resolve import resolve
 
 LAW = {
     "kind": "signal_flow",
@@ -54,6 +56,28 @@ def test_a_run_goes_on_where_it_ended():
     second = simulate(config, duration=0.23, start=first.final_state, progress=False)
     assert second["q.joint_1"][-1] == pytest.approx(whole["q.joint_1"][-1], abs=1e-6)
     assert second["law.Slow"][-1] == pytest.approx(whole["law.Slow"][-1], abs=1e-6)
+
+
+class Grows(LeafSystem):
+    """A block of the user's own with a continuous state."""
+
+    def __init__(self):
+        super().__init__()
+        self.DeclareContinuousState(1)
+
+    def DoCalcTimeDerivatives(self, context, derivatives):
+        derivatives.SetFromVector([2.0])
+
+
+def test_a_law_without_states_costs_a_discrete_station_no_integration_unless_something_is_integrated():
+    """Drake fails where expressions without states are asked for their rates."""
+    config = arm(LAW, **OFF, solver={"kind": "discrete", "time_step": 1e-3})
+    alone, beside = (simulate(config, duration=0.1, blocks=own, progress=False) for own in ({}, {"grows": Grows()}))
+    np.testing.assert_array_equal(alone["q.joint_1"], beside["q.joint_1"])
+    builder = DiagramBuilder()
+    add_station(builder, config)  # to which its user may add whatever is integrated
+    assert closed_station(resolve(config)).diagram.CreateDefaultContext().num_continuous_states() == 0
+    assert builder.Build().CreateDefaultContext().num_continuous_states() > 0
 
 
 def test_a_stop_ends_the_run():

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from simrob_drake.simulink.signals.forms import TIME, flat, signal
+from simrob_drake.simulink.signals.arithmetic import applied, inverse
+from simrob_drake.simulink.signals.forms import TIME, Primitive, blocks_in, flat, mapped, signal
+from simrob_drake.simulink.signals.frame_sensing import orientation
 from simrob_drake.simulink.signals.matlab import Translation
 from simrob_drake.simulink.values.code import undefined
 from simrob_drake.simulink.values.script import functions_of
@@ -37,6 +39,10 @@ def translated(code):
          lambda u: [2 * u, 2 * u - 1]),
         ("function y = f(u)\nR = [cos(u) -sin(u); sin(u) cos(u)];\ny = R*R*[1; 0];",
          lambda u: [np.cos(2 * u), np.sin(2 * u)]),
+        ("function y = f(u)\nR = [cos(u) -sin(u); sin(u) cos(u)];\ny = [inv(R)*[1; 0]; R\\[0; 1]; ([1 0]/R)'];",
+         lambda u: [np.cos(u), -np.sin(u), np.sin(u), np.cos(u), np.cos(u), np.sin(u)]),
+        ("function y = f(u)\nM = [2 u; u 3];\ny = M\\[1; 0] + inv(M)*[0; sqrt(u + 2)];",
+         lambda u: np.array([3 - u * np.sqrt(u + 2), 2 * np.sqrt(u + 2) - u]) / (6 - u**2)),
         ("function y = f(u)\ny = zeros(3,1);\nfor k = 1:3\n y(k) = k*max(u, 0);\nend",
          lambda u: [k * np.maximum(u, 0) for k in (1, 2, 3)]),
         ("function y = f(u)\nswitch sign(u)\ncase {1, 0}\n y = abs(u);\notherwise\n y = 7;\nend",
@@ -70,3 +76,18 @@ def test_code_is_what_it_computes(code, equation):
 def test_what_is_more_than_arithmetic_is_not_understood(code, told):
     with pytest.raises(NotUnderstood, match=told):
         translated(code)
+
+
+def test_a_rotation_is_inverted_by_its_transpose_and_a_matrix_that_only_starts_as_one_is_not():
+    turn = orientation(object())
+    cosine, sine = (applied(name, TIME) for name in ("cos", "sin"))
+    both = turn.dot(np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]], dtype=object))
+    for rotation in (turn, turn.T, both):
+        assert all(one is other for one, other in zip(inverse(rotation).flat, rotation.T.flat, strict=True))
+    grows = Primitive("integrator", {}, lambda: [TIME]).outputs[0]
+    scale = np.array([[1.0 + grows, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], dtype=object)
+    for other in (scale, mapped(lambda one: 2.0 * one, turn), turn + np.eye(3)):
+        divisions = [
+            block for one in inverse(other).flat for block in blocks_in([one]) if "divides" in block.parameters
+        ]
+        assert divisions

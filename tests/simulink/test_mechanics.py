@@ -74,6 +74,10 @@ def test_rotations(parameters, expected):
             [-2, 0, 0],
         ),
         (
+            {"TranslationMethod": "StandardAxis", "TranslationStandardOffset": "2", "TranslationStandardAxis": "+Y",
+             "TranslationLengthUnit": "mm"}, [0, 0.002, 0],  # as the first releases write it
+        ),
+        (
             {"TranslationMethod": "Cylindrical", "TranslationROffset": "2", "TranslationThetaOffset": "90",
              "TranslationThetaOffsetUnits": "deg", "TranslationZOffset": "1"}, [0, 2, 1],
         ),

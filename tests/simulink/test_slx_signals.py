@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from slx_files import FROM_PHYSICS, INERTIA, REVOLUTE, TO_PHYSICS, WORLD, Level, pendulum, write_model
+from slx_files import FROM_PHYSICS, INERTIA, REVOLUTE, TO_PHYSICS, WORLD, Level, mask, pendulum, write_model
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidModel
@@ -294,6 +294,37 @@ def test_variants(tmp_path, choice, unknown):
             import_simulink(file, tmp_path / "out")
     (robot,) = import_simulink(file, tmp_path / "out", assume=True).files.robots.values()
     assert robot.mass == (1 if unknown else 2)
+
+
+@pytest.mark.parametrize(("law", "gain"), [("Stiff", 7.0), ("Soft", 3.0)])
+def test_the_code_of_a_mask_chooses_the_variant_within(tmp_path, law, gain):
+    """A library's block is saved with some choice; what its mask is told in a model counts there."""
+    choices = Level(first=200)
+    for label, factor in (("Stiff_One", 7), ("Soft_One", 3)):
+        part = Level(first=300 + 10 * factor)
+        taken, times, given = (
+            part.block("Inport", "u"),
+            part.block("Gain", "k", Gain=factor),
+            part.block("Outport", "y"),
+        )
+        part.wire(f"{taken}#out:1", f"{times}#in:1")
+        part.wire(f"{times}#out:1", f"{given}#in:1")
+        choices.block("SubSystem", label, VariantControl=label, inner=part.xml())
+    for kind, name in (("Inport", "u"), ("Outport", "y")):
+        choices.block(kind, name)
+    outer = Level(first=100)
+    taken, given = outer.block("Inport", "u"), outer.block("Outport", "y")
+    inner = outer.block("SubSystem", "The\nLaw", Variant="on", LabelModeActiveChoice="Soft_One", inner=choices.xml())
+    outer.wire(f"{taken}#out:1", f"{inner}#in:1")
+    outer.wire(f"{inner}#out:1", f"{given}#in:1")
+    code = "if strcmp(get_param(gcb, 'law'), 'Stiff')\n"
+    code += " set_param([gcb '/The Law'], 'OverrideUsingVariant', 'Stiff_One');\nend"
+    plant = Plant()
+    masked = plant.block("SubSystem", "Force", law=law, inner=mask(code, law="Soft") + outer.xml())
+    plant.wire(plant.positions[0], f"{masked}#in:1")
+    plant.drive(f"{masked}#out:1", plant.positions[1])
+    model = read_simulink(write_model(tmp_path / "a.slx", plant))
+    assert [*terms_of(next(iter(model.laws.values())).net).values()] == [gain]
 
 
 def test_the_ports_of_a_variant_go_to_those_of_the_same_name_in_its_choice(tmp_path):

@@ -155,7 +155,9 @@ class SignalFlow(Strict):
         for name in self.signals or ():
             one_of(f"block for {key}.signals", name, self.blocks)
 
-    def add(self, builder: DiagramBuilder, site: Site, name: str, *, monitors: bool) -> OutputPort | None:
+    def add(
+        self, builder: DiagramBuilder, site: Site, name: str, *, monitors: bool, integrated: bool = True
+    ) -> OutputPort | None:
         """Add its blocks, return its robot's torques (n) [N·m or N], or None; raises SimrobError: no signal, a loop."""
         robot = site.robot(self.robot) if self.torque or self.robot is not None else None
         axes = robot.axes if robot is not None and self.torque else []
@@ -166,7 +168,7 @@ class SignalFlow(Strict):
             site.inputs[called] = opening.get_input_port()
             declare_output(site, name, opening.get_output_port(), "1", called=block)
         net = _Net(site, f"controllers.{name}", robot.prefix if robot else "", {**self._all, **torque}, opened)
-        ports = net.add(builder, f"controller.{name}")
+        ports = net.add(builder, f"controller.{name}", integrated=integrated)
         site.notes[name] = {"kind": self.kind}
         label = f"{wrapped(name)}\nsignal flow, {len(self.blocks)} blocks"
         site.draw(f"controller.{name}", "loop", label, robot, net=net.inner_blocks if len(ports) <= _DRAWN else None)
@@ -185,11 +187,22 @@ class SignalFlow(Strict):
         return ports.get(_TORQUE)
 
 
-def add_flows(builder: DiagramBuilder, site: Site, flows: Mapping[str, SignalFlow], *, monitors: bool = True) -> None:
-    """Add a station's signal flows, which drive its robots; raises SimrobError: no such signal, an algebraic loop."""
+def add_flows(
+    builder: DiagramBuilder,
+    site: Site,
+    flows: Mapping[str, SignalFlow],
+    *,
+    monitors: bool = True,
+    integrated: bool = True,
+) -> None:
+    """Add a station's signal flows, which drive its robots; raises SimrobError: no such signal, an algebraic loop.
+
+    ``integrated``: whether other parts of the diagram may have continuous states.
+    """
+    integrated |= any(block.law.start for flow in flows.values() for block in flow.blocks.values())
     torques: dict[str, list[OutputPort]] = {}
     for name, flow in flows.items():
-        torque = flow.add(builder, site, name, monitors=monitors)
+        torque = flow.add(builder, site, name, monitors=monitors, integrated=integrated)
         if torque is not None:
             torques.setdefault(site.robot(flow.robot).name, []).append(torque)
     for robot, ports in torques.items():
@@ -208,7 +221,7 @@ class _Net:
     sources: dict[str, int] = field(default_factory=dict)
     inner_blocks: dict[str, InnerBlock] = field(default_factory=dict)
 
-    def add(self, builder: DiagramBuilder, place: str) -> dict[str, OutputPort]:
+    def add(self, builder: DiagramBuilder, place: str, *, integrated: bool = True) -> dict[str, OutputPort]:
         """Add the blocks as one, and return the outputs of all of them by name."""
         sums = {name: [self._elements(name, terms) for terms in block.inputs] for name, block in self.blocks.items()}
         for name, inputs in sums.items():
@@ -225,7 +238,7 @@ class _Net:
             for name, inputs in sums.items()
         }
         try:
-            net = signal_net(wired, measured)
+            net = signal_net(wired, measured, integrated=integrated)
         except CycleError as problem:
             expected = "no algebraic loop: something that takes time must lie in it, as an integrator"
             raise InvalidParameter(f"{self.key}.blocks", " → ".join(problem.args[1]), expected) from None

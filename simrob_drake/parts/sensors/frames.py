@@ -6,15 +6,15 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame
+from pydrake.multibody.tree import Frame, FrameIndex
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
 from simrob_drake.blocks.block import Block, fed
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.frames import (
     XYZ_QUATERNION_NAMES,
-    Vector,
     transform_from_pose,
     transform_from_xyz_quaternion,
     xyz_quaternion_from_transform,
@@ -195,7 +195,8 @@ class RelativeMotion(Block):
 
     Ports:
         in  ``state`` (nq + nv): positions and velocities of the whole plant.
-        out ``pose`` (7): x y z [m] qw qx qy qz; ``velocity`` (6): linear, then angular [m/s, rad/s].
+        out ``pose`` (7): x y z [m] qw qx qy qz; ``velocity`` (6): linear, then angular [m/s, rad/s]; ``motion`` (13):
+        both.
     """
 
     def __init__(
@@ -217,35 +218,37 @@ class RelativeMotion(Block):
         self._ends = [(frame.index(), pose) for frame, pose in ends]
         self._axes, self._turning = axes, turning
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
-        for name, calc, (columns, *_) in zip(_RELATIVE, (self._pose, self._velocity), _RELATIVE.values(), strict=True):
-            self.DeclareVectorOutputPort(name, len(columns), weakly(calc))
-
-    def _seen(self, context: Context) -> tuple[list[RigidTransform], list[Vector], list[Vector], int | None]:
-        """Return poses, velocities and turning rates of both ends in the world, and which end's axes are asked."""
-        self._plant.SetPositionsAndVelocities(self._scratch, self._state.Eval(context))
-        poses, speeds, rates = [], [], []
-        for index, offset in self._ends:
-            frame = self._plant.get_frame(index)
-            pose, motion = frame.CalcPoseInWorld(self._scratch), frame.CalcSpatialVelocityInWorld(self._scratch)
-            arm = pose.rotation() @ offset.translation()
-            poses.append(pose @ offset)
-            speeds.append(motion.translational() + np.cross(motion.rotational(), arm))
-            rates.append(motion.rotational())
-        return poses, speeds, rates, {"world": None, "base": 0, "frame": 1}[self._axes]
+        self.DeclareVectorOutputPort("pose", 7, weakly(self._pose))
+        self.DeclareVectorOutputPort("velocity", 6, weakly(self._velocity))
+        self._motion = self.DeclareVectorOutputPort("motion", 13, weakly(self._move))
 
     def _pose(self, context: Context, output: BasicVector) -> None:
-        (base, frame), _, _, axes = self._seen(context)
-        place, turn = frame.translation() - base.translation(), base.rotation().inverse() @ frame.rotation()
-        if axes is not None:
-            place = (base, frame)[axes].rotation().inverse() @ place
-        output.SetFromVector(xyz_quaternion_from_transform(RigidTransform(turn, place)))
+        output.SetFromVector(self._motion.Eval(context)[:7])
 
     def _velocity(self, context: Context, output: BasicVector) -> None:
-        poses, speeds, rates, axes = self._seen(context)
-        speed, rate = speeds[1] - speeds[0], rates[1] - rates[0]
-        if axes is not None:
-            if self._turning:
-                speed = speed - np.cross(rates[axes], poses[1].translation() - poses[0].translation())
-            back = poses[axes].rotation().inverse()
-            speed, rate = back @ speed, back @ rate
-        output.SetFromVector(np.concatenate([speed, rate]))
+        output.SetFromVector(self._motion.Eval(context)[7:])
+
+    def _move(self, context: Context, output: BasicVector) -> None:
+        self._plant.SetPositionsAndVelocities(self._scratch, self._state.Eval(context))
+        (base, slow), (frame, fast) = (self._seen(index, offset) for index, offset in self._ends)
+        seen = base.inverse().multiply(frame)
+        arm = frame.translation() - base.translation()
+        if self._turning and self._axes != "world":  # one of them as if it were fixed to the axes where the other is
+            slow, fast = (slow.Shift(arm), fast) if self._axes == "base" else (slow, fast.Shift(-arm))
+        speed, place = fast - slow, seen.translation()
+        if self._axes == "world":
+            place = arm
+        else:
+            speed = speed.Rotate((base if self._axes == "base" else frame).rotation().inverse())
+        if self._axes == "frame":
+            place = seen.rotation().inverse().multiply(place)
+        motion = speed.get_coeffs()
+        turn = seen.rotation().ToQuaternion().wxyz()
+        turn = turn if turn[0] >= 0 else -turn
+        output.SetFromVector(np.concatenate([place, turn, motion[3:], motion[:3]]))
+
+    def _seen(self, index: FrameIndex, offset: RigidTransform) -> tuple[RigidTransform, SpatialVelocity]:
+        """Return pose and velocity in the world of what is at an offset in a frame."""
+        frame = self._plant.get_frame(index)
+        pose, velocity = frame.CalcPoseInWorld(self._scratch), frame.CalcSpatialVelocityInWorld(self._scratch)
+        return pose.multiply(offset), velocity.Shift(pose.rotation().multiply(offset.translation()))

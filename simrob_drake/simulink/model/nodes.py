@@ -21,6 +21,11 @@ from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor
 from simrob_drake.simulink.values.workspace import Octave, Variables
 
+_OLDER_UNITS = {
+    **dict.fromkeys(("TranslationStandardOffset", "TranslationCartesianOffset"), "TranslationLengthUnit"),
+    "GravityVector": "GravityUnits",
+}
+"""Where the first releases of Simscape Multibody keep units."""
 _NAME = re.compile(r"(?<![\w.])[A-Za-z]\w*")
 
 
@@ -123,7 +128,8 @@ class Node:
 
     def unit(self, name: str, like: str) -> float:
         """Return what a parameter's unit is in SI; SI where none is written."""
-        written = self.text(f"{name}Units") or self.text(f"{name.removesuffix('s')}Units")
+        names = f"{name}Units", f"{name.removesuffix('s')}Units", _OLDER_UNITS.get(name, "")
+        written = next(filter(None, map(self.text, names)), "")
         return self.in_si(written, name, like) if written else 1.0
 
     def in_si(self, text: str, name: str, like: str = "") -> float:
@@ -158,6 +164,8 @@ class Expanded:
     nodes: list[Node] = field(default_factory=list)  # its blocks on all levels, except those of ``left_out``
     left_out: dict[str, tuple[str, str]] = field(default_factory=dict)
     """Blocks that take no part, by path: their type, and why."""
+    settings: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Parameters that code of masks sets of blocks in their subsystems, by path."""
 
     def leave_out(self, path: str, block: SimulinkBlock, why: str) -> None:
         """Note a block that takes no part, and all that is in it."""
@@ -187,12 +195,20 @@ class Expanded:
 
     def _node(self, parent: Node, block: SimulinkBlock) -> Node:
         path = path_below(parent, block)
+        if found := self.settings.get(_plain(path)):
+            block = replace(block, parameters={**block.parameters, **found})
         assert parent.system is not None
         moves = any(port.block == block.sid for net in parent.system.nets for port in net)
         block, mask, system, home = self._contents(block, path, parent.home, moves=moves)
         workspace = parent.workspace
         if mask is not None:
             workspace = _masked(path, mask, block.parameters, workspace)
+            if "set_param" in mask.code:
+                workspace.run()
+                for below, texts in workspace.settings.items():
+                    if (chosen := texts.get("OverrideUsingVariant")) is not None:
+                        texts["LabelModeActiveChoice"] = chosen
+                    self.settings.setdefault(_plain(f"{path}/{below}"), {}).update(texts)
         return Node(path, block, workspace, parent.findings, parent, system=system, home=home)
 
     def _contents(
@@ -281,6 +297,10 @@ def _spare(report: ImportReport, name: str, file: str, value: Any) -> Any:
 def path_below(parent: Node, block: SimulinkBlock) -> str:
     """Return the path of a block in a subsystem."""
     return f"{parent.path}/{block.name}" if parent.path else block.name
+
+
+def _plain(path: str) -> str:
+    return " ".join(path.split())
 
 
 def _own(block: SimulinkBlock) -> dict[str, str]:

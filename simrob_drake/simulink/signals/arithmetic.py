@@ -12,12 +12,17 @@ import numpy as np
 from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import (
+    ONE,
+    PARTS,
     Form,
+    Primitive,
     Rule,
     Signal,
     SignalReader,
+    Term,
     Value,
     computed,
+    evaluated,
     fitted,
     flat,
     mapped,
@@ -160,7 +165,7 @@ def _product(reader: SignalReader, node: Node, _: int) -> Signal | None:
     signs = _signs(node, "2", "*/")
     signals = [reader.input(node, place + 1) for place in range(len(signs))]
     if node.text("Multiplication", "Element-wise(.*)").startswith("Matrix"):
-        factors = [one if sign == "*" else _inverse(one) for sign, one in zip(signs, signals, strict=True)]
+        factors = [one if sign == "*" else inverse(one) for sign, one in zip(signs, signals, strict=True)]
         product = factors[0]
         for other in factors[1:]:
             if product is None or other is None:
@@ -186,13 +191,15 @@ def _product(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return mapped(product_of, *fitted(node, *signals))
 
 
-def _inverse(values: Signal) -> Signal | None:
-    """Return the inverse of a matrix of at most 3 × 3, by its cofactors; None of a larger one."""
+def inverse(values: Signal) -> Signal | None:
+    """Return the inverse of a matrix of at most 3 × 3, of a rotation its transpose; None of a larger one."""
     if values.size == 1:
         return mapped(lambda one: 1.0 / one, values)
     size = values.shape[0]
     if values.shape != (size, size) or size > 3:
         return None
+    if _turns(values):
+        return values.T
 
     def cofactor(row: int, column: int) -> Value:
         rest = np.delete(np.delete(values, row, 0), column, 1)
@@ -202,6 +209,29 @@ def _inverse(values: Signal) -> Signal | None:
     cofactors = np.array([[cofactor(i, j) for j in range(size)] for i in range(size)], dtype=object)
     determinant = sum(values[0, j] * cofactors[0, j] for j in range(size))
     return mapped(lambda one: one / determinant, cofactors.T)
+
+
+def _turns(values: Signal) -> bool:
+    """Tell whether a matrix is a rotation whatever its signals are, by trying it with random ones."""
+    rng = np.random.default_rng(0)
+    for _ in range(2):
+        known: dict[Term, float] = {}
+
+        def leaf(term: Term, known: dict[Term, float] = known) -> float | None:
+            if isinstance(term.of, Primitive):  # blocks that remember, or choose, may give anything
+                return None if term.of.kind in ("product", "function") else float(rng.normal())
+            attitude = [Term("sensed", term.of, PARTS.index(part)) for part in ("qw", "qx", "qy", "qz")]
+            turn = rng.normal(size=4)
+            known.update(zip(attitude, turn / np.linalg.norm(turn), strict=True))
+            return known.get(term, 1.0 if term == ONE else float(rng.normal()))
+
+        try:
+            tried = np.array([[evaluated(one, leaf, known) for one in row] for row in values])
+        except (ArithmeticError, ValueError):  # such as the root of what is negative
+            return False
+        if not np.allclose(tried @ tried.T, np.eye(len(tried)), atol=1e-9):  # nor does nan
+            return False
+    return True
 
 
 def _truncated(value: Value) -> Value:

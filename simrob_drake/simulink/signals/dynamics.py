@@ -13,6 +13,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import (
     ONE,
+    PARTS,
     Form,
     Primitive,
     Rule,
@@ -28,7 +29,6 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     terms_of,
 )
-from simrob_drake.simulink.signals.frame_sensing import PARTS
 
 Parameters = dict[str, Any]
 LAG = 1e-3

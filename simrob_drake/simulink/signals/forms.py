@@ -11,7 +11,10 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
+from pydantic import TypeAdapter
 
+from simrob_drake.parts.controllers.flow_blocks import FlowBlock
+from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
@@ -91,6 +94,10 @@ Value: TypeAlias = Form | float  # an element of a signal
 Signal: TypeAlias = np.ndarray[Any, np.dtype[np.object_]]  # values in an array of shape (n,), or (r, c) of a matrix
 
 MOST_ELEMENTS = 10_000  # of a signal
+PARTS = ("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz")
+"""What a frame sensor measures, in the order of its terms."""
+AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
+"""What checks a block as it stands in a station's file."""
 ONE = Term("one")
 TIME = Form({Term("time"): 1.0})
 
@@ -110,6 +117,33 @@ def added(*parts: tuple[float, Value]) -> Value:
             total[term] = total.get(term, 0.0) + factor * own
     terms = {term: own for term, own in total.items() if own != 0.0}
     return Form(terms) if terms.keys() - {ONE} else terms.get(ONE, 0.0)
+
+
+def evaluated(value: Value, leaf: Callable[[Term], float | None], known: dict[Term, float], time: float = 0.0) -> float:
+    """Return what a value is at a time [s], of blocks in the states at their start.
+
+    Args:
+        value: the value.
+        leaf: gives a term; None of a block that is to be computed.
+        known: terms that are known, to which others are added.
+        time: when [s].
+
+    Raises:
+        RecursionError: a loop.
+        ArithmeticError, ValueError: what cannot be computed.
+    """
+    total = 0.0
+    for term, factor in terms_of(value).items():
+        if term not in known:
+            own = leaf(term)
+            if own is None and isinstance(term.of, Primitive):
+                inputs = [evaluated(one, leaf, known, time) for one in term.of.inputs()]
+                written = {"kind": term.of.kind, **term.of.parameters, **({"of": [{}] * len(inputs)} if inputs else {})}
+                block = AS_WRITTEN.validate_python(written).law
+                own = float(block.output(time, block.start, inputs)[term.index])
+            known[term] = own or 0.0
+        total += factor * known[term]
+    return total
 
 
 def computed(kind: str, *inputs: Value, **parameters: Any) -> Value:

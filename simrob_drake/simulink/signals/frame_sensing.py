@@ -9,11 +9,9 @@ import numpy as np
 
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied
-from simrob_drake.simulink.signals.forms import MOST_ELEMENTS, Form, Signal, Term, Value, signal
+from simrob_drake.simulink.signals.forms import MOST_ELEMENTS, PARTS, Form, Signal, Term, Value, signal
 
 SENSOR = "Transform Sensor"
-PARTS = ("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz")
-"""What a frame sensor measures, in the order of its terms."""
 _TURNS = ("X", "Y", "Z", "1", "2", "3")
 _PORTS = [
     *("Angle", "Axis", "Angle1", "Angle2", "Angle3", "Q", "R"),

@@ -5,13 +5,10 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
-from pydantic import TypeAdapter
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.importer.options import EntryKind
-from simrob_drake.parts.controllers.flow_blocks import FlowBlock
-from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.simulink.mechanics.bodies import (
     BETWEEN,
     PUSH,
@@ -27,6 +24,7 @@ from simrob_drake.simulink.mechanics.loops import PRESCRIBED
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, limited, table_of
 from simrob_drake.simulink.signals.forms import (
+    PARTS,
     Form,
     Primitive,
     Signal,
@@ -35,18 +33,17 @@ from simrob_drake.simulink.signals.forms import (
     added,
     closure,
     computed,
+    evaluated,
     signal,
     terms_of,
     widened,
 )
-from simrob_drake.simulink.signals.frame_sensing import PARTS, orientation
+from simrob_drake.simulink.signals.frame_sensing import orientation
 from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9
 _INSTANT = 1e-6
 _PLACES = 3
-AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
-"""What checks a block as it stands in a station's file."""
 
 
 @dataclass
@@ -113,16 +110,8 @@ def begin_on_motions(laws: dict[Freedom, Law]) -> None:
 
 def _at(value: Value, time: float) -> float:
     """Return a value of time alone, at a time [s] so early that its states are as at the start."""
-    total = 0.0
-    for term, factor in terms_of(value).items():
-        own = time if term.kind == "time" else 1.0
-        if isinstance(term.of, Primitive):
-            inputs = [_at(one, time) for one in term.of.inputs()]
-            written = {"kind": term.of.kind, **term.of.parameters, **({"of": [{}] * len(inputs)} if inputs else {})}
-            block = AS_WRITTEN.validate_python(written).law
-            own = block.output(time, block.start, inputs)[term.index]
-        total += factor * float(own)
-    return total
+    own = {"time": time}
+    return evaluated(value, lambda term: None if isinstance(term.of, Primitive) else own.get(term.kind, 1.0), {}, time)
 
 
 def _first(tracer: Tracer, joint: Joint, number: int, how: str, effort: Signal | None) -> Value:

@@ -19,6 +19,7 @@ from simrob_drake.simulink.signals.arithmetic import (
     applied,
     chosen,
     compared,
+    inverse,
     joined,
     limited,
     table_of,
@@ -88,7 +89,7 @@ class Translation(CodeRun):
         return {
             **found,
             **{name: partial(_extreme, name) for name in ("min", "max")},
-            "norm": _norm, "interp1": _table,
+            "norm": _norm, "inv": _inverse, "interp1": _table,
         }  # fmt: skip
 
     def _guarded(self, value: Value) -> Value:
@@ -219,6 +220,15 @@ def _norm(array: Any) -> Any:
     if matrix(array).dtype != object:
         return NUMBERS.functions["norm"](array)
     return matrix(signal([applied("sqrt", sum((one * one for one in _elements(array)), start=0.0))]))
+
+
+def _inverse(array: Any) -> Any:
+    values = matrix(array)
+    if values.dtype != object:
+        return NUMBERS.functions["inv"](values)
+    if (found := inverse(values.astype(object))) is None:
+        raise NotUnderstood(f"the inverse of {' x '.join(map(str, values.shape))} signals")
+    return found
 
 
 def _elements(array: Any) -> list[Value]:

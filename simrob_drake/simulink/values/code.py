@@ -63,6 +63,7 @@ class CodeRun:
         unknown: names that a passed-over statement would have set.
         incomplete: structures of which it would have set a field.
         absent: files that it takes variables from, and that are not there.
+        settings: parameters of blocks within that of the code, by their path there and their names.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class CodeRun:
         self.unknown: set[str] = set()
         self.incomplete: set[str] = set()
         self.absent: set[str] = set()
+        self.settings: dict[str, dict[str, str]] = {}
         self._outside, self._files, self._texts = lookup, files, texts or {}
         self.functions = {} if functions is None else functions
         self._steps = self.depth = 0
@@ -151,7 +153,7 @@ class CodeRun:
     def _inner(self, variables: dict[str, Any]) -> Self:
         """Return a run of a function's statements."""
         inner = type(self)(variables, undefined, self._files, self.functions)
-        inner.depth = self.depth + 1
+        inner.depth, inner.settings = self.depth + 1, self.settings
         return inner
 
     def called(self, name: str, arguments: list[Any]) -> list[Any]:
@@ -203,7 +205,7 @@ class CodeRun:
             return
         elif keyword:
             raise NotUnderstood(keyword)
-        elif not self._took_file(part[0]):
+        elif not (self._took_file(part[0]) or self._set(part[0])):
             self.assign(part[0])
 
     def _loop(self, keyword: str, part: list[str]) -> None:
@@ -235,6 +237,17 @@ class CodeRun:
             self._block([] if functions_of(script) else statements(script))
         elif command or suffix:
             self.absent.add(f"{name}.m")
+        return True
+
+    def _set(self, text: str) -> bool:
+        """Note parameters that a statement sets of blocks within that of the code."""
+        call = _CALL.fullmatch(text)
+        if call is None or call[1] != "set_param":
+            return False
+        block, *pairs = (self._value(argument) for argument in split(call[2]))
+        if isinstance(block, str) and block.startswith(f"{_HERE}/"):
+            texts = {name: value for name, value in zip(pairs[::2], pairs[1::2], strict=True) if isinstance(value, str)}
+            self.settings.setdefault(block.removeprefix(f"{_HERE}/"), {}).update(texts)
         return True
 
     def assign(self, text: str) -> None:

@@ -362,8 +362,8 @@ class _Evaluation:
                 first, second = second.T, first.T  # A \\ B is (B' / A')'
             if second.size == 1:
                 quotient = matrix(each["./"](first, second))
-            elif first.dtype == object:
-                quotient = matrix(first @ np.linalg.inv(second))
+            elif object in (first.dtype, second.dtype):
+                quotient = matrix(first @ self._algebra.functions["inv"](second))
             else:
                 quotient = matrix(np.linalg.solve(second.T, first.T).T)
         return quotient.T if operator == "\\" else quotient

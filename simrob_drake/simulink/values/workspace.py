@@ -21,7 +21,7 @@ from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 _PATIENCE = 60.0  # s
 _NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
 _IDLE = ("set_param", "get_param", "gcb", "gcbh", "gcs", "bdroot", "add_block", "add_line", "delete_line", "disp")
-"""Functions of Simulink, which do nothing here: what they do stands in the saved file."""
+"""Functions of Simulink, which do nothing where Octave runs code."""
 _NOTHING = "function varargout = {name}(varargin)\n  varargout = cell(1, nargout);\nend\n"
 _SCRIPT = """load('given.mat');
 try
@@ -99,6 +99,8 @@ class Variables:
     files: Files | None = None  # what code may name; those of the outer levels unless given
     texts: dict[str, str] = field(default_factory=dict)  # parameters of a mask, as they are written
     absent: set[str] = field(default_factory=set)  # files that code takes variables from, and that are not there
+    settings: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Parameters that code of a mask sets of blocks in its subsystem, by their path there, once it has run."""
     spare: dict[str, Callable[[], Any]] = field(default_factory=dict)  # what counts where no code tells a variable
 
     def lookup(self, name: str) -> Any:
@@ -106,8 +108,7 @@ class Variables:
         if name in self.pending:
             self.variables[name] = self.pending[name]()  # stays pending where it cannot be told
             del self.pending[name]
-        if self.code:
-            self._run()
+        self.run()
         if name in self.variables:
             return self.variables[name]
         if name in self.spare:
@@ -130,12 +131,16 @@ class Variables:
         """
         return evaluate(parse(text), self.lookup)
 
-    def _run(self) -> None:
+    def run(self) -> None:
+        """Run the code that sets further variables, unless it has run."""
         code, self.code = self.code, ""
+        if not code:
+            return
         run = CodeRun(self.variables, self.lookup, self._of_all("files"), texts=self.texts)
         run.run(code)
         self.unknown |= run.unknown
         self.absent |= run.absent
+        self.settings = run.settings
         lacking = self.unknown | run.incomplete
         octave: Octave | None = self._of_all("octave") if lacking else None
         if octave is not None:
