@@ -258,21 +258,13 @@ def corner_times(trajectory: Reference) -> list[float]:
         return []
     if not isinstance(trajectory, PiecewisePolynomial):
         return [time for time in (start, end) if time >= 0]
-    velocity = trajectory.derivative()
-    zero = np.zeros((trajectory.rows(), 1))
-    times = trajectory.get_segment_times()
-    corners = []
-    for index, time in enumerate(times):
-        before = trajectory.slice(index - 1, 1) if index else None
-        after = trajectory.slice(index, 1) if index < len(times) - 1 else None
-        jump = 0.0
-        if before and after:
-            jump = float(np.abs(before.value(time) - after.value(time)).max())
-        left = before.derivative().value(time) if before else zero
-        right = velocity.slice(index, 1).value(time) if after else zero
-        if max(jump, float(np.abs(left - right).max())) > _JUMP and time >= 0:
-            corners.append(time)
-    return corners
+    times, rates = np.array(trajectory.get_segment_times()), trajectory.derivative()
+    before = times - 4 * np.spacing(np.maximum(np.abs(times), 1.0))
+    left, right = rates.vector_values(before), rates.vector_values(times)
+    left[:, 0] = right[:, -1] = 0.0  # it rests before and after
+    jumps = np.maximum(np.abs(left - right), np.abs(trajectory.vector_values(before) - trajectory.vector_values(times)))
+    found: list[float] = times[(jumps.max(axis=0) > _JUMP) & (times >= 0)].tolist()
+    return found
 
 
 def add_reference(
