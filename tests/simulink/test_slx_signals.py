@@ -7,7 +7,7 @@ from slx_files import FROM_PHYSICS, INERTIA, REVOLUTE, TO_PHYSICS, WORLD, Level,
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.signals.forms import terms_of
+from simrob_drake.simulink.signals.forms import flat, terms_of
 from simrob_drake.simulink.simulink_model import read_simulink
 
 
@@ -269,6 +269,26 @@ def test_physical_signals_are_followed_without_converters(tmp_path):
     assert config.reference.target_deg == {"J": pytest.approx(np.rad2deg(0.5))}
     flow = load_station(import_simulink(file, tmp_path / "out").station).controllers["law"]
     assert flow.torque == {"J": {"one": 4.0, "q.J": -8.0}}
+
+
+def test_a_bus_knows_signals_by_the_names_that_blocks_within_subsystems_give_them(tmp_path):
+    """As outputs of MATLAB Functions have them, and files since R2020 have all names: by the port, not by the line."""
+    level, inner = Level(), Level(first=20)
+    named = '<PortProperties><Port Type="out" Index="1"><P Name="Name">turn</P></Port></PortProperties>'
+    gain = inner.block("Gain", "double", Gain="2", ports=named)
+    inner.wire(f"{inner.block('Inport', 'u')}#out:1", f"{gain}#in:1")
+    inner.wire(f"{gain}#out:1", f"{inner.block('Outport', 'y')}#in:1")
+    source = level.block("Constant", "five", Value="5")
+    within = level.block("SubSystem", "S", inner=inner.xml())
+    bus = level.block("BusCreator", "bus", Inputs="2")
+    level.wire(f"{source}#out:1", f"{within}#in:1", f"{bus}#in:1")
+    goto, tag = level.block("Goto", "to"), level.block("From", "from")
+    level.wire(f"{within}#out:1", f"{goto}#in:1")
+    level.wire(f"{tag}#out:1", f"{bus}#in:2")
+    level.wire(f"{bus}#out:1", f"{level.block('BusSelector', 'pick', OutputSignals='turn')}#in:1")
+    model = read_simulink(write_model(tmp_path / "a.slx", level))
+    (picked,) = (node for node in model.expanded.nodes if node.block.name == "pick")
+    assert flat(model.tracer.output(picked)) == [10.0]
 
 
 @pytest.mark.parametrize(("choice", "unknown"), [("two", False), ("", True)])

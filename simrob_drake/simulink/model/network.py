@@ -96,12 +96,33 @@ class Connections:
         raise node.refusal("its signal goes round through tags without a source")
 
     def signal_name(self, node: Node, number: int) -> str:
-        """Return the name of the line at an input, or of the block it comes from; empty where there is none."""
-        feed = self._feeds.get((id(node), "in", number))
-        if feed is None or node.parent is None or node.parent.system is None:
-            return ""
-        source, output = feed
-        return node.parent.system.signals.get(Port(source.block.sid, "out", output), source.block.name)
+        """Return the name of the signal at an input, told where it comes from; else the block's that its line is from.
+
+        Empty where there is none.
+        """
+        first = ""
+        here: tuple[Node, int] | None = (node, number)
+        for _ in range(_LONGEST_WAY):
+            if here is None or here[0].parent is None or here[0].parent.system is None:
+                break
+            source, output = self._feeds.get((id(here[0]), "in", here[1]), (None, 0))
+            if source is None:
+                break
+            name = here[0].parent.system.signals.get(Port(source.block.sid, "out", output))
+            if name:
+                return name
+            first, here = first or source.block.name, self._named_by(source, output)
+        return first
+
+    def _named_by(self, source: Node, output: int) -> tuple[Node, int] | None:
+        """Return the input whose signal a block hands on with its name."""
+        if source.kind == "From":
+            goto = self._goto(source)
+            return None if goto is None else (goto, 1)
+        if source.kind == "Inport" and source.parent is not None:
+            return source.parent, _number(source)
+        port = self.outport(source, output) if source.children else None
+        return None if port is None else (port, 1)
 
     def _before(self, node: Node, output: int) -> tuple[Node, int] | None:
         """Go one step up a signal where a block only hands it on."""

@@ -271,6 +271,7 @@ class SystemReader:
             if child.tag == "Block":
                 block = self._block(child, depth)
                 system.blocks[block.sid] = block
+                system.signals |= {Port(block.sid, "out", number): name for number, name in _named_outputs(child)}
             elif child.tag == "Line":
                 _add_line(system, child)
         return system
@@ -334,6 +335,15 @@ def one_line(text: str) -> str:
 
 def _parameters(element: Element) -> dict[str, str]:
     return {parameter.get("Name", ""): (parameter.text or "").strip() for parameter in element.iterfind("P")}
+
+
+def _named_outputs(element: Element) -> Iterator[tuple[int, str]]:
+    """Give the names of signals that a block itself has for its outputs."""
+    for port in (*element.iterfind("PortProperties/Port"), *element.iterfind("Port")):
+        values = _parameters(port)
+        number = port.get("Index") or values.get("PortNumber", "1")
+        if port.get("Type", "out") == "out" and values.get("Name") and number.isdecimal():
+            yield int(number), one_line(values["Name"])
 
 
 def _add_line(system: System, element: Element) -> None:
