@@ -94,6 +94,15 @@ def test_a_choice_that_is_not_known_leaves_the_block_open(tmp_path, kind, parame
         outputs(tmp_path, kind, 1, parameters)
 
 
+def test_a_function_of_u_takes_its_first_element(tmp_path):
+    level = Level()
+    source = level.block("Constant", "S", Value="[4 9]")
+    level.wire(f"{source}#out:1", f"{level.block('Fcn', 'B', Expr='sqrt(u) + u[2]*u(1)')}#in:1")
+    model = read_simulink(write_model(tmp_path / "a.slx", level))
+    (node,) = (node for node in model.expanded.nodes if node.block.name == "B")
+    assert flat(model.tracer.output(node)) == [38.0]
+
+
 def test_vectors_are_multiplied_across(tmp_path):
     level = Level()
     for number, text in enumerate(("[1 2 3]", "[4 -5 7]"), start=1):

@@ -92,6 +92,9 @@ def test_unknown_names_are_told():
     with pytest.raises(UndefinedVariable) as told:
         Variables(variables=dict(VARIABLES)).value("tool.mass")
     assert told.value.name == "tool.mass"
+    with pytest.raises(UndefinedVariable) as told:  # which is a function's name as well
+        Variables(variables=dict(VARIABLES)).value("linspace(0, tf, 5)")
+    assert told.value.name == "tf"
 
 
 def test_mask_code():

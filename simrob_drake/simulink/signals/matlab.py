@@ -319,12 +319,15 @@ def _over(node: Node, variables: Mapping[str, Signal], files: Files | None = Non
     return Translation(known, node.workspace.lookup, files)
 
 
+_BARE = re.compile(r"\bu\b(?!\s*\()")  # the input of a Fcn without an index: its first element
+
+
 def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
     """Return an expression of the input ``u``, of a Fcn or Interpreted MATLAB Function."""
     text = node.text("Expr", node.text("Expression", node.text("MATLABFcn", "")))
     values = reader.input(node)
     if node.kind == "Fcn":
-        text = text.replace("[", "(").replace("]", ")")
+        text = _BARE.sub("u(1)", text.replace("[", "(").replace("]", ")"))
     run = _over(node, {"u": values}, reader.network.expanded.libraries)
     if text in FUNCTIONS or (text.isidentifier() and run.find(text)):
         text = f"{text}(u)"

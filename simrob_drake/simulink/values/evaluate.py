@@ -263,7 +263,13 @@ class _Evaluation:
         except UndefinedVariable:
             if name not in self._algebra.functions:
                 raise
-        found = self._algebra.functions[name](*(self.value(argument) for argument in arguments))
+        values = [self.value(argument) for argument in arguments]
+        try:
+            found = self._algebra.functions[name](*values)
+        except TypeError as problem:
+            if values:
+                raise
+            raise UndefinedVariable(name) from problem  # a variable whose name is a function's, too, as tf
         return found if isinstance(found, str | dict | list) else matrix(found)
 
     def _call(self, target: Expression, arguments: tuple[Expression, ...]) -> Any:
