@@ -126,7 +126,8 @@ def shortened(value: str, length: int = 80) -> str:
 
 def counted(count: int, thing: str) -> str:
     """Return how many things there are, in words of messages."""
-    return f"{count} {thing}{'' if count == 1 or thing.endswith('s') else 's'}"
+    plural = thing if thing.endswith("s") else f"{thing[:-1]}ies" if thing.endswith(("dy", "ry", "ly")) else f"{thing}s"
+    return f"{count} {thing if count == 1 else plural}"
 
 
 def listed(names: Sequence[str], most: int = 3) -> str:

@@ -366,3 +366,35 @@ def test_the_ports_of_a_variant_go_to_those_of_the_same_name_in_its_choice(tmp_p
     model = read_simulink(write_model(tmp_path / "a.slx", plant))
     assert [list(terms_of(law.net).values()) for law in model.laws.values()] == [[7.0], [1.0]]
     assert [term.of.name for law in model.laws.values() for term in terms_of(law.net)] == ["B", "B"]
+
+
+def element(level, kind, name, signal, number=1):
+    """Add a port block that is one signal of a bus."""
+    said = {"PortNumber": number, "PortName": "bus", "Element": signal}
+    listed = "".join(f'<P Name="{key}">{text}</P>' for key, text in said.items())
+    return level.block(kind, name, ports=f'<List ListType="InterfaceData">{listed}</List>')
+
+
+def test_ports_of_a_subsystem_that_are_signals_of_a_bus(tmp_path):
+    """Each Out Bus Element is one signal of the output, and each In Bus Element takes one of the input."""
+    level, maker, taker = Level(), Level(first=20), Level(first=40)
+    for number, (name, value) in enumerate((("a", 2), ("b.x", 3), ("b.y", 5)), start=1):
+        source = maker.block("Constant", f"C{number}", Value=value)
+        maker.wire(f"{source}#out:1", f"{element(maker, 'Outport', f'Out Bus Element{number}', name)}#in:1")
+    gain = taker.block("Gain", "ten", Gain="10")
+    taker.wire(f"{element(taker, 'Inport', 'In Bus Element', 'b.y')}#out:1", f"{gain}#in:1")
+    whole = element(taker, "Inport", "In Bus Element1", "b")
+    pick = taker.block("BusSelector", "within", OutputSignals="x")
+    taker.wire(f"{whole}#out:1", f"{pick}#in:1")
+    taker.wire(f"{gain}#out:1", f"{taker.block('Outport', 'y')}#in:1")
+    made, taken = (level.block("SubSystem", name, inner=own.xml()) for name, own in (("M", maker), ("T", taker)))
+    picked = level.block("BusSelector", "pick", OutputSignals="b.x,a,c")
+    level.wire(f"{made}#out:1", f"{taken}#in:1", f"{picked}#in:1")
+    level.wire(f"{taken}#out:1", f"{level.block('Scope', 'S')}#in:1")
+    tracer = (model := read_simulink(write_model(tmp_path / "a.slx", level))).tracer
+    named = {node.block.name: node for node in model.expanded.nodes}
+    assert [flat(tracer.output(named[name])) for name in ("ten", "within")] == [[50.0], [3.0]]
+    assert [flat(tracer.output(named["pick"], number)) for number in (1, 2)] == [[3.0], [2.0]]
+    assert flat(tracer.output(named["M"])) == [2.0, 3.0, 5.0]
+    tracer.output(named["pick"], 3)
+    assert tracer.opened[named["pick"]] == "the signal c of its bus is not found"

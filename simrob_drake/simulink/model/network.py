@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from functools import cached_property
 
 from simrob_drake.simulink.model.nodes import Expanded, Node, chosen_variant
-from simrob_drake.simulink.reading.graph import Port
+from simrob_drake.simulink.reading.graph import ELEMENT, Port
 
 Place = tuple[int, str, int]  # a port of a node: the node's identity, side and number
 
@@ -81,6 +81,19 @@ class Connections:
         same = [own for own in inner if port is not None and own.block.name == port.block.name]
         return next((own for own in (*same, *inner) if own in same or _number(own) == output), None)
 
+    def elements(self, node: Node, output: int) -> dict[str, Node]:
+        """Return the blocks in a subsystem that make one of its outputs a bus, by the names of their signals."""
+        owner = chosen_variant(node) if node.is_on("Variant") else node
+        ports = [port for port in _ports(owner, "Outport") if _number(port) == output]
+        return {port.text(ELEMENT): port for port in ports if port.text(ELEMENT)}
+
+    def bus_of(self, node: Node) -> tuple[Node, int] | None:
+        """Return what feeds the bus of which a port block within a subsystem is an element; None of another block."""
+        owner = node.parent
+        if node.kind != "Inport" or not node.text(ELEMENT) or owner is None or owner.parent is None:
+            return None
+        return self._origin(node, self._feeds.get(self._from_outside(node, owner, owner.parent)))
+
     def is_conditional(self, node: Node) -> bool:
         """Tell whether a subsystem runs while a signal lets it."""
         return any((id(node), side, 1) in self._feeds for side in _CONDITIONS)
@@ -128,12 +141,10 @@ class Connections:
         """Go one step up a signal where a block only hands it on."""
         if node.block.commented == "through":
             return self._feeds.get((id(node), "in", output))
+        if node.text(ELEMENT) or self.elements(node, output):
+            return node, output
         if node.kind in ("Inport", "InportShadow") and node.parent is not None and node.parent.parent is not None:
-            outer = node.parent.parent
-            if outer.is_on("Variant"):  # whose own inputs go to those of the same name in the choice
-                same = [port for port in _ports(outer, "Inport") if port.block.name == node.block.name]
-                return self._feeds.get((id(outer), "in", _number(same[0] if same else node)))
-            return self._feeds.get((id(node.parent), "in", _number(node)))
+            return self._feeds.get(self._from_outside(node, node.parent, node.parent.parent))
         if node.kind == "From":
             goto = self._goto(node)
             return None if goto is None else self._feeds.get((id(goto), "in", 1))
@@ -141,6 +152,14 @@ class Connections:
             port = None if self.is_conditional(node) else self.outport(node, output)
             return (node, output) if port is None else self._feeds.get((id(port), "in", 1))
         return node, output
+
+    @staticmethod
+    def _from_outside(port: Node, owner: Node, outer: Node) -> Place:
+        """Return the input of a subsystem that a port block in it is; of a variant's choice, that of the variant."""
+        if not outer.is_on("Variant"):
+            return id(owner), "in", _number(port)
+        same = [own for own in _ports(outer, "Inport") if own.block.name == port.block.name]
+        return id(outer), "in", _number(same[0] if same else port)
 
     def _goto(self, node: Node) -> Node | None:
         """Return the Goto block of a tag: on the same level, else outward, else anywhere."""

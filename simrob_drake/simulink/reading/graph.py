@@ -251,6 +251,10 @@ _COUNTED = {
 """The parameter in which blocks have how many ports they have, where that is left unsaid."""
 
 
+ELEMENT = "Element"
+"""The parameter of a port block that is one signal of a bus: the name of that, ``outer.inner`` of a bus in a bus."""
+
+
 class SystemReader:
     """Reads systems, following references to those that lie in parts of their own."""
 
@@ -286,6 +290,10 @@ class SystemReader:
             parameters |= _parameters(instance)
         kind, source = element.get("BlockType", ""), parameters.get("SourceBlock", "")
         counts = element.find("PortCounts")
+        interface = element.find("List[@ListType='InterfaceData']")
+        if interface is not None:  # of a bus element port
+            said = _parameters(interface)
+            parameters |= {"Port": said.get("PortNumber", "1"), ELEMENT: said.get("Element", "")}
         name, side = _COUNTED.get(kind, ("", ""))
         counted = {name: counts.attrib[side]} if counts is not None and side in counts.attrib else {}
         linked = kind == "Reference"

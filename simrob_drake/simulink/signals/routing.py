@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.reading.graph import ELEMENT
 from simrob_drake.simulink.signals.arithmetic import chosen, compared, inputs_of, joined, switched
 from simrob_drake.simulink.signals.forms import (
     MOST_ELEMENTS,
@@ -31,7 +32,10 @@ _MOST_INPUTS = 1000
 _BETWEEN = re.compile(r",(?![^\[]*\])")  # the commas between the indices of a matrix, and not those within brackets
 
 
-def _inport(_: SignalReader, node: Node, __: int) -> Signal:
+def _inport(reader: SignalReader, node: Node, _: int) -> Signal:
+    bus = reader.network.bus_of(node)
+    if bus is not None:
+        return _of_bus(reader, node, bus, [node.text(ELEMENT)])
     dimensions = node.numbers("PortDimensions", "-1")
     size = int(abs(np.prod(dimensions))) if dimensions.size else 1
     return signal(Form({Term("input", node, index): 1.0}) for index in range(max(1, min(size, MOST_ELEMENTS))))
@@ -128,27 +132,39 @@ def _reshape(reader: SignalReader, node: Node, _: int) -> Signal:
 def _bus_selector(reader: SignalReader, node: Node, number: int) -> Signal | None:
     names = [name.strip() for name in node.text("OutputSignals").split(",")]
     asked = names if node.is_on("OutputAsBus") else names[number - 1 : number]
-    sources = [_selected(reader, node, name) for name in asked]
-    if None in sources or not sources:
-        return None
-    return signal(value for source in sources if source is not None for value in flat(reader.output(*source)))
+    return _of_bus(reader, node, reader.network.source(node), asked)
 
 
-def _selected(reader: SignalReader, selector: Node, names: str) -> tuple[Node, int] | None:
+def _of_bus(reader: SignalReader, node: Node, bus: tuple[Node, int] | None, names: list[str]) -> Signal:
+    """Return the signals of a bus that a block asks for by their names; raises InvalidModel: one that is not there."""
+    sources = {name: _selected(reader, bus, name) for name in names}
+    for name, source in sources.items():
+        if source is None:
+            raise node.refusal(f"the signal {name} of its bus is not found")
+    return signal(value for source in sources.values() if source is not None for value in flat(reader.output(*source)))
+
+
+def _selected(reader: SignalReader, bus: tuple[Node, int] | None, names: str) -> tuple[Node, int] | None:
     """Return what feeds a bus under a name, ``outer.inner`` of a bus in a bus."""
-    source = reader.network.source(selector)
-    for name in names.split("."):
-        source = None if source is None else _in_bus(reader, *source, name)
-    return source
+    name, _, rest = names.partition(".")
+    while bus is not None and name:
+        whole = reader.network.elements(*bus).get(f"{name}.{rest}")
+        if whole is not None:
+            return reader.network.source(whole)
+        bus = _in_bus(reader, *bus, name)
+        name, _, rest = rest.partition(".")
+    return bus
 
 
 def _in_bus(reader: SignalReader, bus: Node, output: int, name: str) -> tuple[Node, int] | None:
     """Return what feeds a bus under a name: its input's own, its line's, or ``signal3`` for the third."""
     network = reader.network
-    if bus.kind == "BusSelector":
-        picked = bus.text("OutputSignals").split(",")[output - 1 : output]
-        source = _selected(reader, bus, picked[0].strip()) if picked else None
-        return None if source is None else _in_bus(reader, *source, name)
+    if bus.kind in ("BusSelector", "Inport"):
+        names = bus.text("OutputSignals").split(",") if bus.kind == "BusSelector" else [bus.text(ELEMENT)] * output
+        outer = network.source(bus) if bus.kind == "BusSelector" else network.bus_of(bus)
+        return _selected(reader, outer, f"{names[output - 1].strip()}.{name}") if len(names) >= output else None
+    if name in (elements := network.elements(bus, output)):
+        return network.source(elements[name])
     assigned = [part.strip() for part in bus.text("AssignedSignals").split(",")] if bus.kind == "BusAssignment" else []
     if name in assigned:
         return network.source(bus, 2 + assigned.index(name))
@@ -267,6 +283,12 @@ def _merge(reader: SignalReader, node: Node, _: int) -> Signal | None:
         values = reader.output(*inside)
         merged = values if merged is None else mapped(partial(chosen, condition), *fitted(node, values, merged))
     return merged
+
+
+def bus_output(reader: SignalReader, node: Node, number: int) -> Signal:
+    """Return an output of a subsystem that is a bus of its own making: all of its signals."""
+    ports = reader.network.elements(node, number).values()
+    return signal(value for port in ports for value in flat(reader.input(port)))
 
 
 ROUTING["Merge"] = _merge

@@ -27,7 +27,7 @@ from simrob_drake.simulink.signals.forms import (
 from simrob_drake.simulink.signals.frame_sensing import SENSOR, sensed
 from simrob_drake.simulink.signals.matlab import MATLAB
 from simrob_drake.simulink.signals.networks import NETWORKS, outputs_of
-from simrob_drake.simulink.signals.routing import ROUTING, conditional
+from simrob_drake.simulink.signals.routing import ROUTING, bus_output, conditional
 from simrob_drake.simulink.signals.sources import PHYSICAL, SOURCES, out_of_physics
 
 RULES: dict[str, Rule] = {
@@ -171,6 +171,8 @@ class Tracer:
 
     def _computed(self, node: Node, number: int) -> Signal:
         rule = conditional if node.children and self.network.is_conditional(node) else RULES.get(node.kind)
+        if self.network.elements(node, number):
+            rule = bus_output
         why = ""
         try:
             found = rule(self, node, number) if rule is not None else None
