@@ -2,7 +2,16 @@
 
 import pytest
 
-from simrob_drake.errors import InvalidConfig, InvalidModel, InvalidParameter, SimrobError, UnknownName, listed, nearest
+from simrob_drake.errors import (
+    InvalidConfig,
+    InvalidModel,
+    InvalidParameter,
+    SimrobError,
+    UnknownName,
+    counted,
+    listed,
+    nearest,
+)
 
 
 def test_the_nearest_name_is_proposed() -> None:
@@ -44,3 +53,9 @@ def test_every_error_can_be_caught_as_one(error: Exception) -> None:
 def test_names_in_a_row_are_the_first_of_many():
     assert listed(["a", "b", "c"]) == "a, b, c"
     assert listed(["a", "b", "c", "d", "e"]) == "a, b, c and 2 more"
+
+
+def test_things_are_counted_in_words():
+    assert [counted(*one) for one in ((1, "move"), (2, "move"), (2, "PS Abs"), (3, "flexible body"), (0, "joint"))] == [
+        "1 move", "2 moves", "2 PS Abs", "3 flexible bodies", "0 joints",
+    ]  # fmt: skip
