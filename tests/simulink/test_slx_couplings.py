@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import yaml
 from scipy.integrate import solve_ivp
 from slx_files import INERTIA, MECHANISM, REVOLUTE, TO_PHYSICS, TRANSFORM, WORLD, Level, write_model
 
@@ -235,11 +234,12 @@ def test_six_degrees_of_freedom_on_springs(tmp_path):
     np.testing.assert_allclose(y, aside, atol=2e-3)
 
 
-@pytest.mark.parametrize("spring", ["0", "500"])
+@pytest.mark.parametrize("spring", ["0", "2500"])
 def test_a_crank_that_is_driven_starts_on_its_motion(tmp_path, spring):
     """A crank whose angle is 1 + 2 t moves the slider of its loop, which starts where and as fast as that asks for.
 
-    Stiff springs in its hinges change what that takes, and do not tear the loop, which is a constraint then.
+    Stiff springs in its hinges change what that takes, and do not tear the loop, which is a constraint then; by the
+    solver of other loops the slider would be 8 mm off.
     """
     shop, _ = crank("sm_lib/Joints/Prismatic Joint")
     driven = '<P Name="MotionActuationMode">InputMotion</P><P Name="TorqueActuationMode">ComputedTorque</P>'
@@ -255,9 +255,6 @@ def test_a_crank_that_is_driven_starts_on_its_motion(tmp_path, spring):
     shop.connect(f"{into}#rconn:1", f"{place + 1}#lconn:2")
     imported, result = ran(tmp_path, shop)
     assert imported.fidelity == "mechanics complete; 1 joint prescribed"
-    assert yaml.safe_load(imported.station.read_text())["solver"]["kind"] == (
-        "discrete" if float(spring) else "continuous"
-    )
     angle = 1 + 2 * result.times
     np.testing.assert_allclose(result["q.Crank"], angle, atol=2e-3)
     assert result["v.Crank"][0] == pytest.approx(2, rel=1e-3)
