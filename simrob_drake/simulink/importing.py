@@ -7,7 +7,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
+from simrob_drake import simulate
 from simrob_drake.arguments import as_path
+from simrob_drake.errors import SimrobError
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.mechanics.bodies import BETWEEN, GEARS, ROD, SPRING
@@ -203,7 +205,10 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
     check_importable(model)
     with filled_at_once(folder, marker=REPORT_FILE, force=force) as work:
         files = StationWriter(model, work).write()
-        station = folder / f"{plain(path.stem)}.yaml" if files.content else None
+        file = f"{plain(path.stem)}.yaml"
+        station = folder / file if files.content else None
+        if files.content.get("couplings") and files.content["solver"]["kind"] == "continuous":
+            _tell_soft(work / file, model.report)
         made = ImportedModel(model, files, station, outcomes(model))
         report = {
             "fidelity": made.fidelity,
@@ -213,6 +218,21 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
         text = json.dumps(report, indent=2, ensure_ascii=False)
         (work / REPORT_FILE).write_text(text + "\n", encoding="utf-8")
     return made
+
+
+_TRIED, _OPEN = 0.2, 1e-3  # s of a run; m or rad, what a coupling may be open then and not be noted
+
+
+def _tell_soft(station: Path, report: ImportReport) -> None:
+    """Note couplings that are springs and too soft for what they hold, as the first moments of a run show."""
+    try:
+        found = simulate(station, duration=_TRIED, progress=False).verdict["coupling_gap"].entries
+    except SimrobError:
+        return  # the first run tells it
+    for entry in found:
+        if entry.value > _OPEN:
+            message = f"its coupling is a spring too soft for it: {1e3 * entry.value:.3g} mm (or mrad) open within"
+            report.add("approximated", entry.subject, f"{message} {_TRIED:g} s; take solver {{kind: discrete}}")
 
 
 def check_importable(model: SimulinkModel) -> None:
