@@ -25,6 +25,7 @@ from pydrake.systems.framework import (
 from pydrake.systems.primitives import PassThrough, Selector, SelectorParams, SymbolicVectorSystem
 
 from simrob_drake.blocks.block import Block, fed
+from simrob_drake.lifetime import built
 
 Values = Sequence[float]
 
@@ -222,7 +223,7 @@ class StagedNet:
         for port, variables in self._waiting:
             self._builder.Connect(self._selected(variables), port)
         self._builder.ExportOutput(self._selected(self._known[self._first :]), "values")
-        return self._builder.Build()
+        return built(self._builder)
 
     def _system(self, output: list[Any], state: Sequence[Variable], dynamics: Sequence[Any]) -> System:
         """Add a system of expressions, which is to be connected to what they read."""
