@@ -12,21 +12,9 @@ import numpy as np
 from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.model_file import SCRIPT
-from simrob_drake.simulink.signals.arithmetic import (
-    limited,
-)
+from simrob_drake.simulink.signals.arithmetic import limited
 from simrob_drake.simulink.signals.dynamics import period_of
-from simrob_drake.simulink.signals.forms import (
-    TIME,
-    Rule,
-    Signal,
-    SignalReader,
-    Value,
-    computed,
-    fitted,
-    flat,
-    signal,
-)
+from simrob_drake.simulink.signals.forms import TIME, Rule, Signal, SignalReader, Value, computed, fitted, flat, signal
 from simrob_drake.simulink.signals.translation import Translation, on_symbols
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import Files, undefined

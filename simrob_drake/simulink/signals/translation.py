@@ -21,15 +21,7 @@ from simrob_drake.simulink.signals.arithmetic import (
     joined,
     table_of,
 )
-from simrob_drake.simulink.signals.forms import (
-    Form,
-    Primitive,
-    Value,
-    computed,
-    flat,
-    mapped,
-    signal,
-)
+from simrob_drake.simulink.signals.forms import Form, Primitive, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
