@@ -4,6 +4,7 @@ import json
 from collections import Counter
 from dataclasses import asdict, dataclass
 from functools import cache
+from itertools import count
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -220,13 +221,20 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
     return made
 
 
-_TRIED, _OPEN = 0.2, 1e-3  # s of a run; m or rad, what a coupling may be open then and not be noted
+_TRIED, _MOST_TRIED = 0.2, 2000  # s of a run, and its steps
+_OPEN = 1e-3  # m or rad, what a coupling may be open then and not be noted
 
 
 def _tell_soft(station: Path, report: ImportReport) -> None:
     """Note couplings that are springs and too soft for what they hold, as the first moments of a run show."""
+    steps = count(1)
+
+    def look(*_: Any) -> None:
+        if next(steps) == _MOST_TRIED:
+            raise KeyboardInterrupt  # which ends a run, and keeps what was reached
+
     try:
-        found = simulate(station, duration=_TRIED, progress=False).verdict["coupling_gap"].entries
+        found = simulate(station, duration=_TRIED, progress=False, on_step=look).verdict["coupling_gap"].entries
     except SimrobError:
         return  # the first run tells it
     for entry in found:
