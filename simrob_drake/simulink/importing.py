@@ -4,11 +4,13 @@ import json
 from collections import Counter
 from dataclasses import asdict, dataclass
 from functools import cache
+from itertools import count
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
+from simrob_drake import simulate
 from simrob_drake.arguments import as_path
-from simrob_drake.errors import counted
+from simrob_drake.errors import SimrobError, counted
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.mechanics.bodies import BETWEEN, GEARS, ROD, SPRING
@@ -200,7 +202,10 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
     check_importable(model)
     with filled_at_once(folder, marker=REPORT_FILE, force=force) as work:
         files = StationWriter(model, work).write()
-        station = folder / f"{plain(path.stem)}.yaml" if files.content else None
+        file = f"{plain(path.stem)}.yaml"
+        station = folder / file if files.content else None
+        if files.content.get("couplings") and files.content["solver"]["kind"] == "continuous":
+            _tell_soft(work / file, model.report)
         made = ImportedModel(model, files, station, outcomes(model))
         report = {
             "fidelity": made.fidelity,
@@ -210,6 +215,28 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
         text = json.dumps(report, indent=2, ensure_ascii=False)
         (work / REPORT_FILE).write_text(text + "\n", encoding="utf-8")
     return made
+
+
+_TRIED, _MOST_TRIED = 0.2, 2000  # s of a run, and its steps
+_OPEN = 1e-3  # m or rad, what a coupling may be open then and not be noted
+
+
+def _tell_soft(station: Path, report: ImportReport) -> None:
+    """Note couplings that are springs and too soft for what they hold, as the first moments of a run show."""
+    steps = count(1)
+
+    def look(*_: Any) -> None:
+        if next(steps) == _MOST_TRIED:
+            raise KeyboardInterrupt  # which ends a run, and keeps what was reached
+
+    try:
+        found = simulate(station, duration=_TRIED, progress=False, on_step=look).verdict["coupling_gap"].entries
+    except SimrobError:
+        return  # the first run tells it
+    for entry in found:
+        if entry.value > _OPEN:
+            message = f"its coupling is a spring too soft for it: {1e3 * entry.value:.3g} mm (or mrad) open within"
+            report.add("approximated", entry.subject, f"{message} {_TRIED:g} s; take solver {{kind: discrete}}")
 
 
 def check_importable(model: SimulinkModel) -> None:

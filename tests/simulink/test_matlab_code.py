@@ -6,7 +6,7 @@ import pytest
 from simrob_drake.simulink.signals.arithmetic import applied, inverse
 from simrob_drake.simulink.signals.forms import TIME, Primitive, blocks_in, flat, mapped, signal
 from simrob_drake.simulink.signals.frame_sensing import orientation
-from simrob_drake.simulink.signals.matlab import Translation
+from simrob_drake.simulink.signals.translation import Translation
 from simrob_drake.simulink.values.code import undefined
 from simrob_drake.simulink.values.script import functions_of
 from simrob_drake.simulink.values.syntax import NotUnderstood
@@ -65,7 +65,7 @@ def test_code_is_what_it_computes(code, equation):
 @pytest.mark.parametrize(
     ("code", "told"),
     [
-        ("function y = f(u)\npersistent n\ny = u;", "persistent"),
+        ("function y = f(u)\npersistent n\ny = u;", "persistent n, though nothing says its sample time"),
         ("function y = f(u)\ny = 0;\nwhile y < u\n y = y + 1;\nend", "while"),
         ("function y = f(u)\ny = eval('system(1)');", "eval"),
         ("function y = f(u)\ny = f(u);", "calls itself"),
@@ -91,3 +91,21 @@ def test_a_rotation_is_inverted_by_its_transpose_and_a_matrix_that_only_starts_a
             block for one in inverse(other).flat for block in blocks_in([one]) if "divides" in block.parameters
         ]
         assert divisions
+
+
+def test_a_persistent_variable_is_what_it_was_at_the_last_sample():
+    """A sum that its input begins anew, and a matrix of the last two inputs, against a loop in Python."""
+    code = (
+        "function [total, older] = f(u)\npersistent s m\nif isempty(m)\n m = zeros(2, 1);\n m(1) = 5;\nend\n"
+        "if isempty(s) || u > 0.75\n s = 0;\nend\nolder = m(2);\nm = [u; m(1)];\ns = s + u;\ntotal = s;"
+    )
+    functions = functions_of(code)
+    outputs = Translation({}, undefined, None, functions, period=0.1).called("f", [signal([TIME]).reshape(1, 1)])
+    total, older = over_time([flat(np.asarray(one, dtype=object))[0] for one in outputs], TIMES + 1e-9)
+    s, m, expected = 0.0, [5.0, 0.0], []
+    for sample in np.arange(21) * 0.1:
+        s = 0.0 if sample > 0.75 else s
+        expected.append((s + sample, m[1]))
+        s, m = s + sample, [sample, m[0]]
+    at_sample = np.array(expected)[np.floor(TIMES / 0.1 + 1e-9).astype(int)]
+    np.testing.assert_allclose(np.transpose([total, older]), at_sample, atol=1e-9)

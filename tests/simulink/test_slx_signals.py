@@ -316,7 +316,7 @@ def test_variants(tmp_path, choice, unknown):
     assert robot.mass == (1 if unknown else 2)
 
 
-@pytest.mark.parametrize(("law", "gain"), [("Stiff", 7.0), ("Soft", 3.0)])
+@pytest.mark.parametrize(("law", "gain"), [("Stiff", 7.0), ("Soft", 3.0), ("Plain", 1.0)])
 def test_the_code_of_a_mask_chooses_the_variant_within(tmp_path, law, gain):
     """A library's block is saved with some choice; what its mask is told in a model counts there."""
     choices = Level(first=200)
@@ -338,7 +338,8 @@ def test_the_code_of_a_mask_chooses_the_variant_within(tmp_path, law, gain):
     outer.wire(f"{taken}#out:1", f"{inner}#in:1")
     outer.wire(f"{inner}#out:1", f"{given}#in:1")
     code = "if strcmp(get_param(gcb, 'law'), 'Stiff')\n"
-    code += " set_param([gcb '/The Law'], 'OverrideUsingVariant', 'Stiff_One');\nend"
+    code += " set_param([gcb '/The Law'], 'OverrideUsingVariant', 'Stiff_One');\n"
+    code += "elseif strcmp(get_param(gcb, 'law'), 'Plain')\n set_param([gcb '/The Law'], 'Commented', 'through');\nend"
     plant = Plant()
     masked = plant.block("SubSystem", "Force", law=law, inner=mask(code, law="Soft") + outer.xml())
     plant.wire(plant.positions[0], f"{masked}#in:1")

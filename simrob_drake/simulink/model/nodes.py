@@ -178,7 +178,8 @@ class Expanded:
         if depth > DEEPEST:
             raise parent.refusal("its libraries contain themselves")
         assert parent.system is not None
-        for sid, block in parent.system.blocks.items():
+        for sid, written in parent.system.blocks.items():
+            block = self._as_set(parent, written)
             if block.commented == "on":
                 self.leave_out(path_below(parent, block), block, "commented out")
                 continue
@@ -193,10 +194,13 @@ class Expanded:
             if node.system is not None and node.block.commented != "through":
                 self.fill(node, depth + 1)
 
+    def _as_set(self, parent: Node, block: SimulinkBlock) -> SimulinkBlock:
+        """Return a block with the parameters that code of masks around it sets."""
+        found = self.settings.get(_plain(path_below(parent, block)))
+        return replace(block, parameters={**block.parameters, **found}) if found else block
+
     def _node(self, parent: Node, block: SimulinkBlock) -> Node:
         path = path_below(parent, block)
-        if found := self.settings.get(_plain(path)):
-            block = replace(block, parameters={**block.parameters, **found})
         assert parent.system is not None
         moves = any(port.block == block.sid for net in parent.system.nets for port in net)
         block, mask, system, home = self._contents(block, path, parent.home, moves=moves)

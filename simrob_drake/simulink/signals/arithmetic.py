@@ -31,7 +31,7 @@ from simrob_drake.simulink.signals.forms import (
     widened,
 )
 
-_MOST_INPUTS = 1000
+MOST_INPUTS = 1000
 OPERATORS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "==": "==", "~=": "!="}
 _COMPARED = {
     "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal, "!=": np.not_equal,
@@ -97,7 +97,7 @@ def inputs_of(reader: SignalReader, node: Node, default: str = "2") -> list[Sign
     else:
         sizes = node.numbers("Inputs" if "Inputs" in node.block.parameters else "NumInputs", default)
         number = int(sizes[0]) if sizes.size == 1 else sizes.size
-    return [reader.input(node, place + 1) for place in range(min(number, _MOST_INPUTS))]
+    return [reader.input(node, place + 1) for place in range(min(number, MOST_INPUTS))]
 
 
 def elementwise(function: Callable[..., Value], inputs: int = 1) -> Rule:
@@ -113,7 +113,7 @@ def of_parameters(make: Callable[[Node], Callable[[Value], Value]]) -> Rule:
 def _signs(node: Node, default: str, letters: str) -> str:
     text = node.text("Inputs", default).replace("|", "").replace(" ", "")
     if text.isdecimal():
-        return letters[0] * min(int(text), _MOST_INPUTS)
+        return letters[0] * min(int(text), MOST_INPUTS)
     if not text or any(letter not in letters for letter in text):
         raise node.refusal(f"Inputs is '{text}'; it must be a number or signs such as {letters}")
     return text

@@ -85,7 +85,7 @@ def period_of(reader: SignalReader, node: Node) -> float | None:
     waiting, known = [node], [node]
     while waiting and len(known) < _LONGEST_WAY:
         here = waiting.pop(0)
-        for name in ("SampleTime", "OutPortSampleTime", "st", "samptime"):
+        for name in ("SampleTime", "OutPortSampleTime", "st", "samptime", "SystemSampleTime"):
             if name in here.block.parameters:
                 period = float(here.matrix(name, "-1").reshape(-1)[0])
                 if 0 < period < math.inf:

@@ -9,7 +9,7 @@ import numpy as np
 
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.graph import ELEMENT
-from simrob_drake.simulink.signals.arithmetic import chosen, compared, inputs_of, joined, switched
+from simrob_drake.simulink.signals.arithmetic import MOST_INPUTS, chosen, compared, inputs_of, joined, switched
 from simrob_drake.simulink.signals.forms import (
     MOST_ELEMENTS,
     Form,
@@ -28,7 +28,6 @@ from simrob_drake.simulink.signals.matlab import condition_on
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood
 
-_MOST_INPUTS = 1000
 _BETWEEN = re.compile(r",(?![^\[]*\])")  # the commas between the indices of a matrix, and not those within brackets
 
 
@@ -174,7 +173,7 @@ def _in_bus(reader: SignalReader, bus: Node, output: int, name: str) -> tuple[No
     text = bus.text("Inputs", "2")
     named = [part.strip(" '") for part in text.split(",")] if "," in text else []
     count = len(named) or (int(text) if text.isdecimal() else 1)
-    for place in range(1, min(count, _MOST_INPUTS) + 1) if bus.kind == "BusCreator" else ():
+    for place in range(1, min(count, MOST_INPUTS) + 1) if bus.kind == "BusCreator" else ():
         own = named[place - 1] if named else network.signal_name(bus, place)
         if name in (own.strip("<>"), f"signal{place}"):
             return network.source(bus, place)
@@ -198,7 +197,7 @@ def _multiport_switch(reader: SignalReader, node: Node, _: int) -> Signal | None
     if node.text("DataPortOrder", "One-based contiguous") not in ("One-based contiguous", "Zero-based contiguous"):
         return None
     first = 0 if node.text("DataPortOrder", "One").startswith("Zero") else 1
-    choices = [reader.input(node, 2 + place) for place in range(min(int(node.number("Inputs", "3")), _MOST_INPUTS))]
+    choices = [reader.input(node, 2 + place) for place in range(min(int(node.number("Inputs", "3")), MOST_INPUTS))]
     chosen, index = choices[-1], reader.input(node)
     for place in reversed(range(len(choices) - 1)):
         chosen = switched(node, choices[place], index, chosen, "<=", place + first)

@@ -266,10 +266,8 @@ class _Evaluation:
         values = [self.value(argument) for argument in arguments]
         try:
             found = self._algebra.functions[name](*values)
-        except TypeError as problem:
-            if values:
-                raise
-            raise UndefinedVariable(name) from problem  # a variable whose name is a function's, too, as tf
+        except TypeError as problem:  # without values a variable whose name is a function's, too, as tf
+            raise problem if values else UndefinedVariable(name) from problem
         return found if isinstance(found, str | dict | list) else matrix(found)
 
     def _call(self, target: Expression, arguments: tuple[Expression, ...]) -> Any:

@@ -38,6 +38,8 @@ _SOLVERS: dict[str, dict[str, Any]] = {
     "walkers": {"kind": "discrete", "scheme": "sap", "time_step": 5e-4},  # whose joints are moved along given motions
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
 }
+_OF_SERVOS = [f"{which}_error_{unit}" for which in ("final", "largest") for unit in ("deg", "m")]
+"""Bounds of a verdict on servos: springs that stand as such are not asked to be at rest."""
 
 
 class StationWriter:
@@ -102,8 +104,7 @@ class StationWriter:
                 continue
             path = tree.root.solids[0].node.path.partition("/")[0]
             solids = [replace(solid, pose=tree.frame.inverse() @ solid.pose) for solid in tree.root.solids]
-            name = self._piece(pieces, path, solids, {"free": True, "pose": pose_list(self._turn @ tree.base)})
-            if name:
+            if name := self._piece(pieces, path, solids, {"free": True, "pose": pose_list(self._turn @ tree.base)}):
                 self._files.free[tree] = name
         return pieces
 
@@ -180,13 +181,15 @@ class StationWriter:
         flows = flows_of(self._model, self._files, sensors, measured, self._turn)
         content: dict[str, Any] = {"controllers": flows} if flows else {}
         content["solver"] = self._solver()
-        moved = any(map(_is_moved, self._files.robots.values()))
-        if (flows or moved) and "accuracy" in content["solver"]:
+        if "accuracy" in content["solver"] and (flows or any(map(_is_moved, self._files.robots.values()))):
             longest = 0.02 if self._touching.ends else 0.005  # limits of a law are found within a step
             content["solver"] = content["solver"] | {"accuracy": 1e-4, "max_step": longest}
+        freedoms = [freedom for robot in self._files.robots.values() for freedom in robot.axes]
+        servos = {freedom: law.kp for freedom in freedoms if (law := self._law(freedom)).kp}
+        if servos and all(kp == freedom.stiffness for freedom, kp in servos.items()):
+            content["verdict"] = dict.fromkeys(_OF_SERVOS, "none")
         starts = {name: self._starts(robot) for name, robot in self._files.robots.items()}
-        state = start_state(self._files, starts, self._turn)
-        if state is not None:
+        if (state := start_state(self._files, starts, self._turn)) is not None:
             file = self._folder / f"{plain(self._model.path.stem)}_start.json"
             file.write_text(state.to_json() + "\n", encoding="utf-8")
             content["start"] = file.name

@@ -1,0 +1,294 @@
+"""MATLAB code over signals: what it computes becomes blocks of a signal flow, where it is plain arithmetic."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any, Self
+
+import numpy as np
+
+from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
+from simrob_drake.simulink.signals.arithmetic import (
+    MATH,
+    OPERATORS,
+    applied,
+    chosen,
+    compared,
+    inverse,
+    joined,
+    table_of,
+)
+from simrob_drake.simulink.signals.forms import Form, Primitive, Value, computed, flat, mapped, signal
+from simrob_drake.simulink.values.code import CodeRun
+from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, matrix
+from simrob_drake.simulink.values.syntax import NotUnderstood, parse
+
+_EQUALS = re.compile(r"(?<![=~<>!])=(?!=)")
+_ENDED = "return"  # where it is kept whether a function has returned
+_PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number
+
+
+class Translation(CodeRun):
+    """One run of a function over values that only a run of the model has: what it does is what blocks compute.
+
+    Where a condition is such a value both branches are translated, and a switch takes what each leaves. What could fail
+    in the branch that is not taken gets 1 there. Persistent variables are delays by a period.
+    """
+
+    def __init__(self, *arguments: Any, period: float | None = None) -> None:
+        """Take what :class:`CodeRun` takes, and the time between samples [s]; None where nothing says it."""
+        self._guards: list[Value] = []
+        self._period, self._within = period, False
+        self._kept: dict[str, Any] = {}  # persistent variables as they are at a sample; None before they have begun
+        self._last: Translation | None = None  # the run of the function that was called last
+        super().__init__(*arguments)
+
+    def _base(self) -> Algebra:
+        return Algebra(self._operators(), {**NUMBERS.functions, **self._own_functions()})
+
+    def _operators(self) -> dict[str, Callable[..., Any]]:
+        each: dict[str, Callable[..., Value]] = {
+            "./": lambda a, b: a / self._guarded(b),
+            ".^": lambda a, b: _power(self._guarded(a), b),
+            "&": lambda a, b: _both("and", a, b),
+            "|": lambda a, b: _both("or", a, b),
+            **{sign: partial(compared, flow) for sign, flow in OPERATORS.items()},
+        }
+        each |= {"&&": each["&"], "||": each["|"]}
+        return {**NUMBERS.operators, **{name: on_symbols(NUMBERS.operators[name], one) for name, one in each.items()}}
+
+    def _own_functions(self) -> dict[str, Callable[..., Any]]:
+        each: dict[str, Callable[..., Value]] = {
+            **{name: partial(self._applied, name) for name in FUNCTIONS if name not in ("min", "max", "pow")},
+            **MATH,
+            **{f"{name}d": (lambda u, name=name: applied(name, u * (np.pi / 180))) for name in ("sin", "cos", "tan")},
+            "power": lambda a, b: _power(self._guarded(a), b),
+            "not": lambda u: joined("not", u),
+            "isnan": lambda u: 0.0,
+            **dict.fromkeys(("double", "single", "logical", "boolean"), lambda u: u),
+            **dict.fromkeys(("int8", "int16", "int32", "uint8", "uint16", "uint32"), MATH["round"]),
+        }
+        found = {name: on_symbols(NUMBERS.functions.get(name), one) for name, one in each.items()}
+        return {
+            **found,
+            **{name: partial(_extreme, name) for name in ("min", "max")},
+            "norm": _norm, "inv": _inverse, "interp1": _table,
+        }  # fmt: skip
+
+    def _guarded(self, value: Value) -> Value:
+        if not isinstance(value, Form):
+            return value or (1.0 if self._guards else value)
+        for guard in self._guards:
+            value = chosen(guard, value, 1.0)
+        return value
+
+    def _applied(self, name: str, *values: Value) -> Value:
+        return applied(name, *(map(self._guarded, values) if name in _PARTIAL else values))
+
+    def _pass_over(self, part: list[str], problem: Exception) -> None:
+        raise problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"{part[0][:60]}: {problem}")
+
+    def _at_end(self, name: str, place: tuple[int, ...]) -> list[Value]:
+        return [matrix(self.variables[name])[place]]
+
+    def _block(self, lines: list[str]) -> None:
+        place = 0
+        while place < len(lines):
+            place = self._next(lines, place)
+            ended = self.variables.get(_ENDED, 0.0)
+            if ended:
+                if isinstance(ended, Form):  # what follows is for those who did not return
+                    self._split_by(ended, lambda: None, partial(self._go_on, lines[place:]))
+                return
+
+    def _go_on(self, lines: list[str]) -> None:
+        self.variables[_ENDED] = 0.0
+        self._block(lines)
+
+    def _statement(self, keyword: str, part: list[str]) -> None:
+        if keyword == "break":
+            raise NotUnderstood(keyword)
+        if keyword == "return":
+            self.variables[_ENDED] = 1.0
+        if (words := part[0].split())[0] == "persistent":
+            self._keep(words[1:])
+            return
+        waiting = [] if self._within else [name for name, state in self._kept.items() if state is None]
+        before, self._within = dict(self.variables), self._within or bool(waiting)
+        super()._statement(keyword, part)
+        if not waiting:
+            return
+        self._within = False
+        if begun := {name: self.variables[name] for name in waiting if matrix(self.variables[name]).size}:
+            self.variables.clear()
+            self._kept |= {name: self._state(name, start) for name, start in begun.items()}
+            self.variables.update({**before, **{name: self._kept[name] for name in begun}})
+            super()._statement(keyword, part)  # which began them: now as it goes on
+
+    def _keep(self, names: list[str]) -> None:
+        """Take persistent variables, which are empty until the first statement that gives them a value."""
+        if self._period is None or self.depth > 1:
+            why = "in a function that others call" if self.depth > 1 else "though nothing says its sample time"
+            raise NotUnderstood(f"persistent {' '.join(names)}, {why}")
+        self._kept |= dict.fromkeys(names)
+        self.variables |= {name: np.zeros((0, 0)) for name in names}
+
+    def _state(self, name: str, start: Any) -> Any:
+        """Return a persistent variable as delays of what it is at the end of the function."""
+        array = matrix(start)
+        if any(isinstance(value, Form) for value in array.flat):
+            raise NotUnderstood(f"persistent {name}, whose first value depends on signals")
+        made = np.empty(array.shape, dtype=object)
+        for place, value in np.ndenumerate(array):
+            parameters = {"period": self._period, "initial": float(value)}
+            made[place] = Primitive("delay", parameters, partial(self._at_end, name, place)).outputs[0]
+        return made
+
+    def assign(self, text: str) -> None:
+        """Do an assignment; an expression alone changes nothing."""
+        if _EQUALS.search(text):
+            super().assign(text)
+            return
+        try:
+            parse(text)
+        except NotUnderstood:
+            raise NotUnderstood(text[:60]) from None
+
+    def _took_file(self, text: str) -> bool:
+        return False
+
+    def _inner(self, variables: dict[str, Any]) -> Self:
+        inner = super()._inner(variables)
+        inner._guards, inner._period, self._last = self._guards, self._period, inner
+        return inner
+
+    def called(self, name: str, arguments: list[Any]) -> list[Any]:
+        """Return the outputs of a function; errors as of expressions, where one is not known, too."""
+        found = super().called(name, arguments)
+        for output, value in zip(self.functions[name].outputs, found, strict=True):
+            if value is None:
+                raise NotUnderstood(f"{name} gives no {output}")
+        if (inner := self._last) is None or not inner._kept:
+            return found
+        for kept, state in inner._kept.items():
+            if state is not None and matrix(inner.variables[kept]).shape != state.shape:
+                raise NotUnderstood(f"persistent {kept}, whose size changes")
+        return [self._held(value) for value in found]
+
+    def _held(self, value: Any) -> Any:
+        """Return an output of what is sampled."""
+        hold = partial(computed, "hold", period=self._period)
+        return mapped(lambda one: hold(one) if isinstance(one, Form) else one, matrix(value).astype(object))
+
+    def _condition(self, text: str) -> Value:
+        condition: Value = 1.0
+        for one in flat(np.asarray(matrix(self._value(text)), dtype=object)):
+            condition = _both("and", condition, one)
+        return condition
+
+    def _split_by(self, condition: Value, yes: Callable[[], None], no: Callable[[], None]) -> None:
+        """Run one of two ways, or by a condition of the model both, and leave what a switch takes of them."""
+        if not isinstance(condition, Form):
+            super()._split_by(condition, yes, no)
+            return
+        before, left = dict(self.variables), []
+        for way, guard in ((yes, condition), (no, joined("not", condition))):
+            self.variables.clear()
+            self.variables.update(before)
+            with self._guard(guard):
+                way()
+            left.append(dict(self.variables))
+        first, second = left
+        ended = chosen(condition, *(one.get(_ENDED, 0.0) for one in left))
+        for name in (first.keys() & second.keys()) - {_ENDED}:
+            if first[name] is not second[name]:
+                self.variables[name] = _merged(condition, first[name], second[name])
+        self.variables.update({name: value for name, value in (*first.items(), *second.items())
+                               if name not in first or name not in second})  # fmt: skip
+        self.variables[_ENDED] = ended
+
+    @contextmanager
+    def _guard(self, condition: Value) -> Iterator[None]:
+        self._guards.append(condition)
+        yield
+        self._guards.pop()
+
+
+def _both(operator: str, first: Value, second: Value) -> Value:
+    for one, other in ((first, second), (second, first)):
+        if not isinstance(one, Form):
+            if bool(one) == (operator == "and"):
+                return other if isinstance(other, Form) else float(bool(other))
+            return float(operator == "or")
+    return joined(operator, first, second)
+
+
+def _power(base: Value, exponent: Value) -> Value:
+    if isinstance(exponent, Form) or not isinstance(base, Form) or exponent not in (1, 2, 3, 4):
+        return applied("pow", base, exponent)
+    result: Value = base
+    for _ in range(int(exponent) - 1):
+        result = result * base
+    return result
+
+
+def on_symbols(numeric: Callable[..., Any] | None, symbolic: Callable[..., Value]) -> Callable[..., Any]:
+    """Return a function of matrices: numeric where all are of numbers, else element by element."""
+
+    def function(*arrays: Any) -> Any:
+        values = [matrix(array) for array in arrays]
+        if numeric is not None and not any(isinstance(one, Form) for array in values for one in array.flat):
+            return numeric(*(array.astype(float) for array in values))
+        return mapped(symbolic, *(array.astype(object) for array in values))
+
+    return function
+
+
+def _norm(array: Any) -> Any:
+    if matrix(array).dtype != object:
+        return NUMBERS.functions["norm"](array)
+    return matrix(signal([applied("sqrt", sum((one * one for one in _elements(array)), start=0.0))]))
+
+
+def _inverse(array: Any) -> Any:
+    values = matrix(array)
+    if values.dtype != object:
+        return NUMBERS.functions["inv"](values)
+    if (found := inverse(values.astype(object))) is None:
+        raise NotUnderstood(f"the inverse of {' x '.join(map(str, values.shape))} signals")
+    return found
+
+
+def _elements(array: Any) -> list[Value]:
+    return flat(matrix(array).astype(object))
+
+
+def _extreme(name: str, first: Any, second: Any = None, axis: Any = None) -> Any:
+    if second is not None and matrix(second).size:
+        return mapped(partial(applied, name), matrix(first).astype(object), matrix(second).astype(object))
+    values = matrix(first)
+    if axis is not None or 1 not in values.shape:
+        raise NotUnderstood(f"{name} of a matrix")
+    found, *rest = _elements(values)
+    for one in rest:
+        found = applied(name, found, one)
+    return matrix(signal([found]))
+
+
+def _table(points: Any, values: Any, at: Any, method: Any = "linear", *_: Any) -> Any:
+    if matrix(points).dtype == object or matrix(values).dtype == object or method != "linear":
+        raise NotUnderstood(f"interp1 by {method}, or of a table that changes")
+    parameters = table_of(matrix(points), matrix(values), clip=False)
+    return mapped(lambda u: computed("lookup", u, **parameters), matrix(at).astype(object))
+
+
+def _merged(condition: Value, yes: Any, no: Any) -> Any:
+    if isinstance(yes, str | dict) or isinstance(no, str | dict):
+        raise NotUnderstood("a text or structure that depends on a condition")
+    first, second = matrix(yes), matrix(no)
+    if first.shape != second.shape:
+        raise NotUnderstood("a matrix whose size depends on a condition")
+    return mapped(partial(chosen, condition), first.astype(object), second.astype(object))
