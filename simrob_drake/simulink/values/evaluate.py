@@ -266,8 +266,10 @@ class _Evaluation:
         values = [self.value(argument) for argument in arguments]
         try:
             found = self._algebra.functions[name](*values)
-        except TypeError as problem:  # without values a variable whose name is a function's, too, as tf
-            raise problem if values else UndefinedVariable(name) from problem
+        except TypeError as problem:
+            if values:
+                raise
+            raise UndefinedVariable(name) from problem  # a variable whose name is a function's, too, as tf
         return found if isinstance(found, str | dict | list) else matrix(found)
 
     def _call(self, target: Expression, arguments: tuple[Expression, ...]) -> Any:
@@ -292,9 +294,8 @@ class _Evaluation:
             index = self._index(arguments[0], flat.size)
             if arguments[0].kind == "colon":
                 return flat.reshape(-1, 1)
-            shape = index.shape if 1 not in array.shape or array.size == 1 else None
-            if shape is None:
-                shape = (1, -1) if array.shape[0] == 1 else (-1, 1)
+            row = (1, -1) if array.shape[0] == 1 else (-1, 1)
+            shape = index.shape if 1 not in array.shape or array.size == 1 else row
             return np.asarray(flat[index.reshape(-1, order="F")].reshape(shape, order="F"))
         if len(arguments) == 2:
             rows = self._index(arguments[0], array.shape[0]).reshape(-1)
