@@ -41,6 +41,7 @@ class Walk:
     turn: float = 0.0  # to the left [rad/s]
     friction: float | None = None  # None as drawn
     push: float = 0.0  # N, for 0.1 s
+    head: bool = False  # whether it is pushed there
     solver: dict[str, Any] | None = None  # None as it is
     speed: float = 0.0  # ahead as it faces, from STARTED on [m/s]
     turned: float = 0.0  # likewise [rad/s]
@@ -67,6 +68,8 @@ def station(walk: Walk) -> StationConfig:
         angle, start = draw.uniform(0, 2 * np.pi), draw.uniform(3, 8)
         force = [walk.push * float(np.cos(angle)), walk.push * float(np.sin(angle)), 0.0]
         changes["forces.push"] = {"kind": "push", "start": start, "duration": 0.1, "force": force}
+        if walk.head:
+            changes["forces.push"]["at"] = "head"
     if walk.solver is not None:
         changes["solver"] = walk.solver
     return load_station(name, changes)
@@ -98,6 +101,7 @@ def walks(given: argparse.Namespace) -> Iterable[Walk]:
     """Return what is asked of all walkers: of the same seed the same."""
     conditions: dict[str, dict[str, Any]] = {"as it is": {}, "friction 0.6": {"friction": 0.6}, "turning": {}}
     conditions |= {f"a push of {push:g} N": {"push": push} for push in given.pushes}
+    conditions |= {f"{push:g} N at the head": {"push": push, "head": True} for push in given.heads}
     conditions |= {"cenic, 10 ms": {"solver": CENIC}}
     for walker in given.walkers:
         for condition in given.only or conditions:
@@ -115,6 +119,7 @@ def main() -> None:
     options.add_argument("--out", type=Path, default=Path("runs/beside.csv"))
     options.add_argument("--speeds", type=float, nargs=2, default=[0.05, 0.3], help="ahead [m/s]")
     options.add_argument("--pushes", type=float, nargs="*", default=[10, 20], help="[N]")
+    options.add_argument("--heads", type=float, nargs="*", default=[], help="pushes at the head [N]")
     options.add_argument("--only", nargs="*", help="these conditions")
     options.add_argument("--first", type=int, default=FIRST, help="the first seed")
     options.add_argument("--many", type=int, default=MANY, help="how many")
