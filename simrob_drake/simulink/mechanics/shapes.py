@@ -193,7 +193,7 @@ def _outline(node: Node, name: str) -> Vector:
     """Return corners in counterclockwise order, shape (n, 2) [m]."""
     corners = node.numbers(name, "[1 1; -1 1; -1 -1; 1 -1]", unit="m")
     if corners.size < 6 or corners.size % 2:
-        raise node.refusal(f"{name} holds no outline: at least three corners, a row each")
+        raise node.refusal(f"holds no outline in {name}: at least three corners, a row each")
     outline = corners.reshape(-1, 2)
     outline = outline[np.any(np.abs(outline - np.roll(outline, 1, axis=0)) > 1e-12, axis=1)]
     if len(outline) < 3 or abs(area(outline)) < 1e-15:

@@ -86,8 +86,7 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
         except InvalidModel as problem:
             if _weighs_by_shape(node, kind) and not node.findings.undefined:
                 raise
-            message = str(problem).rpartition(f"{node.path}: ")[2]
-            node.note("dropped", f"its shape: it {message}")
+            node.note("dropped", f"its shape: it {problem.problem}")
             even = NOTHING
     elif kind == "File Solid":
         file, scale = meshes.of(node)
