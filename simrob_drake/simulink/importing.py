@@ -231,8 +231,10 @@ def _tell_soft(station: Path, report: ImportReport) -> None:
 
     try:
         found = simulate(station, duration=_TRIED, progress=False, on_step=look).verdict["coupling_gap"].entries
-    except SimrobError:
-        return  # the first run tells it
+    except SimrobError as problem:
+        why = str(problem).replace(str(station), station.name)
+        report.add("lost", station.stem, f"the station does not run as it is: {why}")
+        return
     for entry in found:
         if entry.value > _OPEN:
             message = f"its coupling is a spring too soft for it: {1e3 * entry.value:.3g} mm (or mrad) open within"

@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 from slx_files import INERTIA, MECHANISM, REVOLUTE, TO_PHYSICS, TRANSFORM, WORLD, Level, write_model
 
 from simrob_drake import simulate
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.simulink.importing import import_simulink
 from simrob_drake.simulink.mechanics.trees import body_poses
 from simrob_drake.simulink.simulink_model import read_simulink
@@ -257,6 +258,16 @@ def test_a_coupling_too_soft_for_what_it_holds_is_told(tmp_path, slope):
     imported = import_simulink(write_model(tmp_path / "a.slx", driven_crank(slope)), tmp_path / "out")
     told = [entry.text for entry in imported.report.of("approximated") if "too soft" in entry.text]
     assert bool(told) == (slope == "300")
+
+
+def test_a_loop_whose_station_does_not_run_is_told(tmp_path, monkeypatch):
+    def off(*_, **__):
+        raise InvalidParameter("couplings.Pin", "0.01 m off at the start", "at most 0.001 m off")
+
+    monkeypatch.setattr("simrob_drake.simulink.importing.simulate", off)
+    imported = import_simulink(write_model(tmp_path / "a.slx", driven_crank("2")), tmp_path / "out")
+    (entry,) = imported.report.of("lost")
+    assert "does not run as it is: couplings.Pin is 0.01 m off at the start" in entry.text
 
 
 @pytest.mark.parametrize("spring", ["0", "2500"])
