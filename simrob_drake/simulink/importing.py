@@ -4,7 +4,7 @@ import json
 from collections import Counter
 from dataclasses import asdict, dataclass
 from functools import cache
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -205,7 +205,9 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
         file = f"{plain(path.stem)}.yaml"
         station = folder / file if files.content else None
         if files.content.get("couplings") and files.content["solver"]["kind"] == "continuous":
-            _tell_soft(work / file, model.report)
+            _try(work / file, model.report, _TRIED)
+        elif files.content.get("contact"):  # which a solver's steps may be too long for
+            _try(work / file, model.report, _BEGUN)
         made = ImportedModel(model, files, station, outcomes(model))
         report = {
             "fidelity": made.fidelity,
@@ -218,11 +220,12 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
 
 
 _TRIED, _MOST_TRIED = 0.2, 2000  # s of a run, and its steps
+_BEGUN = 1e-4  # s of a run that only shows whether it begins
 _OPEN = 1e-3  # m or rad, what a coupling may be open then and not be noted
 
 
-def _tell_soft(station: Path, report: ImportReport) -> None:
-    """Note couplings that are springs and too soft for what they hold, as the first moments of a run show."""
+def _try(station: Path, report: ImportReport, duration: float) -> None:
+    """Note what the first moments of a run show: that it does not begin, and couplings too soft for what they hold."""
     steps = count(1)
 
     def look(*_: Any) -> None:
@@ -230,12 +233,13 @@ def _tell_soft(station: Path, report: ImportReport) -> None:
             raise KeyboardInterrupt  # which ends a run, and keeps what was reached
 
     try:
-        found = simulate(station, duration=_TRIED, progress=False, on_step=look).verdict["coupling_gap"].entries
+        measures = simulate(station, duration=duration, progress=False, on_step=look).verdict.measures
     except SimrobError as problem:
         why = str(problem).replace(str(station), station.name)
         report.add("lost", station.stem, f"the station does not run as it is: {why}")
         return
-    for entry in found:
+    gaps = (measure.entries for measure in measures if measure.criterion.name == "coupling_gap")
+    for entry in chain.from_iterable(gaps):
         if entry.value > _OPEN:
             message = f"its coupling is a spring too soft for it: {1e3 * entry.value:.3g} mm (or mrad) open within"
             report.add("approximated", entry.subject, f"{message} {_TRIED:g} s; take solver {{kind: discrete}}")
