@@ -154,7 +154,7 @@ class WrittenNet:
 
     def _inputs(self, number: int, indent: str) -> list[Any]:
         for place, terms in enumerate(self._wired[number].inputs):
-            parts = [f"v{own}" if factor == 1.0 else f"{factor!r} * v{own}" for own, factor in terms]
+            parts = [f"v{own}" if factor == 1.0 else f"{float(factor)!r} * v{own}" for own, factor in terms]
             self._write(number, f"{indent}u{place} = {' + '.join(parts) or '0.0'}")
         return [Expression(Variable(f"u{place}")) for place in range(len(self._wired[number].inputs))]
 

@@ -4,7 +4,7 @@ import json
 from collections import Counter
 from dataclasses import asdict, dataclass
 from functools import cache
-from itertools import chain, count
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -225,20 +225,25 @@ _OPEN = 1e-3  # m or rad, what a coupling may be open then and not be noted
 
 
 def _try(station: Path, report: ImportReport, duration: float) -> None:
-    """Note what the first moments of a run show: that it does not begin, and couplings too soft for what they hold."""
-    steps = count(1)
+    """Note what the first moments of a run show: that it does not go on, and couplings too soft for what they hold."""
+    steps: list[float] = []
 
-    def look(*_: Any) -> None:
-        if next(steps) == _MOST_TRIED:
+    def look(time: float, _: Any) -> None:
+        steps.append(time)
+        if len(steps) == _MOST_TRIED:
             raise KeyboardInterrupt  # which ends a run, and keeps what was reached
 
     try:
-        measures = simulate(station, duration=duration, progress=False, on_step=look).verdict.measures
+        result = simulate(station, duration=duration, progress=False, on_step=look)
     except SimrobError as problem:
         why = str(problem).replace(str(station), station.name)
         report.add("lost", station.stem, f"the station does not run as it is: {why}")
         return
-    gaps = (measure.entries for measure in measures if measure.criterion.name == "coupling_gap")
+    if result.ending == "interrupted" and len(steps) < _MOST_TRIED:
+        raise KeyboardInterrupt  # by the user
+    if result.ending in ("diverged", "failed"):
+        report.add("lost", station.stem, f"the station does not run as it is: {result.message}")
+    gaps = (measure.entries for measure in result.verdict.measures if measure.criterion.name == "coupling_gap")
     for entry in chain.from_iterable(gaps):
         if entry.value > _OPEN:
             message = f"its coupling is a spring too soft for it: {1e3 * entry.value:.3g} mm (or mrad) open within"

@@ -1,5 +1,7 @@
 """Gears, screws, springs and rods of a model, and loops that any joint closes, against independent motions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -346,10 +348,28 @@ def test_a_station_that_does_not_run_is_told(tmp_path, monkeypatch, shop):
     def off(*_, **__):
         raise InvalidParameter("couplings.Pin", "0.01 m off at the start", "at most 0.001 m off")
 
+    file = write_model(tmp_path / "a.slx", shop)
     monkeypatch.setattr("simrob_drake.simulink.importing.simulate", off)
-    imported = import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out")
-    (entry,) = imported.report.of("lost")
+    (entry,) = import_simulink(file, tmp_path / "out").report.of("lost")
     assert "does not run as it is: couplings.Pin is 0.01 m off at the start" in entry.text
+
+
+@pytest.mark.parametrize("ending", ["diverged", "interrupted"])
+def test_a_trial_that_diverges_is_told_and_ctrl_c_ends_the_import(tmp_path, monkeypatch, ending):
+    real = simulate
+
+    def ends_so(*arguments, **options):
+        return replace(real(*arguments, **options), ending=ending, message="diverged at 0.1 s")
+
+    file = write_model(tmp_path / "a.slx", driven_crank("2"))
+    monkeypatch.setattr("simrob_drake.simulink.importing.simulate", ends_so)
+    if ending == "interrupted":  # before the steps that a trial may take
+        with pytest.raises(KeyboardInterrupt):
+            import_simulink(file, tmp_path / "out")
+        assert not (tmp_path / "out").exists()
+        return
+    (entry,) = import_simulink(file, tmp_path / "out").report.of("lost")
+    assert entry.text == "the station does not run as it is: diverged at 0.1 s"
 
 
 @pytest.mark.parametrize("many", [1, 60])

@@ -399,3 +399,18 @@ def test_ports_of_a_subsystem_that_are_signals_of_a_bus(tmp_path):
     assert flat(tracer.output(named["M"])) == [2.0, 3.0, 5.0]
     tracer.output(named["pick"], 3)
     assert tracer.opened[named["pick"]] == "the signal c of its bus is not found"
+
+
+def test_a_bus_that_is_made_under_a_condition_is_left_open(tmp_path):
+    level, maker = Level(), Level(first=20)
+    maker.block("EnablePort", "Enable")
+    source = maker.block("Constant", "C", Value="2")
+    maker.wire(f"{source}#out:1", f"{element(maker, 'Outport', 'Out Bus Element', 'a')}#in:1")
+    made = level.block("SubSystem", "M", inner=maker.xml())
+    level.wire(f"{level.block('Clock', 'On')}#out:1", f"{made}#enable")
+    level.wire(f"{made}#out:1", f"{level.block('BusSelector', 'pick', OutputSignals='a')}#in:1")
+    model = read_simulink(write_model(tmp_path / "a.slx", level))
+    named = {node.block.name: node for node in model.expanded.nodes}
+    for name in ("pick", "M"):
+        model.tracer.output(named[name])
+        assert "under a condition" in model.tracer.opened[named[name]]

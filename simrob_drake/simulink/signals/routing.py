@@ -147,12 +147,19 @@ def _selected(reader: SignalReader, bus: tuple[Node, int] | None, names: str) ->
     """Return what feeds a bus under a name, ``outer.inner`` of a bus in a bus."""
     name, _, rest = names.partition(".")
     while bus is not None and name:
-        whole = reader.network.elements(*bus).get(f"{name}.{rest}")
-        if whole is not None:
+        if (whole := _elements(reader, *bus).get(f"{name}.{rest}")) is not None:
             return reader.network.source(whole)
         bus = _in_bus(reader, *bus, name)
         name, _, rest = rest.partition(".")
     return bus
+
+
+def _elements(reader: SignalReader, node: Node, output: int) -> dict[str, Node]:
+    """Return the port blocks that are the signals of a subsystem's bus; raises InvalidModel: it runs on a condition."""
+    found = reader.network.elements(node, output)
+    if found and reader.network.is_conditional(node):
+        raise node.refusal("a bus that is made under a condition is not read")
+    return found
 
 
 def _in_bus(reader: SignalReader, bus: Node, output: int, name: str) -> tuple[Node, int] | None:
@@ -162,8 +169,8 @@ def _in_bus(reader: SignalReader, bus: Node, output: int, name: str) -> tuple[No
         names = bus.text("OutputSignals").split(",") if bus.kind == "BusSelector" else [bus.text(ELEMENT)] * output
         outer = network.source(bus) if bus.kind == "BusSelector" else network.bus_of(bus)
         return _selected(reader, outer, f"{names[output - 1].strip()}.{name}") if len(names) >= output else None
-    if name in (elements := network.elements(bus, output)):
-        return network.source(elements[name])
+    if (element := _elements(reader, bus, output).get(name)) is not None:
+        return network.source(element)
     assigned = [part.strip() for part in bus.text("AssignedSignals").split(",")] if bus.kind == "BusAssignment" else []
     if name in assigned:
         return network.source(bus, 2 + assigned.index(name))
@@ -286,7 +293,7 @@ def _merge(reader: SignalReader, node: Node, _: int) -> Signal | None:
 
 def bus_output(reader: SignalReader, node: Node, number: int) -> Signal:
     """Return an output of a subsystem that is a bus of its own making: all of its signals."""
-    ports = reader.network.elements(node, number).values()
+    ports = _elements(reader, node, number).values()
     return signal(value for port in ports for value in flat(reader.input(port)))
 
 
