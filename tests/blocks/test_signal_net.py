@@ -188,6 +188,14 @@ def test_periods_share_a_common_step():
         np.testing.assert_allclose(held[1:], np.repeat(u[::every], every)[:200], atol=1e-12)
 
 
+def test_a_fast_block_takes_what_a_slow_one_holds():
+    """And not what the slow one would give if it took a sample then."""
+    slow, fast = block("hold", period=0.06), block("hold", period=0.02)
+    _, u, (held, taken) = run({"slow": (slow, [[(U, 1.0)]]), "fast": (fast, [[(FIRST, 1.0)]])}, rows=101)
+    np.testing.assert_allclose(held[1:], np.repeat(u[::3], 3)[:100], atol=1e-12)
+    np.testing.assert_array_equal(taken, held)
+
+
 def test_a_delay_of_several_steps_is_as_late():
     _, u, (y,) = run({"D": (block("delay", period=0.01, steps=5, initial=9.0), [[(U, 1.0)]])})
     np.testing.assert_allclose(y[1:], [*[9.0] * 5, *u[:195]], atol=1e-12)

@@ -546,10 +546,14 @@ def test_a_robot_may_stand_on_a_box_or_a_cylinder(tmp_path, kind, sizes, told):
     assert any(words in entry.text for entry in imported.report.of("approximated"))
 
 
-def test_gravity_to_the_side_turns_the_world(tmp_path):
+@pytest.mark.parametrize(
+    "gravity",
+    [{"GravityVector": "[0 -9.81 0]"}, {"GravityVector": "[0 -981 0]", "GravityUnits": "cm/s^2"}],  # of first releases
+)
+def test_gravity_to_the_side_turns_the_world(tmp_path, gravity):
     level = Level()
     world = level.block(WORLD, "World")
-    gravity = level.block("sm_lib/Utilities/Mechanism Configuration", "G", GravityVector="[0 -9.81 0]")
+    gravity = level.block("sm_lib/Utilities/Mechanism Configuration", "G", **gravity)
     joint = level.block("sm_lib/Joints/6-DOF Joint", "Free")
     ball = level.block("sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", Density="1000")
     level.connect(f"{world}#rconn:1", f"{gravity}#rconn:1", f"{joint}#lconn:1")

@@ -103,7 +103,7 @@ def test_the_old_text_and_the_text_package_hold_the_same(tmp_path):
   System {
     Block { BlockType Constant Name "a \\"quoted\\"
 name" SID "1" Value "[1 2]" }
-    Block { BlockType Gain Name "k" Gain "3" }
+    Block { BlockType Gain Name "k" Gain "3" Port { PortNumber 1 Name "speed" } }
     Line { SrcBlock "a \\"quoted\\"
 name" SrcPort 1 Branch { DstBlock "k" DstPort 1 } }
     Line { LineType "Connection" SrcBlock "k" SrcPort RConn1 DstBlock "k" DstPort LConn2 }
@@ -116,6 +116,7 @@ name" SrcPort 1 Branch { DstBlock "k" DstPort 1 } }
     ((start, ends),) = model.system.wires
     assert (start.side, start.number, [end.block for end in ends]) == ("out", 1, ["k"])
     assert [(port.side, port.number) for port in model.system.nets[0]] == [("rconn", 1), ("lconn", 2)]
+    assert [*model.system.signals.values()] == ["speed"]
     package = "# MathWorks OPC Text Package\n__MWOPC_PACKAGE_BEGIN__ R2023a\n"
     with zipfile.ZipFile(pendulum(tmp_path / "new.slx")) as archive:
         for name in archive.namelist():

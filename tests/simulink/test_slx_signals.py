@@ -291,6 +291,20 @@ def test_a_bus_knows_signals_by_the_names_that_blocks_within_subsystems_give_the
     assert flat(model.tracer.output(picked)) == [10.0]
 
 
+def test_a_bus_in_a_subsystem_knows_the_names_that_signals_have_outside(tmp_path):
+    level, inner = Level(), Level(first=20)
+    named = '<PortProperties><Port Type="out" Index="1"><P Name="Name">speed</P></Port></PortProperties>'
+    bus = inner.block("BusCreator", "bus", Inputs="2")
+    inner.wire(f"{inner.block('Constant', 'C', Value='1')}#out:1", f"{bus}#in:1")
+    inner.wire(f"{inner.block('Inport', 'u')}#out:1", f"{bus}#in:2")
+    inner.wire(f"{bus}#out:1", f"{inner.block('BusSelector', 'pick', OutputSignals='speed')}#in:1")
+    source = level.block("Constant", "five", Value="5", ports=named)
+    level.wire(f"{source}#out:1", f"{level.block('SubSystem', 'S', inner=inner.xml())}#in:1")
+    model = read_simulink(write_model(tmp_path / "a.slx", level))
+    (picked,) = (node for node in model.expanded.nodes if node.block.name == "pick")
+    assert flat(model.tracer.output(picked)) == [5.0]
+
+
 @pytest.mark.parametrize(("choice", "unknown"), [("two", False), ("", True)])
 def test_variants(tmp_path, choice, unknown):
     """A variant subsystem takes the choice that is named; of one that only MATLAB knows the first is assumed."""

@@ -242,9 +242,7 @@ class RelativeMotion(Block):
             speed = speed.Rotate((base if self._axes == "base" else frame).rotation().inverse())
         if self._axes == "frame":
             place = seen.rotation().inverse().multiply(place)
-        motion = speed.get_coeffs()
-        turn = seen.rotation().ToQuaternion().wxyz()
-        turn = turn if turn[0] >= 0 else -turn
+        motion, turn = speed.get_coeffs(), seen.rotation().ToQuaternion().wxyz()
         output.SetFromVector(np.concatenate([place, turn, motion[3:], motion[:3]]))
 
     def _seen(self, index: FrameIndex, offset: RigidTransform) -> tuple[RigidTransform, SpatialVelocity]:
