@@ -428,3 +428,19 @@ def test_a_bus_that_is_made_under_a_condition_is_left_open(tmp_path):
     for name in ("pick", "M"):
         model.tracer.output(named[name])
         assert "under a condition" in model.tracer.opened[named[name]]
+
+
+def test_a_bus_that_the_choice_of_a_variant_makes(tmp_path):
+    level, inner = Level(), Level(first=20)
+    for number, label in enumerate(("one", "two"), start=1):
+        part = Level(first=number * 100)
+        for name, value in (("a", 2 * number), ("b", 3 * number)):
+            source = part.block("Constant", f"C{name}", Value=value)
+            part.wire(f"{source}#out:1", f"{element(part, 'Outport', f'Out {name}', name)}#in:1")
+        inner.block("SubSystem", label, VariantControl=label, inner=part.xml())
+    inner.block("Outport", "bus")
+    made = level.block("SubSystem", "Choice", Variant="on", LabelModeActiveChoice="two", inner=inner.xml())
+    level.wire(f"{made}#out:1", f"{level.block('BusSelector', 'pick', OutputSignals='b')}#in:1")
+    model = read_simulink(write_model(tmp_path / "a.slx", level))
+    (picked,) = (node for node in model.expanded.nodes if node.block.name == "pick")
+    assert flat(model.tracer.output(picked)) == [6.0]
