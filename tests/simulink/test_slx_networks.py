@@ -9,7 +9,7 @@ from slx_files import INERTIA, MECHANISM, REVOLUTE, TO_PHYSICS, WORLD, Level, wr
 
 from simrob_drake import load_station, simulate
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.signals.networks import reduced, without_fast
+from simrob_drake.simulink.signals.descriptors import reduced, without_fast
 
 ELECTRICAL = "fl_lib/Electrical/Electrical Elements/"
 TIGHT = {"solver.accuracy": 1e-7, "solver.max_step": 0.002}
@@ -105,10 +105,11 @@ def test_a_network_with_what_is_not_linear_is_lost_by_name(tmp_path):
 
 
 def test_rows_that_do_not_determine_what_is_told_are_none():
-    """x' = u is told, and a sum of two unknowns is not; what follows from a rate of a rate is not, either."""
+    """x' = u is told, a sum of two unknowns is, but neither of them; a rate of a rate is not, either."""
     one, zero = np.eye(1), np.zeros((1, 1))
     assert reduced(one, zero, one, one).b.tolist() == [[1.0]]
-    assert reduced(np.zeros((1, 2)), np.ones((1, 2)), one, np.ones((1, 2))) is None
+    assert reduced(np.zeros((1, 2)), np.ones((1, 2)), one, np.ones((1, 2))).d[0].tolist() == [[-1.0]]
+    assert reduced(np.zeros((1, 2)), np.ones((1, 2)), one, np.eye(1, 2)) is None
     # x1 = u, x2 = x1', x3 = x2'
     rates = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     assert reduced(rates, np.eye(3), np.array([[-1.0], [0], [0]]), np.array([[0.0, 1, 0]])).d[1].tolist() == [[1.0]]
@@ -122,3 +123,97 @@ def test_fast_states_are_left_out_and_slow_ones_stay():
     assert slow.a == pytest.approx(np.array([[-1.0]]), rel=1e-5)
     assert (slow.c @ slow.b)[0, 0] == pytest.approx(2.0, rel=1e-5)
     assert slow.d[0][0, 0] == pytest.approx(1.0, rel=1e-5)
+
+
+ELEMENTS = "fl_lib/Mechanical/Rotational Elements/"
+
+
+def stopped(tmp_path, *, pull="3", model="3", friction=True):
+    """A hinge of 0.5 kg m², pulled on by a torque source, between two stops in a network that has two references."""
+    level = Level()
+    world, joint = level.block(WORLD, "World"), level.block(
+        REVOLUTE, "J", TorqueActuationMode="InputTorque", SenseVelocity="on")  # fmt: skip
+    level.block(MECHANISM, "Nothing", UniformGravity="None")
+    body = level.block(INERTIA, "Wheel", Mass="1", MomentsOfInertia="[0.5 0.5 0.5]")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
+    torque, into = level.block("Constant", "Torque", Value=pull), level.block(TO_PHYSICS, "In", Unit="1")
+    level.wire(f"{torque}#out:1", f"{into}#in:1")
+    source = level.block("fl_lib/Mechanical/Mechanical Sources/Ideal Torque Source", "Source")
+    held, again = (level.block(f"{ELEMENTS}Mechanical Rotational Reference", name) for name in ("Held", "Again"))
+    face = level.block("fl_lib/Mechanical/Multibody Interfaces/Rotational Multibody Interface", "Face")
+    level.connect(f"{into}#rconn:1", f"{source}#rconn:1")
+    level.connect(f"{face}#lconn:1", f"{joint}#lconn:2")
+    level.connect(f"{face}#rconn:1", f"{joint}#rconn:2")
+    stop = level.block(
+        f"{ELEMENTS}Rotational Hard Stop", "Stop", upper_bnd="20", upper_bnd_unit="deg", lower_bnd="-0.1",
+        lower_bnd_unit="rad", stiff_up="200", stiff_low="300", D_up="1.5", D_low="2", model=model, transition="0.05",
+        phi_specify="on", phi="5", phi_unit="deg")  # fmt: skip
+    parts = [source, stop]
+    if friction:
+        parts.append(level.block(f"{ELEMENTS}Rotational Friction", "Friction", brkwy_trq="0.6", Col_trq="0.4",
+                                 brkwy_vel="0.1", visc_coef="0.05"))  # fmt: skip
+    ends = ([f"{source}#lconn:1", *(f"{part}#lconn:1" for part in parts[1:]), f"{face}#rconn:2"],
+            [f"{source}#rconn:2", *(f"{part}#rconn:1" for part in parts[1:]), f"{face}#lconn:2",
+             f"{held}#lconn:1", f"{again}#lconn:1"])  # fmt: skip
+    for net in ends:
+        level.connect(*net)
+    return import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out", force=True)
+
+
+def stopped_angles(times, pull, model, friction):
+    """0.5 w' = pull - friction(w) - stops, the laws as Simscape's documentation has them; angle and speed from rest."""
+
+    def entered(depth, speed, stiffness, damping):
+        if depth < 0:
+            return 0.0
+        share = min(depth / 0.05, 1.0)
+        smooth = 3 * share**2 - 2 * share**3 if model == 1 else 1.0
+        return smooth * (stiffness * depth + damping * speed * (speed >= 0 or model != 2))
+
+    def rates(_, state):
+        angle, speed = state
+        place, torque = angle + np.radians(5), pull
+        if friction:
+            peak = np.sqrt(2 * np.e) * 0.2 * np.exp(-((speed / (0.1 * np.sqrt(2))) ** 2)) * speed / (0.1 * np.sqrt(2))
+            torque -= peak + 0.4 * np.tanh(speed / 0.01) + 0.05 * speed
+        torque -= entered(place - np.radians(20), speed, 200, 1.5) - entered(-0.1 - place, -speed, 300, 2)
+        return [speed, torque / 0.5]
+
+    return solve_ivp(rates, (0, times[-1]), [0, 0], t_eval=times, rtol=1e-10, atol=1e-12, max_step=1e-3).y
+
+
+@pytest.mark.parametrize(("pull", "model"), [(3, 1), (3, 2), (-3, 3)], ids=["smooth", "undamped rebound", "below"])
+def test_friction_and_hard_stops_are_their_laws(tmp_path, pull, model):
+    imported = stopped(tmp_path, pull=str(pull), model=str(model))
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
+    angle, speed = stopped_angles(result.times, pull, model, friction=True)
+    np.testing.assert_allclose(result["q.J"], angle, atol=2e-5)
+    np.testing.assert_allclose(result["v.J"], speed, atol=2e-3)
+    assert np.ptp(np.sign(speed)) == 2  # it rebounds
+
+
+def test_a_stop_by_restitution_and_friction_that_nothing_beside_it_holds_are_lost_by_name(tmp_path):
+    imported = stopped(tmp_path, model="4")
+    assert "coefficient of restitution" in imported.report.of("lost")[0].text
+    level = Level()
+    source = level.block("fl_lib/Mechanical/Mechanical Sources/Ideal Torque Source", "Source")
+    sensor = level.block("fl_lib/Mechanical/Mechanical Sensors/Ideal Rotational Motion Sensor", "Sensor")
+    rub = level.block(f"{ELEMENTS}Rotational Friction", "Rub", brkwy_trq="1", Col_trq="1", brkwy_vel="1", visc_coef="0")
+    oil = level.block(f"{ELEMENTS}Rotational Damper", "Oil", D="0.1")
+    held = level.block(f"{ELEMENTS}Mechanical Rotational Reference", "Held")
+    world, body = level.block(WORLD, "World"), level.block(INERTIA, "Wheel")
+    joint = level.block(REVOLUTE, "J", TorqueActuationMode="InputTorque")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
+    level.connect(f"{source}#lconn:1", f"{sensor}#lconn:1", f"{rub}#lconn:1", f"{oil}#lconn:1")
+    level.connect(f"{source}#rconn:2", f"{sensor}#rconn:1", f"{rub}#rconn:1", f"{held}#lconn:1", f"{oil}#rconn:1")
+    level.connect(f"{sensor}#rconn:2", f"{joint}#lconn:2")
+    undriven = import_simulink(write_model(tmp_path / "c.slx", level), tmp_path / "undriven").report.of("lost")
+    assert any("S is neither a figure of it, nor a signal that drives it" in entry.text for entry in undriven)
+    torque, into = level.block("Constant", "Torque", Value="1"), level.block(TO_PHYSICS, "In", Unit="1")
+    level.wire(f"{torque}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{source}#rconn:1")
+    lost = import_simulink(write_model(tmp_path / "b.slx", level), tmp_path / "other").report.of("lost")
+    assert any("nothing beside it keeps its speed; an inertia would" in entry.text for entry in lost)

@@ -1,17 +1,17 @@
 r"""Motors, gear boxes and circuits: linear networks of Simscape's foundation library, as states of a signal flow.
 
 Each element is equations of what is across its branches (a voltage, a speed) and through them (a current, a torque);
-what flows into a node adds up to 0. Together they are :math:`E x' = A x + B_0 u + B_1 u' + \dots` of what signals give.
-Where rows of E and, without E, of A do not determine x, what is stored depends on what is given, as a rotor's speed on
-that of a joint: a combination of rows is then differentiated, until they do (index reduction; Hairer and Wanner,
-Solving Ordinary Differential Equations II, VII). So a rotor reacts by exactly its inertia times the acceleration.
+what flows into a node adds up to 0. Together they are :math:`E x' = A x + B u` of what
+signals give (:mod:`.descriptors`). What no sum can tell, as friction, is a law: a signal that depends on the
+network's own states.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
+import re
 from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -21,13 +21,15 @@ from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.signals.arithmetic import chosen, compared, limited
+from simrob_drake.simulink.signals.descriptors import AT_ONCE, Reduced, reduced, without_fast
 from simrob_drake.simulink.signals.dynamics import rate_of
-from simrob_drake.simulink.signals.forms import Primitive, Rule, Signal, SignalReader, Value, added, signal
+from simrob_drake.simulink.signals.forms import Primitive, Rule, Signal, SignalReader, Value, added, flat, signal
+from simrob_drake.simulink.signals.translation import Translation, on_symbols
 from simrob_drake.simulink.tables import table
+from simrob_drake.simulink.values.code import undefined
 from simrob_drake.simulink.values.evaluate import evaluate, matrix
-from simrob_drake.simulink.values.syntax import parse
-
-_AT_ONCE = 1e-4  # s
+from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
 
 class NetworkBlock(NamedTuple):
@@ -36,6 +38,8 @@ class NetworkBlock(NamedTuple):
     ports: str
     branches: str
     equations: str
+    law: str = ""
+    """What ``f`` of its equations is: no sum, of what is across its branches and of x."""
 
 
 @cache
@@ -75,6 +79,18 @@ Factors = tuple[dict[int, float], dict[int, float], dict[int, float]]
 """Of a sum: of rates, of unknowns and of signals, by their places."""
 
 
+class _Law(NamedTuple):
+    """What an element gives that is no sum: a signal of the network, which depends on unknowns."""
+
+    node: Node
+    place: int
+    takes: dict[str, dict[int, float]]
+
+
+Known = dict[str, list[tuple[int, int, float]]]
+"""What words of equations are: of the factors which, at what place, and how often."""
+
+
 @dataclass
 class _Equations:
     """Equations of unknowns and signals, being written: sums that are 0."""
@@ -83,6 +99,7 @@ class _Equations:
     signals: list[Value] = field(default_factory=lambda: [1.0])
     rows: list[Factors] = field(default_factory=list)
     outputs: list[dict[int, float]] = field(default_factory=list)  # what ports tell
+    laws: list[_Law] = field(default_factory=list)
     flows: dict[int, dict[int, float]] = field(default_factory=dict)  # into each node
 
     def unknown(self, what: object) -> int:
@@ -91,9 +108,32 @@ class _Equations:
     def add(self, node: Node, reader: SignalReader) -> None:
         """Add what an element says."""
         element, ports = elements()[node.kind], ports_of(node)
-        nets = {name: reader.network.net(node, *port) for name, port in ports.items()}
-        known: dict[str, list[tuple[int, int, float]]] = {}  # of the factors: which, at what place, and how often
+        known = self._branches(node, element, {name: reader.network.net(node, *port) for name, port in ports.items()})
+        for name in ports.keys() & _driving(element):
+            driver = reader.physical(node, *ports[name])
+            if driver is not None and driver.size:
+                known[name] = self._signal(driver.ravel()[0])
+        if element.law:
+            words = known.keys() & set(re.findall(r"\w+", element.law))
+            takes = {name: {place: often for _, place, often in known[name]} for name in words}
+            self.laws.append(_Law(node, len(self.signals), takes))
+            known["f"] = self._signal(0.0)
+        for part in element.equations.split(";"):
+            name, _, text = part.rpartition("=")
+            if name.strip() in ports:
+                self.outputs.append(_factors(node, text, known)[1])
+            elif not name:
+                self.rows.append(_factors(node, text, known))
+
+    def _signal(self, value: Value) -> list[tuple[int, int, float]]:
+        self.signals.append(value)
+        return [(2, len(self.signals) - 1, 1.0)]
+
+    def _branches(self, node: Node, element: NetworkBlock, nets: dict[str, object]) -> Known:
+        known: Known = {}
         for number, branch in enumerate(element.branches.split(", "), start=1):
+            if missing := set(branch.split()) - {"0", *nets}:
+                raise node.refusal(f"its ports are {', '.join(nets)}; {min(missing)} is missing")
             through = self.unknown((node, number))
             ends = [(self.unknown(nets[name]), sign) for name, sign in zip(branch.split(), (1.0, -1.0), strict=True)
                     if name in nets]  # fmt: skip
@@ -105,17 +145,7 @@ class _Equations:
                 known[f"{name}i{number}"] = [(which, through, 1.0)]
         if "dx" in element.equations:
             known |= {name: [(which, self.unknown((node, "x")), 1.0)] for name, which in (("x", 1), ("dx", 0))}
-        for name, port in ports.items():
-            driver = reader.physical(node, *port) if name in _driving(element) else None
-            if driver is not None and driver.size:
-                known[name] = [(2, len(self.signals), 1.0)]
-                self.signals.append(driver.ravel()[0])
-        for part in element.equations.split(";"):
-            name, _, text = part.rpartition("=")
-            if name.strip() in ports:
-                self.outputs.append(_factors(node, text, known)[1])
-            elif not name:
-                self.rows.append(_factors(node, text, known))
+        return known
 
     def matrices(self) -> tuple[Vector, Vector, Vector, Vector]:
         """Return E, A, B and C of E x' = A x + B u and y = C x."""
@@ -125,8 +155,9 @@ class _Equations:
         for number, parts in enumerate(rows):
             for whole, part, sign in zip(found, parts, (-1.0, 1.0, 1.0), strict=True):
                 whole[number, list(part)] = [sign * value for value in part.values()]
-        outputs = np.zeros((len(self.outputs), size))
-        for number, part in enumerate(self.outputs):
+        asked = [*self.outputs, *(part for law in self.laws for part in law.takes.values())]
+        outputs = np.zeros((len(asked), size))
+        for number, part in enumerate(asked):
             outputs[number, list(part)] = list(part.values())
         return found[0], found[1], found[2], outputs
 
@@ -135,7 +166,7 @@ def _driving(element: NetworkBlock) -> list[str]:
     return [word for part in element.equations.split(";") if "=" not in part for word in part.split()]
 
 
-def _factors(node: Node, text: str, known: dict[str, list[tuple[int, int, float]]]) -> Factors:
+def _factors(node: Node, text: str, known: Known) -> Factors:
     """Return the factors of a sum, which is linear in what is known: it is computed for each of these alone."""
     parameters: dict[str, float] = {}
 
@@ -167,88 +198,6 @@ def _figure(node: Node, name: str) -> float:
     return node.number(names[0], "0") * node.in_si(node.text(f"{names[0]}_unit", "1"), names[0])
 
 
-class Reduced(NamedTuple):
-    """States s of a network, and what it tells: s' = a s + b u, y = c s + d[0] u + d[1] u'."""
-
-    a: Vector
-    b: Vector
-    c: Vector
-    d: list[Vector]
-
-
-def reduced(e: Vector, a: Vector, b: Vector, c: Vector) -> Reduced | None:
-    """Return the states of e x' = a x + b u and y = c x, which begin at 0; None where these do not determine y.
-
-    It is computed in fractions, so what is nothing is exactly nothing.
-    """
-    size = e.shape[1]
-    rows, rest = _echelon(np.hstack([e, a, b]), size)
-    held, moved, b1 = rows[:, :size], rows[:, size : 2 * size], rows[:, 2 * size :]  # held x' = moved x + b1 u
-    kept, b2 = rest[:, size : 2 * size], [rest[:, 2 * size :], 0 * rest[:, 2 * size :], 0 * rest[:, 2 * size :]]
-    while True:  # of u, u' and u'': kept x + b2 u = 0
-        both = np.vstack([held, kept])
-        found, lost = _echelon(np.hstack([both, _fractions(np.eye(len(both)))]), size)
-        if not len(lost):
-            break
-        stored, other = np.split(lost[0][size:], [len(held)])
-        if not stored.any() or (other @ b2[2]).any():
-            return None
-        derived = [stored @ b1, -(other @ b2[0]), -(other @ b2[1])]
-        kept, b2 = np.vstack([kept, stored @ moved]), [np.vstack(pair) for pair in zip(b2, derived, strict=True)]
-        held, moved, b1 = (np.delete(one, np.flatnonzero(stored)[0], 0) for one in (held, moved, b1))
-    if len(both) != size:
-        return None
-    states, rest, c = found[:, size : size + len(held)], found[:, size + len(held) :], _fractions(c)
-    a, c, d = moved @ states, c @ states, [-(c @ rest @ one) for one in b2]
-    driven = [-(moved @ rest @ one) for one in b2]
-    driven[0] = driven[0] + b1
-    if d[2].any():
-        return None
-    for place in (2, 1):  # a rate of what is given moves the states by what is given
-        driven[place - 1], d[place - 1] = driven[place - 1] + a @ driven[place], d[place - 1] + c @ driven[place]
-    return Reduced(a.astype(float), driven[0].astype(float), c.astype(float), [one.astype(float) for one in d])
-
-
-def without_fast(full: Reduced) -> Reduced:
-    """Return a network without what settles within ``_AT_ONCE``: it is where it would come to."""
-    rates, modes = np.linalg.eig(full.a)
-    fast = rates.real < -1.0 / _AT_ONCE
-    if not fast.any():
-        return full
-    back = np.linalg.inv(modes)
-    slow = (modes[:, ~fast] @ back[~fast]).real
-    settled = (modes[:, fast] / rates[fast] @ back[fast]).real
-    basis = np.linalg.svd(slow)[0][:, : int((~fast).sum())]
-    at_once = [full.d[0] - full.c @ settled @ full.b, *full.d[1:]]
-    return Reduced(basis.T @ full.a @ basis, basis.T @ slow @ full.b, full.c @ basis, at_once)
-
-
-def _fractions(values: Any) -> Any:
-    found = np.empty(values.shape, dtype=object)
-    for place, value in np.ndenumerate(values):
-        found[place] = value if isinstance(value, Fraction) else Fraction(repr(float(value)))
-    return found
-
-
-def _echelon(rows: Any, columns: int) -> tuple[Any, Any]:
-    """Return rows by Gauss's elimination in their first columns: those with a pivot, by its place, and the others."""
-    left: list[Any] = list(_fractions(rows))
-    found: list[Any] = []
-    for column in range(columns):
-        place = next((place for place, row in enumerate(left) if row[column]), None)
-        if place is None:
-            continue
-        pivot = left.pop(place)
-        with np.errstate(all="ignore"):  # some processors tell of fractions what is not so
-            pivot = pivot / pivot[column]
-            found = [row - row[column] * pivot if row[column] else row for row in found]
-            left = [row - row[column] * pivot if row[column] else row for row in left]
-        found.append(pivot)
-    width = rows.shape[1]
-    shaped = [np.array(one, dtype=object).reshape(len(one), width) for one in (found, left)]
-    return shaped[0], shaped[1]
-
-
 def _members(network: Connections, start: Node) -> list[Node]:
     """Return the elements that hang together with one over conserving ports, and whatever else is on these."""
     found = {start: None}
@@ -277,19 +226,57 @@ def _solved(reader: SignalReader, members: list[Node]) -> list[Signal]:
         found = reduced(*equations.matrices())
         if found is None:
             raise members[0].refusal("its network does not determine what it does")
-        whole, found = len(found.a), without_fast(found)
-        if len(found.a) < whole:
-            members[0].note("approximated", f"what settles within {_AT_ONCE:g} s in its network is where it comes to")
-    except (InvalidModel, ArithmeticError) as problem:
+        settled = without_fast(found)
+        if not _acts_at_once(settled, equations) and len(settled.a) < len(found.a):
+            members[0].note("approximated", f"what settles within {AT_ONCE:g} s in its network is where it comes to")
+            found = settled
+        if _acts_at_once(found, equations):
+            law = equations.laws[0].node
+            raise law.refusal(f"a {law.kind} in a network: nothing beside it keeps its speed; an inertia would")
+        return [signal([one]) for one in _outputs(members[0], found, equations)]
+    except (InvalidModel, NotUnderstood, ArithmeticError) as problem:
         file = f"{members[0].findings.report.source}: "
         for node in members:
             node.note("lost", f"its network is not read: {str(problem).removeprefix(file)}")
         return []
-    return [signal([one]) for one in _outputs(members[0], found, equations.signals)]
 
 
-def _outputs(node: Node, found: Reduced, inputs: list[Value]) -> list[Value]:
+def _acts_at_once(found: Reduced, equations: _Equations) -> bool:
+    """Return whether a law gives what another, or itself, takes, with no state between."""
+    gives, takes = [law.place for law in equations.laws], slice(len(equations.outputs), None)
+    return any(one[takes, gives].any() for one in found.d)
+
+
+def _law_of(node: Node, values: dict[str, Value]) -> Value:
+    start = next((name for name in ("x", "phi") if node.is_on(f"{name}_specify")), None)
+    own = {"start": node.number(start, "0") * node.in_si(node.text(f"{start}_unit", "1"), start) if start else 0.0}
+    if "model" in elements()[node.kind].law:
+        own["model"] = node.number("model", "3")
+        if own["model"] not in (1, 2, 3):
+            raise node.refusal("its model is by a coefficient of restitution; stiffness and damping are read")
+    known = {name: signal([value]).reshape(1, 1) for name, value in {**values, **own}.items()}
+
+    def figure(name: str) -> Any:
+        return undefined(name) if name not in node.block.parameters else matrix(_figure(node, name))
+
+    run = Translation(known, figure)
+    run._algebra.functions["stop"] = on_symbols(None, _stop)
+    return flat(run._value(elements()[node.kind].law))[0]
+
+
+def _stop(depth: Value, speed: Value, stiffness: float, damping: float, model: float, width: float) -> Value:
+    """Return what a stop resists with that is entered: at once, or growing over a width (Simscape, Hard Stop)."""
+    damped = chosen(compared(">=", speed, 0.0), speed, 0.0) if model == 2 else speed
+    force = stiffness * depth + damping * damped
+    if model == 1:
+        share = limited(depth / width, 0.0, 1.0)
+        force = force * (share * share * (3.0 - 2.0 * share))
+    return chosen(compared(">=", depth, 0.0), force, 0.0)
+
+
+def _outputs(node: Node, found: Reduced, equations: _Equations) -> list[Value]:
     states: list[Value] = []
+    inputs = equations.signals
     if size := len(found.a):
         matrices = {"A": found.a, "B": found.b, "C": np.eye(size), "D": np.zeros(found.b.shape)}
         parameters = {name: one.tolist() for name, one in matrices.items()}
@@ -298,10 +285,14 @@ def _outputs(node: Node, found: Reduced, inputs: list[Value]) -> list[Value]:
     if found.d[1].any():
         driven = zip(inputs, (found.d[1] != 0.0).any(axis=0).tolist(), strict=True)
         parts.append((found.d[1], [rate_of(node, one) if counts else 0.0 for one, counts in driven]))
-    return [
-        added(*((float(own), value) for rows, values in parts for own, value in zip(rows[row], values, strict=True)))
-        for row in range(len(found.c))
-    ]
+
+    def output(row: int) -> Value:
+        return added(*((float(own), one) for rows, values in parts for own, one in zip(rows[row], values, strict=True)))
+
+    rows = itertools.count(len(equations.outputs))
+    for law in equations.laws:
+        inputs[law.place] = _law_of(law.node, {name: output(next(rows)) for name in law.takes})
+    return [output(row) for row in range(len(equations.outputs))]
 
 
 def _element(reader: SignalReader, node: Node, number: int) -> Signal:
