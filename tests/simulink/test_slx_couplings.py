@@ -97,6 +97,24 @@ def test_a_lead_screw(tmp_path):
     np.testing.assert_allclose(result["q.Screw_Rz"], fall / lead, atol=1e-3 * abs(fall[-1]) / lead)
 
 
+def test_a_lead_screw_in_a_loop_starts_whole_turns_away(tmp_path):
+    """A lever that is asked to be level rests on a screw of 10 mm a turn, which is 52 mm, more than five turns, out."""
+    shop = Shop()
+    lever = shop.body("Lever", shop.placed("Stand", **UP), PositionTargetSpecify="on", PositionTargetValue="0")
+    foot = shop.body("Foot", shop.placed("Below", "[0.3 0 -0.5]", **UP))
+    upright = {**UP, "RotationAngle": "-pi/2"}
+    nut = shop.body("Nut", shop.placed("Thread", "[0 0.448 0]", foot, **upright), "sm_lib/Joints/Lead Screw\nJoint",
+                    Lead="10", LeadUnits="mm/rev")  # fmt: skip
+    pin = shop.block(REVOLUTE, "Pin")
+    shop.connect(shop.placed("Tip", "[0.3 0 0]", lever), f"{pin}#lconn:1")
+    shop.connect(shop.placed("Head", "[0 0 0]", nut, **UP), f"{pin}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(imported.station, duration=0.01, progress=False)
+    assert abs(result["q.Nut_Pz"][0]) == pytest.approx(0.052, abs=1e-4)
+    assert abs(result["q.Nut_Rz"][0]) == pytest.approx(5.2 * 2 * np.pi, abs=0.1)
+
+
 RATIOS = [  # kind, figures, pose of the follower's joint, how much base and follower count
     ("Common Gear\nConstraint", {"GearType": "Internal", "BaseGearRadius": "0.1", "FollGearRadius": "0.4"},
      {"at": "[0.3 0 0]"}, (0.1, -0.4)),

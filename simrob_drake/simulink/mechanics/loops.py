@@ -231,6 +231,7 @@ def _settle(tree: Tree, screws: Vector) -> None:
     endless = np.array(
         [freedom.turns and freedom.lower == -np.inf and freedom.upper == np.inf for freedom in tree.freedoms]
     )
+    endless &= ~screws.any(axis=0)  # there a whole turn is a way
     found -= endless * 2 * np.pi * np.round((found - desired) / (2 * np.pi))
     node = tree.closings[0].node if tree.closings else tree.branches[0].link.joint.node
     if (gap := float(np.abs(gaps(found)).max())) > _LOOSE:
