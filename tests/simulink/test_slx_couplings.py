@@ -98,13 +98,13 @@ def test_a_lead_screw(tmp_path):
 
 
 def test_a_lead_screw_in_a_loop_starts_whole_turns_away(tmp_path):
-    """A screw of 10 mm a turn between two pins is 52 mm, more than five turns, out."""
+    """A screw of 10 mm a turn between a pin and a ball is 52 mm, more than five turns, out."""
     shop = Shop()
     foot = shop.body("Foot", shop.placed("Below", "[0.3 0 -0.5]", **UP))
     upright = {**UP, "RotationAngle": "-pi/2"}
     nut = shop.body("Nut", shop.placed("Thread", "[0 0.448 0]", foot, **upright), "sm_lib/Joints/Lead Screw\nJoint",
                     Lead="10", LeadUnits="mm/rev")  # fmt: skip
-    pin = shop.block(REVOLUTE, "Pin")
+    pin = shop.block("sm_lib/Joints/Spherical Joint", "Pin")
     shop.connect(shop.placed("Tip", "[0.3 0 0]", **UP), f"{pin}#lconn:1")
     shop.connect(shop.placed("Head", "[0 0 0]", nut, **UP), f"{pin}#rconn:1")
     imported = import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out")

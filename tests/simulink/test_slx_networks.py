@@ -104,6 +104,20 @@ def test_a_network_with_what_is_not_linear_is_lost_by_name(tmp_path):
     assert "DC Motor" in imported.fidelity
 
 
+def test_an_element_whose_ports_have_other_names_is_lost_by_name(tmp_path):
+    ports = {"InternalSimscapePortConfiguration": json.dumps({"Left": [{"id": "head"}], "Right": [{"id": "tail"}]})}
+    level = Level()
+    world, body = level.block(WORLD, "World"), level.block(INERTIA, "Wheel")
+    joint = level.block(REVOLUTE, "J", TorqueActuationMode="InputTorque", SenseVelocity="on")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
+    motor_on_a_joint(level, f"{joint}#lconn:2", f"{joint}#rconn:2")
+    resistor = level.block(f"{ELECTRICAL}Resistor", "Other", R="1", **ports)
+    level.connect("4#lconn:1", f"{resistor}#lconn:1")
+    lost = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").report.of("lost")
+    assert any("Other: its ports are head, tail, none of which is p" in entry.text for entry in lost)
+
+
 def test_rows_that_do_not_determine_what_is_told_are_none():
     """x' = u is told, a sum of two unknowns is, but neither of them; a rate of a rate is not, either."""
     one, zero = np.eye(1), np.zeros((1, 1))

@@ -132,8 +132,8 @@ class _Equations:
     def _branches(self, node: Node, element: NetworkBlock, nets: dict[str, object]) -> Known:
         known: Known = {}
         for number, branch in enumerate(element.branches.split(", "), start=1):
-            if missing := set(branch.split()) - {"0", *nets}:
-                raise node.refusal(f"its ports are {', '.join(nets)}; {min(missing)} is missing")
+            if nets.keys().isdisjoint(branch.split()):  # of the two ends one may be hidden: it stands still
+                raise node.refusal(f"its ports are {', '.join(nets)}, none of which is {branch.split()[0]}")
             through = self.unknown((node, number))
             ends = [(self.unknown(nets[name]), sign) for name, sign in zip(branch.split(), (1.0, -1.0), strict=True)
                     if name in nets]  # fmt: skip
