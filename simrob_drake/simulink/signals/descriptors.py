@@ -26,6 +26,7 @@ class Reduced(NamedTuple):
     d: list[Vector]
 
 
+@np.errstate(all="ignore")  # some processors tell of fractions what is not so
 def reduced(e: Vector, a: Vector, b: Vector, c: Vector) -> Reduced | None:
     """Return the states of e x' = a x + b u and y = c x, which begin at 0; None where these do not determine y.
 
@@ -106,10 +107,9 @@ def _echelon(rows: Any, columns: int) -> tuple[Any, Any]:
         if place is None:
             continue
         pivot = left.pop(place)
-        with np.errstate(all="ignore"):  # some processors tell of fractions what is not so
-            pivot = pivot / pivot[column]
-            found = [row - row[column] * pivot if row[column] else row for row in found]
-            left = [row - row[column] * pivot if row[column] else row for row in left]
+        pivot = pivot / pivot[column]
+        found = [row - row[column] * pivot if row[column] else row for row in found]
+        left = [row - row[column] * pivot if row[column] else row for row in left]
         found.append(pivot)
     width = rows.shape[1]
     shaped = [np.array(one, dtype=object).reshape(len(one), width) for one in (found, left)]

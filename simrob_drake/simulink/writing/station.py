@@ -39,7 +39,7 @@ _SOLVERS: dict[str, dict[str, Any]] = {
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
 }
 _OF_SERVOS = [f"{which}_error_{unit}" for which in ("final", "largest") for unit in ("deg", "m")]
-"""Bounds of a verdict on servos: springs that stand as such are not asked to be at rest."""
+"""Bounds of a verdict on servos: joints without one, and springs that stand as such, are not asked to be at rest."""
 
 
 class StationWriter:
@@ -186,7 +186,7 @@ class StationWriter:
             content["solver"] = content["solver"] | {"accuracy": 1e-4, "max_step": longest}
         freedoms = [freedom for robot in self._files.robots.values() for freedom in robot.axes]
         servos = {freedom: law.kp for freedom in freedoms if (law := self._law(freedom)).kp}
-        if servos and all(kp == freedom.stiffness for freedom, kp in servos.items()):
+        if freedoms and all(kp == freedom.stiffness for freedom, kp in servos.items()):
             content["verdict"] = dict.fromkeys(_OF_SERVOS, "none")
         starts = {name: self._starts(robot) for name, robot in self._files.robots.items()}
         if (state := start_state(self._files, starts, self._turn)) is not None:
