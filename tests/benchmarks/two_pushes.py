@@ -1,4 +1,4 @@
-"""Walks that are pushed twice, 0.2 to 0.5 s apart: ``python -m tests.benchmarks.two_pushes [ROBOT]...``.
+"""Walks that are pushed twice, 0.2 to 0.5 s apart: ``python -m tests.benchmarks.two_pushes [ROBOT[:DRAWS]]...``.
 
 Both pushes last 0.1 s and come from any side; the first acts 2.5 to 3.2 s after the start. Robot and floor are drawn,
 too. A walk that is up 2 s after the second push has withstood both. Figures are in docs/results/walking.md.
@@ -29,8 +29,10 @@ def withstands(robot: str, seed: int) -> bool:
 
 def main(robots: list[str]) -> None:
     """Push each robot, and say how often it stays up."""
-    for robot in robots or list(FORCES):
-        print(f"{robot}: {sum(withstands(robot, seed) for seed in range(DRAWS))} of {DRAWS}", flush=True)
+    for asked in robots or list(FORCES):
+        robot, _, count = asked.partition(":")
+        draws = int(count or DRAWS)
+        print(f"{robot}: {sum(withstands(robot, seed) for seed in range(draws))} of {draws}", flush=True)
 
 
 if __name__ == "__main__":
