@@ -1,5 +1,6 @@
 """Step a station from edge to edge, and tell how a run ended."""
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.steps import apply_solver, controlled_by, likely_cause, stepped_by
 
 _ROUNDING = 1e-9  # s
+_SLIPS = (TypeError, AttributeError, NameError, LookupError)
 _ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition
 
 
@@ -250,6 +252,11 @@ class Stepper:
                     where = _failing_port(block, context, type(problem)) or frame.f_code.co_name
                     cause = f"{type(problem).__name__}: {problem} (line {line})"
                     return Outcome("failed", name, f"the block {name} failed at {time:.4g} s in {where}: {cause}")
+        if isinstance(problem, _SLIPS):  # no solver raises these
+            code, line = deque(walk_tb(problem.__traceback__), maxlen=1)[0]
+            where = f"{code.f_globals.get('__name__')}, line {line}"
+            cause = f"a fault of the program, at {time:.4g} s: {type(problem).__name__}: {problem} ({where})"
+            return Outcome("failed", code.f_code.co_qualname, cause)
         return None
 
     def _diverged(self, recorder: Recorder, problem: BaseException) -> Outcome:

@@ -69,6 +69,21 @@ def test_a_station_tells_it_and_a_flow_can_read_it():
     np.testing.assert_allclose(result["tau.joint_1"], -0.2 * z + 0.01 * vz, atol=1e-9)
 
 
+def test_a_slip_of_the_program_within_a_block_is_no_divergence(monkeypatch):
+    """A flow reads a sensor whose code fails: that is not what a solver does, and the place of it is named."""
+
+    def slip(*_):
+        return dict[str, int]()["absent"]
+
+    monkeypatch.setattr(RelativeMotion, "_seen", slip)
+    tip = {"kind": "frame", "frame": "lower_link"}
+    drive = {"kind": "signal_flow", "blocks": {}, "torque": {"joint_1": {"frame.tip.z": 1.0}}}
+    station = load_station("double_pendulum", {"sensors": {"tip": tip}, "controllers": {"drive": drive}})
+    result = simulate(station, duration=0.1, progress=False)
+    assert result.ending == "failed"
+    assert "a fault of the program, at 0 s: KeyError: 'absent'" in result.message
+
+
 def test_an_unknown_frame_is_told():
     with pytest.raises(InvalidConfig, match=r"no frame for sensors\.tip\.frame"):
         load_station("double_pendulum", {"sensors": {"tip": {"kind": "frame", "frame": "lowr"}}})

@@ -444,3 +444,25 @@ def test_a_bus_that_the_choice_of_a_variant_makes(tmp_path):
     model = read_simulink(write_model(tmp_path / "a.slx", level))
     (picked,) = (node for node in model.expanded.nodes if node.block.name == "pick")
     assert flat(model.tracer.output(picked)) == [6.0]
+
+
+def test_elements_of_a_data_store_are_what_is_written_or_what_they_begin_with(tmp_path):
+    plant = Plant()
+    plant.block(
+        "DataStoreMemory", "M", DataStoreName="Servo", InitialValue="struct('goal',1,'gains',struct('P',7,'D',[2 3]))"
+    )
+    write = plant.block("DataStoreWrite", "W", DataStoreName="Servo", DataStoreElements="Servo.other#Servo.goal")
+    for place, number in enumerate(("4", "5"), start=1):
+        plant.wire(f"{plant.block('Constant', number, Value=number)}#out:1", f"{write}#in:{place}")
+    names = "Servo.goal#Servo.gains.P#Servo.gains.D#Servo.gains"
+    plant.block("DataStoreRead", "R", DataStoreName="Servo", DataStoreElements=names)
+    model = read_simulink(write_model(tmp_path / "a.slx", plant))
+    node = next(one for one in model.expanded.nodes if one.block.name == "R")
+    assert [flat(model.tracer.output(node, number)) for number in (1, 2, 3)] == [[5.0], [7.0], [2.0, 3.0]]
+    (whole,) = flat(model.tracer.output(node, 4))  # a structure is no signal: left open
+    assert [term.kind for term in terms_of(whole)] == ["open"]
+    whole = plant.block("DataStoreRead", "All", DataStoreName="Servo")
+    model = read_simulink(write_model(tmp_path / "b.slx", plant))
+    node = next(one for one in model.expanded.nodes if one.block.sid == whole)
+    (whole,) = flat(model.tracer.output(node, 1))  # parts of it are written
+    assert [term.kind for term in terms_of(whole)] == ["open"]

@@ -187,17 +187,29 @@ def _in_bus(reader: SignalReader, bus: Node, output: int, name: str) -> tuple[No
     return None
 
 
-def _stored(reader: SignalReader, node: Node, _: int) -> Signal | None:
-    """Return what is written to a data store, or what it begins with where nothing writes."""
+def _stored(reader: SignalReader, node: Node, number: int) -> Signal | None:
+    """Return what is written to a data store or an element of it, or what it begins with where nothing writes."""
     name, nodes = node.text("DataStoreName", "A"), reader.network.expanded.nodes
     same = {kind: [one for one in nodes if one.kind == kind and one.text("DataStoreName", "A") == name] for kind in
             ("DataStoreWrite", "DataStoreMemory")}  # fmt: skip
-    if len(same["DataStoreWrite"]) == 1:
-        node.note("approximated", f"the data store {name} holds what is written at that time")
-        return reader.input(same["DataStoreWrite"][0])
-    if same["DataStoreWrite"] or not same["DataStoreMemory"]:
+    asked = _elements_of(node)[number - 1]
+    written = [(one, element, place) for one in same["DataStoreWrite"] for place, element in
+               enumerate(_elements_of(one), start=1) if f"{asked}.".startswith(f"{element}.")
+               or element.startswith(f"{asked}.")]  # fmt: skip
+    if [element for _, element, _ in written] == [asked]:
+        node.note("approximated", f"the data store {asked} holds what is written at that time")
+        return reader.input(written[0][0], written[0][2])
+    if written or not same["DataStoreMemory"]:
         return None
-    return signal(float(value) for value in same["DataStoreMemory"][0].numbers("InitialValue", "0"))
+    value = same["DataStoreMemory"][0].value("InitialValue", "0")
+    for field in asked.split(".")[1:]:
+        value = value.get(field) if isinstance(value, dict) else None
+    return None if value is None or isinstance(value, dict) else signal(map(float, matrix(value).ravel(order="F")))
+
+
+def _elements_of(node: Node) -> list[str]:
+    """Return what a block reads or writes of a data store, by port."""
+    return (node.text("DataStoreElements") or node.text("DataStoreName", "A")).split("#")
 
 
 def _multiport_switch(reader: SignalReader, node: Node, _: int) -> Signal | None:
