@@ -165,6 +165,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "kron": lambda a, b: np.kron(matrix(a), matrix(b)),
     "det": lambda value: np.linalg.det(matrix(value)),
     "inv": lambda value: np.linalg.inv(matrix(value)),
+    "interp1": lambda x, y, at: np.interp(matrix(at), *(matrix(part).reshape(-1) for part in (x, y)), np.nan, np.nan),
     "trace": lambda value: np.trace(matrix(value)),
     "transpose": lambda value: matrix(value).T,
     "linspace": lambda start, stop, number=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(number)),
@@ -173,9 +174,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "reshape": lambda value, *sizes: matrix(value).reshape(_shape(sizes), order="F"),
     "size": _size,
     "numel": lambda value: len(value) if isinstance(value, list) else matrix(value).size,
-    "length": lambda value: (
-        len(value) if isinstance(value, list) else max(matrix(value).shape) if matrix(value).size else 0
-    ),
+    "length": lambda value: len(value) if isinstance(value, list) else matrix(value).size and max(matrix(value).shape),
     "isempty": lambda value: float(not (len(value) if isinstance(value, str | dict | list) else matrix(value).size)),
     "isnumeric": lambda value: float(not isinstance(value, str | dict | list)),
     **{
