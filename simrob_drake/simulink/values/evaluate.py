@@ -165,7 +165,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "kron": lambda a, b: np.kron(matrix(a), matrix(b)),
     "det": lambda value: np.linalg.det(matrix(value)),
     "inv": lambda value: np.linalg.inv(matrix(value)),
-    "interp1": lambda x, y, at: np.interp(matrix(at), *(matrix(part).reshape(-1) for part in (x, y)), np.nan, np.nan),
+    "interp1": lambda x, y, at: np.interp(matrix(at), matrix(x).ravel(), matrix(y).ravel(), np.nan, np.nan),
     "trace": lambda value: np.trace(matrix(value)),
     "transpose": lambda value: matrix(value).T,
     "linspace": lambda start, stop, number=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(number)),
