@@ -97,6 +97,14 @@ def test_a_loop_begins_at_speeds_that_keep_it_closed(tmp_path, priority, kept):
     np.testing.assert_allclose(result.axes("v")[0], speeds, atol=1e-9)
 
 
+def test_a_hinge_that_asks_for_a_start_is_no_place_to_cut_a_loop(tmp_path):
+    """The hinge that closes the loop asks for a speed, and has it; the first one's angle stays what it asks for."""
+    model = write_model(tmp_path / "a.slx", four_bar(**target("Velocity", "-1", "rad/s")))
+    result = simulate(import_simulink(model, tmp_path / "out").station, duration=0.01, progress=False)
+    assert result["v.Closing"][0] == pytest.approx(-1.0, abs=1e-5)
+    assert result["q.Joint1"][0] == pytest.approx(np.deg2rad(80), abs=1e-5)
+
+
 def test_a_loop_begins_where_a_motion_holds_its_crank(tmp_path):
     """The next hinge asks for an angle many turns away that it cannot have: the crank does not give way for that."""
     level = four_bar()

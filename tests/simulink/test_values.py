@@ -292,6 +292,14 @@ def test_units_that_do_not_fit(unit):
         ("a = [1 2 4]; x = diff(a) * circshift(a, 1)(1:2)' + polyval([1 0 2], 3);", "x", 4 + 2 + 11),
         ("arm.mass = 1; arm.mass = unknowable(1); arm.length = 2; x = arm.length;", "x", 2),
         ("x = counted(1, 5, 6);", "x", 2),
+        ("x = interp1([1 2 4], [5 6 0], [3 2]);", "x", [[3.0, 6.0]]),
+        ("y = 2;", "twice(3) + twice(y, 1)", 9 + 4),  # an expression of a block
+        ("x = 1; c = {}; if nargs(c) > 0 && c{1} > 2, x = 5; end, if true || c{1}, x = x + 1; end", "x", 2),
+        (
+            "t = {'a.x', 4; 'a.y', 0.5}; for k = 1:length(t), eval([t{k,1} '=' num2str(t{k,2}) ';']); end",
+            "a.x + a.y",
+            4.5,
+        ),
     ],
 )
 def test_code_calls_functions_and_takes_scripts_and_variables_of_files(tmp_path, code, name, value):
@@ -301,6 +309,7 @@ def test_code_calls_functions_and_takes_scripts_and_variables_of_files(tmp_path,
         "function y = g(a, k)\ny = k + 2 + 0*a;\nend\n"
     )
     (tmp_path / "figures.m").write_text("arm.mass = 1.5; % kg\n")
+    (tmp_path / "nargs.m").write_text("function n = nargs(c)\nn = numel(c);\n")
     (tmp_path / "counted.m").write_text("function n = counted(u, varargin)\nn = length(varargin);\n")
     savemat(tmp_path / "data.mat", {"k": 8.0})
     level = Variables(name="here", code=code, files=Libraries([tmp_path]))

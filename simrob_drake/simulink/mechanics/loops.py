@@ -147,9 +147,11 @@ _CUT: dict[str, Literal["hinge", "ball"]] = {"Revolute Joint": "hinge", "Spheric
 
 
 def cuttable(link: Link) -> bool:
-    """Tell whether a coupling can take a joint's place: there is one, and nothing drives, senses or springs it."""
+    """Tell whether a coupling can take a joint's place: there is one, and the joint neither acts, senses nor asks."""
     joint = link.joint
-    held = any(freedom.damping or freedom.stiffness for freedom in joint.freedoms)
+    held = any(
+        one.damping or one.stiffness or one.start is not None or one.start_speed is not None for one in joint.freedoms
+    )
     return joint.node.kind in _CUT and not (joint.inputs or joint.outputs or held)
 
 

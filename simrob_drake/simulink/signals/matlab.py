@@ -92,7 +92,7 @@ def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
     run = _over(node, {"u": values}, reader.network.expanded.libraries)
     if text in FUNCTIONS or (text.isidentifier() and run.find(text)):
         text = f"{text}(u)"
-    return _understood(node, lambda: [_as_signal(run._value(text))])[0] if text else None
+    return _understood(node, lambda: [_as_signal(run.value(text))])[0] if text else None
 
 
 _BLOCKS: dict[str, Callable[..., Value]] = {
@@ -122,7 +122,7 @@ def _formula(reader: SignalReader, node: Node, _: int) -> Signal | None:
     columns = map(_columns, fitted(node, *values.values()))
     run = Translation(dict(zip(values, columns, strict=True)))
     run._algebra.functions.update({name: on_symbols(None, function) for name, function in _BLOCKS.items()})
-    return _understood(node, lambda: [_as_signal(run._value(text))])[0]
+    return _understood(node, lambda: [_as_signal(run.value(text))])[0]
 
 
 def _parameter(node: Node, default: str, names: list[str]) -> Signal:

@@ -185,7 +185,7 @@ class Translation(CodeRun):
 
     def _condition(self, text: str) -> Value:
         condition: Value = 1.0
-        for one in flat(np.asarray(matrix(self._value(text)), dtype=object)):
+        for one in flat(np.asarray(matrix(self.value(text)), dtype=object)):
             condition = _both("and", condition, one)
         return condition
 

@@ -109,7 +109,8 @@ class CodeRun:
             raise UndefinedVariable(name, "it is set by mask code outside the subset")
         return self.variables[name] if name in self.variables else self._outside(name)
 
-    def _value(self, text: str) -> Any:
+    def value(self, text: str) -> Any:
+        """Return the value of an expression (raises as `evaluate`)."""
         while True:
             try:
                 return evaluate(parse(text), self._lookup, self._algebra)
@@ -212,7 +213,7 @@ class CodeRun:
         head, body = part[0].removeprefix(keyword).strip(), part[1:-1]
         if keyword == "for":
             name, _, values = head.partition("=")
-            for column in matrix(self._value(values.strip().removesuffix(","))).T:
+            for column in matrix(self.value(values.strip().removesuffix(","))).T:
                 self.variables[name.strip(" (")] = matrix(column).T
                 self._block(body)
             return
@@ -240,11 +241,14 @@ class CodeRun:
         return True
 
     def _set(self, text: str) -> bool:
-        """Note parameters that a statement sets of blocks within that of the code."""
+        """Note parameters that a statement sets of blocks within that of the code, or do the code that it makes."""
         call = _CALL.fullmatch(text)
-        if call is None or call[1] != "set_param":
+        if call is None or call[1] not in ("set_param", "eval"):
             return False
-        block, *pairs = (self._value(argument) for argument in split(call[2]))
+        if call[1] == "eval":
+            self._block(statements(str(self.value(call[2]))))
+            return True
+        block, *pairs = (self.value(argument) for argument in split(call[2]))
         if isinstance(block, str) and block.startswith(f"{_HERE}/"):
             texts = {name: value for name, value in zip(pairs[::2], pairs[1::2], strict=True) if isinstance(value, str)}
             self.settings.setdefault(block.removeprefix(f"{_HERE}/"), {}).update(texts)
@@ -256,7 +260,7 @@ class CodeRun:
             call = _CALL.fullmatch(several[2])
             if call is None or not (call[1] in self.functions or self.find(call[1])):
                 raise NotUnderstood(text[:60])
-            arguments = [self._value(argument) for argument in split(call[2])]
+            arguments = [self.value(argument) for argument in split(call[2])]
             for name, value in zip(names_in(several[1]), self.called(call[1], arguments), strict=False):
                 if value is None:
                     self._pass_over([f"{name} ="], NotUnderstood(f"{call[1]} gives no {name}"))
@@ -272,7 +276,7 @@ class CodeRun:
         if steps and steps[0][0] and known is None:
             with suppress(UndefinedVariable):
                 known = self._lookup(name)
-        self.variables[name] = self._put(known, steps, self._value(match[5]))
+        self.variables[name] = self._put(known, steps, self.value(match[5]))
         self.unknown.discard(name)
 
     def _put(self, known: Any, steps: list[tuple[str, str]], value: Any) -> Any:
@@ -312,7 +316,7 @@ class CodeRun:
         return grown
 
     def _places(self, word: str, size: int) -> Any:
-        places = matrix(self._value(re.sub(r"\bend\b", str(size), word))).reshape(-1).astype(int) - 1
+        places = matrix(self.value(re.sub(r"\bend\b", str(size), word))).reshape(-1).astype(int) - 1
         if places.size == 0 or places.min() < 0 or places.max() > 100_000:
             raise NotUnderstood(word)
         return places
@@ -340,7 +344,7 @@ class CodeRun:
         self._split_by(condition, partial(self._block, body), partial(self._choose, rest))
 
     def _condition(self, text: str) -> Any:
-        return bool(np.all(self._value(text)))
+        return bool(np.all(self.value(text)))
 
     def _split_by(self, condition: Any, yes: Callable[[], None], no: Callable[[], None]) -> None:
         (yes if condition else no)()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.values.syntax import Expression, NotUnderstood
+from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, written
 
 LARGEST = 1_000_000  # elements of a matrix
 
@@ -165,6 +165,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "kron": lambda a, b: np.kron(matrix(a), matrix(b)),
     "det": lambda value: np.linalg.det(matrix(value)),
     "inv": lambda value: np.linalg.inv(matrix(value)),
+    "interp1": lambda x, y, at: np.interp(matrix(at), matrix(x).ravel(), matrix(y).ravel(), np.nan, np.nan),
     "trace": lambda value: np.trace(matrix(value)),
     "transpose": lambda value: matrix(value).T,
     "linspace": lambda start, stop, number=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(number)),
@@ -173,9 +174,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "reshape": lambda value, *sizes: matrix(value).reshape(_shape(sizes), order="F"),
     "size": _size,
     "numel": lambda value: len(value) if isinstance(value, list) else matrix(value).size,
-    "length": lambda value: (
-        len(value) if isinstance(value, list) else max(matrix(value).shape) if matrix(value).size else 0
-    ),
+    "length": lambda value: len(value) if isinstance(value, list) else matrix(value).size and max(matrix(value).shape),
     "isempty": lambda value: float(not (len(value) if isinstance(value, str | dict | list) else matrix(value).size)),
     "isnumeric": lambda value: float(not isinstance(value, str | dict | list)),
     **{
@@ -191,6 +190,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "struct": lambda *parts: dict(zip(parts[::2], parts[1::2], strict=True)),
     "isfield": lambda value, name: float(isinstance(value, dict) and name in value),
     "strcmp": lambda first, second: float(isinstance(first, str) and first == second),
+    "num2str": lambda value: value if isinstance(value, str) else f"{float(matrix(value)[0, 0]):.5g}",
     "strcmpi": lambda first, second: float(str(first).lower() == str(second).lower()),
 }
 """By their names in MATLAB."""
@@ -283,7 +283,9 @@ class _Evaluation:
         if isinstance(value, str):
             return value
         if isinstance(value, dict | list):
-            several = value if isinstance(value, list) else [value]
+            several: list[Any] = value if isinstance(value, list) else [value]
+            if len(arguments) == 2 and isinstance(several[0], list):
+                several, arguments = several[int(self._index(arguments[0], len(several)).flat[0])], arguments[1:]
             places = [self._index(argument, len(several)) for argument in arguments]
             return several[int(max((place.reshape(-1)[0] for place in places), default=0))]
         return self._indexed(matrix(value), arguments)
@@ -318,7 +320,7 @@ class _Evaluation:
         if not isinstance(value, dict):
             raise NotUnderstood(f"asks for the field '{name}' of something that is no structure")
         if name not in value:
-            raise UndefinedVariable(f"{_written(target)}.{name}")
+            raise UndefinedVariable(f"{written(target)}.{name}")
         return value[name]
 
     def _range(self, start: Expression, step: Expression | None, stop: Expression) -> Vector:
@@ -340,7 +342,8 @@ class _Evaluation:
         return np.concatenate(lines, axis=0) if lines else np.zeros((0, 0))
 
     def _cell(self, rows: tuple[tuple[Expression, ...], ...]) -> list[Any]:
-        return [self.value(node) for row in rows for node in row]
+        values = [[self.value(node) for node in row] for row in rows]
+        return values if len(rows) > 1 and len(rows[0]) > 1 else [one for row in values for one in row]
 
     def _unary(self, operator: str, operand: Expression) -> Vector:
         value = matrix(self.value(operand))
@@ -351,7 +354,11 @@ class _Evaluation:
         return value.T if operator == "'" else value
 
     def _binary(self, operator: str, one: Expression, other: Expression) -> Vector:
-        left, right = self.value(one), self.value(other)
+        left = self.value(one)
+        decided = operator in ("&&", "||") and matrix(left).dtype != object
+        if decided and bool(np.all(left)) == (operator == "||"):
+            return matrix(operator == "||")
+        right = self.value(other)
         if operator in ("==", "~=") and (isinstance(left, str) or isinstance(right, str)):
             return matrix((left == right) == (operator == "=="))
         first, second, each = matrix(left), matrix(right), self._algebra.operators
@@ -374,12 +381,6 @@ class _Evaluation:
         return quotient.T if operator == "\\" else quotient
 
 
-def _written(node: Expression) -> str:
-    if node.kind == "field":
-        return f"{_written(node.parts[0])}.{node.parts[1]}"
-    return str(node.parts[0]) if node.kind == "name" else "(…)"
-
-
 _OPERATORS: dict[str, Callable[[Vector, Vector], Any]] = {
     "+": np.add,
     "-": np.subtract,
@@ -390,10 +391,8 @@ _OPERATORS: dict[str, Callable[[Vector, Vector], Any]] = {
     ">": np.greater,
     "<=": np.less_equal,
     ">=": np.greater_equal,
-    "&": np.logical_and,
-    "|": np.logical_or,
-    "&&": np.logical_and,
-    "||": np.logical_or,
+    **dict.fromkeys(("&", "&&"), np.logical_and),
+    **dict.fromkeys(("|", "||"), np.logical_or),
     "==": np.equal,
     "~=": np.not_equal,
 }

@@ -199,3 +199,10 @@ class _Parser:
         if not self._stands(bracket):
             raise NotUnderstood(f"lacks a closing '{bracket}'")
         self._next()
+
+
+def written(node: Expression) -> str:
+    """Return a name or field as it is written."""
+    if node.kind == "field":
+        return f"{written(node.parts[0])}.{node.parts[1]}"
+    return str(node.parts[0]) if node.kind == "name" else "(…)"

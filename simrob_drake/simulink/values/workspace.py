@@ -14,9 +14,9 @@ from typing import Any
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import content_of
 from simrob_drake.simulink.values.code import CodeRun, Files
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate
+from simrob_drake.simulink.values.evaluate import UndefinedVariable
 from simrob_drake.simulink.values.mat import variables_of_mat
-from simrob_drake.simulink.values.syntax import NotUnderstood, parse
+from simrob_drake.simulink.values.syntax import NotUnderstood
 
 _PATIENCE = 60.0  # s
 _NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
@@ -123,13 +123,13 @@ class Variables:
         return self.outer.lookup(name)
 
     def value(self, text: str) -> Any:
-        """Return the value of an expression here.
+        """Return the value of an expression here, which may call functions of files.
 
         Raises:
             UndefinedVariable: it uses a variable that no workspace has.
             NotUnderstood: it is outside the subset.
         """
-        return evaluate(parse(text), self.lookup)
+        return CodeRun({}, self.lookup, self._of_all("files")).value(text)
 
     def run(self) -> None:
         """Run the code that sets further variables, unless it has run."""
