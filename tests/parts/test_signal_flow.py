@@ -166,3 +166,9 @@ def test_what_cannot_be_computed_at_the_start_ends_the_run_in_one_line(blocks, m
     assert message in run.message
     assert "stiff" not in run.message
     assert run.stop_time == 0.0
+
+
+def test_a_force_of_no_signals_is_none():
+    law = {"kind": "signal_flow", "forces": {"nothing": {"at": "lower_link"}}}
+    result = simulate(load_station("double_pendulum", {"controllers": {"law": law}}), duration=0.05, progress=False)
+    assert result.ending == "completed"

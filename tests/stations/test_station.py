@@ -4,6 +4,7 @@ import shutil
 
 import numpy as np
 import pytest
+import yaml
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
@@ -221,3 +222,22 @@ def test_the_velocity_of_a_base_is_that_of_its_pose():
     expected = root.CalcSpatialVelocityInWorld(plant.GetMyContextFromRoot(context))
     told = station.GetOutputPort("base_velocity").Eval(context)
     assert told == pytest.approx(np.concatenate([expected.translational(), expected.rotational()]))
+
+
+def test_a_force_at_the_tool_of_a_robot_without_tools_is_refused_and_one_beside_it_may_have_some(tmp_path):
+    (tmp_path / "bare.urdf").write_text(
+        '<robot name="bare"><link name="base"/><link name="arm"><inertial><mass value="1"/>'
+        '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="j" type="revolute">'
+        '<parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>'
+        '<limit lower="-1" upper="1" effort="10" velocity="1"/></joint></robot>'
+    )
+    (tmp_path / "robot.yaml").write_text("urdf: bare.urdf\nbase: fixed\nroot: base\naxes: [j]\n")
+    bare, file = {"model": "robot.yaml"}, tmp_path / "station.yaml"
+    file.write_text(yaml.safe_dump({"robot": bare, "inputs": ["external_force"]}))
+    with pytest.raises(SimrobError, match=r"external_force.*a robot with a tool"):
+        build_station(load_station(file))
+    file.write_text(yaml.safe_dump({"robots": {"a": bare, "b": {"model": "irb120"}}, "inputs": ["external_force"]}))
+    station = build_station(load_station(file))
+    assert station.HasInputPort("b.external_force")
+    assert not station.HasInputPort("a.external_force")

@@ -162,6 +162,8 @@ class SignalFlow(Strict):
         robot = site.robot(self.robot) if self.torque or self.robot is not None else None
         axes = robot.axes if robot is not None and self.torque else []
         torque = {_TORQUE: Sums(kind="sum", of=tuple(self.torque.get(axis, {}) for axis in axes))} if axes else {}
+        if not self._all and not torque:  # a force of no signals: it is none
+            return None
         opened = {block: f"{name}.{block}" for block, one in self.blocks.items() if isinstance(one, Input)}
         for block, called in opened.items():
             opening = builder.AddNamedSystem(called, PassThrough(1))
