@@ -261,7 +261,7 @@ def _law_of(node: Node, values: dict[str, Value]) -> Value:
 
     run = Translation(known, figure)
     run._algebra.functions["stop"] = on_symbols(None, _stop)
-    return flat(run._value(elements()[node.kind].law))[0]
+    return flat(run.value(elements()[node.kind].law))[0]
 
 
 def _stop(depth: Value, speed: Value, stiffness: float, damping: float, model: float, width: float) -> Value:
