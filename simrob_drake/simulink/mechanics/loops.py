@@ -235,7 +235,9 @@ def _settle(tree: Tree, screws: Vector) -> None:
     )
     endless &= ~screws.any(axis=0)  # there a whole turn is a way
     found -= endless * 2 * np.pi * np.round((found - desired) / (2 * np.pi))
-    node = tree.closings[0].node if tree.closings else tree.branches[0].link.joint.node
+    poses = body_poses(tree, found)
+    worst = max(tree.closings, key=lambda closing: float(np.abs(closing.gap(poses)).max()), default=None)
+    node = worst.node if worst else tree.branches[0].link.joint.node
     if (gap := float(np.abs(gaps(found)).max())) > _LOOSE:
         node.note("lost", f"closes a loop that does not close: {1e3 * gap:.3g} mm are left; give starts")
         tree.closings.clear()
