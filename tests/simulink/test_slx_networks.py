@@ -15,6 +15,18 @@ ELECTRICAL = "fl_lib/Electrical/Electrical Elements/"
 TIGHT = {"solver.accuracy": 1e-7, "solver.max_step": 0.002}
 
 
+def hinge():
+    """A level with a hinge of 0.5 kg m² that a torque drives, without gravity; and the hinge."""
+    level = Level()
+    world, joint = level.block(WORLD, "World"), level.block(
+        REVOLUTE, "J", TorqueActuationMode="InputTorque", SenseVelocity="on")  # fmt: skip
+    level.block(MECHANISM, "Nothing", UniformGravity="None")
+    body = level.block(INERTIA, "Wheel", Mass="1", MomentsOfInertia="[0.5 0.5 0.5]")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
+    return level, joint
+
+
 def motor_on_a_joint(level, torque, speed, *, swap=False, **figures):
     """A voltage source, a DC motor and a gear box of 5 between a joint's speed and its torque; return the source."""
     ports = {"Left": [{"id": "C"}, {"id": "t"}], "Right": [{"id": "R"}, {"id": "w"}]}
@@ -40,13 +52,7 @@ def motor_on_a_joint(level, torque, speed, *, swap=False, **figures):
 
 def driven(tmp_path, **options):
     """A hinge of 0.5 kg m² without gravity, driven by 12 V."""
-    level = Level()
-    world, joint = level.block(WORLD, "World"), level.block(
-        REVOLUTE, "J", TorqueActuationMode="InputTorque", SenseVelocity="on")  # fmt: skip
-    level.block(MECHANISM, "Nothing", UniformGravity="None")
-    body = level.block(INERTIA, "Wheel", Mass="1", MomentsOfInertia="[0.5 0.5 0.5]")
-    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
-    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
+    level, joint = hinge()
     volts, into = level.block("Constant", "Volts", Value="12"), level.block(TO_PHYSICS, "In", Unit="1")
     level.wire(f"{volts}#out:1", f"{into}#in:1")
     level.connect(f"{into}#rconn:1", motor_on_a_joint(level, f"{joint}#lconn:2", f"{joint}#rconn:2", **options))
@@ -88,14 +94,10 @@ def test_what_settles_at_once_is_where_it_comes_to(tmp_path):
 
 
 def test_a_network_with_what_is_not_linear_is_lost_by_name(tmp_path):
-    level = Level()
-    world, body = level.block(WORLD, "World"), level.block(INERTIA, "Wheel")
-    joint = level.block(REVOLUTE, "J", TorqueActuationMode="InputTorque", SenseVelocity="on")
-    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
-    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
-    motor_on_a_joint(level, f"{joint}#lconn:2", f"{joint}#rconn:2")
+    level, joint = hinge()
+    source = motor_on_a_joint(level, f"{joint}#lconn:2", f"{joint}#rconn:2").partition("#")[0]
     diode = level.block("fl_lib/Electrical/Electrical Elements/Diode", "D")
-    level.connect("4#lconn:1", f"{diode}#lconn:1")
+    level.connect(f"{source}#lconn:1", f"{diode}#lconn:1")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
     lost = {entry.element: entry.text for entry in imported.report.of("lost")}
     assert lost["Motor"] == "its network is not read: D: a Diode in a network: it is not linear, or not read"
@@ -106,14 +108,10 @@ def test_a_network_with_what_is_not_linear_is_lost_by_name(tmp_path):
 
 def test_an_element_whose_ports_have_other_names_is_lost_by_name(tmp_path):
     ports = {"InternalSimscapePortConfiguration": json.dumps({"Left": [{"id": "head"}], "Right": [{"id": "tail"}]})}
-    level = Level()
-    world, body = level.block(WORLD, "World"), level.block(INERTIA, "Wheel")
-    joint = level.block(REVOLUTE, "J", TorqueActuationMode="InputTorque", SenseVelocity="on")
-    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
-    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
-    motor_on_a_joint(level, f"{joint}#lconn:2", f"{joint}#rconn:2")
+    level, joint = hinge()
+    source = motor_on_a_joint(level, f"{joint}#lconn:2", f"{joint}#rconn:2").partition("#")[0]
     resistor = level.block(f"{ELECTRICAL}Resistor", "Other", R="1", **ports)
-    level.connect("4#lconn:1", f"{resistor}#lconn:1")
+    level.connect(f"{source}#lconn:1", f"{resistor}#lconn:1")
     lost = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").report.of("lost")
     assert any("Other: its ports are head, tail, none of which is p" in entry.text for entry in lost)
 
@@ -144,13 +142,7 @@ ELEMENTS = "fl_lib/Mechanical/Rotational Elements/"
 
 def stopped(tmp_path, *, pull="3", model="3", friction=True):
     """A hinge of 0.5 kg m², pulled on by a torque source, between two stops in a network that has two references."""
-    level = Level()
-    world, joint = level.block(WORLD, "World"), level.block(
-        REVOLUTE, "J", TorqueActuationMode="InputTorque", SenseVelocity="on")  # fmt: skip
-    level.block(MECHANISM, "Nothing", UniformGravity="None")
-    body = level.block(INERTIA, "Wheel", Mass="1", MomentsOfInertia="[0.5 0.5 0.5]")
-    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
-    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
+    level, joint = hinge()
     torque, into = level.block("Constant", "Torque", Value=pull), level.block(TO_PHYSICS, "In", Unit="1")
     level.wire(f"{torque}#out:1", f"{into}#in:1")
     source = level.block("fl_lib/Mechanical/Mechanical Sources/Ideal Torque Source", "Source")
@@ -212,16 +204,12 @@ def test_friction_and_hard_stops_are_their_laws(tmp_path, pull, model):
 def test_a_stop_by_restitution_and_friction_that_nothing_beside_it_holds_are_lost_by_name(tmp_path):
     imported = stopped(tmp_path, model="4")
     assert "coefficient of restitution" in imported.report.of("lost")[0].text
-    level = Level()
+    level, joint = hinge()
     source = level.block("fl_lib/Mechanical/Mechanical Sources/Ideal Torque Source", "Source")
     sensor = level.block("fl_lib/Mechanical/Mechanical Sensors/Ideal Rotational Motion Sensor", "Sensor")
     rub = level.block(f"{ELEMENTS}Rotational Friction", "Rub", brkwy_trq="1", Col_trq="1", brkwy_vel="1", visc_coef="0")
     oil = level.block(f"{ELEMENTS}Rotational Damper", "Oil", D="0.1")
     held = level.block(f"{ELEMENTS}Mechanical Rotational Reference", "Held")
-    world, body = level.block(WORLD, "World"), level.block(INERTIA, "Wheel")
-    joint = level.block(REVOLUTE, "J", TorqueActuationMode="InputTorque")
-    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
-    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
     level.connect(f"{source}#lconn:1", f"{sensor}#lconn:1", f"{rub}#lconn:1", f"{oil}#lconn:1")
     level.connect(f"{source}#rconn:2", f"{sensor}#rconn:1", f"{rub}#rconn:1", f"{held}#lconn:1", f"{oil}#rconn:1")
     level.connect(f"{sensor}#rconn:2", f"{joint}#lconn:2")
