@@ -131,6 +131,11 @@ while true, g = 1; end
         assert "Mask" in told.value.why
 
 
+def test_code_that_makes_itself_without_end_is_passed_over():
+    workspace = Variables(name="Mask", variables={}, code="s = 'eval(s)';\neval(s);\nb = 2;\neval('c = 3;');")
+    assert [float(workspace.value(name)[0, 0]) for name in ("b", "c")] == [2, 3]
+
+
 def test_masks_look_outward_and_are_evaluated_outside():
     outer = Variables(variables={"a": 2.0, "b": 5.0})
     inner = Variables(outer=outer, pending={"a": lambda: outer.value("a*10")})

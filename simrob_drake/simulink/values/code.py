@@ -246,7 +246,13 @@ class CodeRun:
         if call is None or call[1] not in ("set_param", "eval"):
             return False
         if call[1] == "eval":
-            self._block(statements(str(self.value(call[2]))))
+            if self.depth > _MOST_CALLS:
+                raise NotUnderstood("makes code that makes code without end")
+            self.depth += 1
+            try:
+                self._block(statements(str(self.value(call[2]))))
+            finally:
+                self.depth -= 1
             return True
         block, *pairs = (self.value(argument) for argument in split(call[2]))
         if isinstance(block, str) and block.startswith(f"{_HERE}/"):
