@@ -342,14 +342,14 @@ def test_a_spherical_pendulum_starts_at_the_speed_that_it_is_asked_for(tmp_path)
 CONTACT = "sm_lib/Forces and\nTorques/Spatial\nContact Force"
 
 
-def table_on_points(many, stiffness="1e4"):
+def table_on_points(many, stiffness="1e4", points=""):
     """A mass of 4 kg on the corners of a square, each as many springs [N/m]."""
     shop = Shop()
     free = shop.block("sm_lib/Joints/6-DOF Joint", "Free", PzPositionTargetSpecify="on", PzPositionTargetValue="0.5")
     weight = shop.block(INERTIA, "Table", Mass="4", MomentsOfInertia="[0.1 0.1 0.1]")
     corners = "[0.2 0.2 -0.5; -0.2 0.2 -0.5; 0.2 -0.2 -0.5; -0.2 -0.2 -0.5]"
     cloud = shop.block(
-        "sm_lib/Curves and Surfaces/Point Cloud", "Legs", CoordinatesMatrix=f"repmat({corners}, {many}, 1)"
+        "sm_lib/Curves and Surfaces/Point Cloud", "Legs", CoordinatesMatrix=points or f"repmat({corners}, {many}, 1)"
     )
     plane = shop.block("sm_lib/Curves and Surfaces/Infinite Plane", "Floor")
     touch = shop.block(CONTACT, "Touch", NormalStiffness=stiffness, NormalDamping="100")
@@ -358,6 +358,16 @@ def table_on_points(many, stiffness="1e4"):
     shop.connect(f"{cloud}#rconn:1", f"{touch}#lconn:1")
     shop.connect(f"{plane}#rconn:1", f"{touch}#rconn:1")
     return shop
+
+
+@pytest.mark.parametrize(
+    ("points", "why"), [("[]", "empty"), ("[1 2]", "reshape"), ("ones(3)*{1}", "CoordinatesMatrix = ones(3)*{1}")]
+)
+def test_a_cloud_that_cannot_be_read_loses_its_contact_alone(tmp_path, points, why):
+    imported = import_simulink(write_model(tmp_path / "a.slx", table_on_points(1, points=points)), tmp_path / "out")
+    (entry,) = (entry for entry in imported.report.of("lost") if entry.element == "Touch")
+    assert "its point cloud is not read" in entry.text
+    assert why in entry.text
 
 
 @pytest.mark.parametrize("shop", [driven_crank("2"), table_on_points(1)])

@@ -131,6 +131,13 @@ while true, g = 1; end
         assert "Mask" in told.value.why
 
 
+def test_a_side_of_a_matrix_may_be_left_to_it():
+    workspace = Variables(
+        name="Mask", variables={}, code="a = reshape([1 2; 3 4], [], 1); b = reshape([1 2; 3 4], 1, []);"
+    )
+    assert [workspace.value(name).tolist() for name in "ab"] == [[[1], [3], [2], [4]], [[1, 3, 2, 4]]]
+
+
 def test_code_that_makes_itself_without_end_is_passed_over():
     workspace = Variables(name="Mask", variables={}, code="s = 'eval(s)';\neval(s);\nb = 2;\neval('c = 3;');")
     assert [float(workspace.value(name)[0, 0]) for name in ("b", "c")] == [2, 3]

@@ -148,7 +148,7 @@ class CodeRun:
     def _first_of(self, name: str, *arguments: Any) -> Any:
         (first, *_) = self.called(name, list(arguments)) or [None]
         if first is None:
-            raise NotUnderstood(f"calls {name}, whose output is not known")
+            raise UndefinedVariable(name, f"what {name}.m gives is not known")
         return first
 
     def _inner(self, variables: dict[str, Any]) -> Self:

@@ -171,7 +171,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "linspace": lambda start, stop, number=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(number)),
     "unique": _unique,
     "repmat": _repmat,
-    "reshape": lambda value, *sizes: matrix(value).reshape(_shape(sizes), order="F"),
+    "reshape": lambda a, *to: matrix(a).reshape(_shape(tuple(n if np.size(n) else np.size(a) for n in to)), order="F"),
     "size": _size,
     "numel": lambda value: len(value) if isinstance(value, list) else matrix(value).size,
     "length": lambda value: len(value) if isinstance(value, list) else matrix(value).size and max(matrix(value).shape),

@@ -67,14 +67,21 @@ def read_touching(contacts: list[ContactPair], bodies: Bodies, network: Connecti
     for contact in contacts:
         one, other = ((bodies.by_place[frame_place(network, node)], node) for node in contact.pair)
         surface = contact.surface
-        for body, node in (one, other):
-            if node.kind == CLOUD:
-                points = node.numbers("CoordinatesMatrix", "[0 0 0]", unit="m").reshape(-1, 3)
-                if node not in touching.colliding:
-                    body.solids += _cloud(node, points, body.frames[network.net(node, "lconn")])
-                share = len(points) / sum(solid.node is node for solid in body.solids)
-                surface = replace(surface, stiffness=surface.stiffness * share, damping=surface.damping * share)
-            touching.colliding.add(node)
+        clouds = {node: body for body, node in (one, other) if node.kind == CLOUD}
+        try:
+            points = {node: node.numbers("CoordinatesMatrix", "[0 0 0]", unit="m").reshape(-1, 3) for node in clouds}
+            if not all(map(len, points.values())):
+                raise contact.node.refusal("its point cloud is empty")
+        except (InvalidModel, ValueError) as problem:  # which have not three figures, or cannot be computed
+            file = contact.node.findings.report.source
+            contact.node.note("lost", f"its point cloud is not read: {str(problem).removeprefix(f'{file}: ')}")
+            continue
+        for node, body in clouds.items():
+            if node not in touching.colliding:
+                body.solids += _cloud(node, points[node], body.frames[network.net(node, "lconn")])
+            share = len(points[node]) / sum(solid.node is node for solid in body.solids)
+            surface = replace(surface, stiffness=surface.stiffness * share, damping=surface.damping * share)
+        touching.colliding.update(contact.pair)
         touching.ends.append((replace(contact, surface=surface), one, other))
         for body, node in (one, other):
             if node.kind in (_PLANE, "Disk", GRID):
