@@ -114,6 +114,19 @@ def test_a_lead_screw_in_a_loop_starts_whole_turns_away(tmp_path):
     assert abs(result["q.Nut_Rz"][0]) == pytest.approx(5.2 * 2 * np.pi, abs=0.1)
 
 
+def test_a_loop_that_does_not_close_is_told_of_where_it_is_open(tmp_path):
+    shop = Shop()
+    for name, there in (("Apart", "[5 0 0]"), ("Held", "[0.3 0 0]")):
+        arm = shop.body(name, shop.placed(f"{name} stand", **UP))
+        pin = shop.block(REVOLUTE, f"{name} pin")
+        shop.connect(shop.placed(f"{name} tip", "[0.3 0 0]", arm), f"{pin}#lconn:1")
+        shop.connect(shop.placed(f"{name} there", there, **UP), f"{pin}#rconn:1")
+    lost = import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out").report.of("lost")
+    assert [(one.element, one.text) for one in lost] == [
+        ("Apart pin", "closes a loop that does not close: 4.7e+03 mm are left; give starts")
+    ]
+
+
 RATIOS = [  # kind, figures, pose of the follower's joint, how much base and follower count
     ("Common Gear\nConstraint", {"GearType": "Internal", "BaseGearRadius": "0.1", "FollGearRadius": "0.4"},
      {"at": "[0.3 0 0]"}, (0.1, -0.4)),

@@ -220,3 +220,60 @@ def test_a_stop_by_restitution_and_friction_that_nothing_beside_it_holds_are_los
     level.connect(f"{into}#rconn:1", f"{source}#rconn:1")
     lost = import_simulink(write_model(tmp_path / "b.slx", level), tmp_path / "other").report.of("lost")
     assert any("nothing beside it keeps its speed; an inertia would" in entry.text for entry in lost)
+
+
+def test_friction_along_a_line_stops_a_slider(tmp_path):
+    """A mass of 2 kg at 1 m/s on friction; the reference's port is called V, as current files have it."""
+    level, parts = Level(), "fl_lib/Mechanical/Translational Elements/"
+    world, body = level.block(WORLD, "World"), level.block(INERTIA, "Block", Mass="2")
+    level.block(MECHANISM, "Nothing", UniformGravity="None")
+    joint = level.block("sm_lib/Joints/Prismatic Joint", "S", TorqueActuationMode="InputTorque", SenseVelocity="on",
+                        VelocityTargetSpecify="on", VelocityTargetValue="1")  # fmt: skip
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
+    face = level.block("fl_lib/Mechanical/Multibody Interfaces/Translational Multibody Interface", "Face")
+    rub = level.block(
+        f"{parts}Translational Friction", "Rub", brkwy_frc="3", Col_frc="2", brkwy_vel="0.1", visc_coef="0.5"
+    )
+    port = json.dumps({"Left": [{"id": "V"}], "Right": []})
+    held = level.block(f"{parts}Mechanical Translational Reference", "Held", InternalSimscapePortConfiguration=port)
+    level.connect(f"{face}#lconn:1", f"{joint}#lconn:2")
+    level.connect(f"{face}#rconn:1", f"{joint}#rconn:2")
+    level.connect(f"{face}#rconn:2", f"{rub}#lconn:1")
+    level.connect(f"{face}#lconn:2", f"{rub}#rconn:1", f"{held}#lconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(load_station(imported.station, TIGHT), duration=1.5, progress=False)
+
+    def rates(_, v):
+        near = v / (0.1 * np.sqrt(2))
+        return -(np.sqrt(2 * np.e) * np.exp(-(near**2)) * near + 2 * np.tanh(v / 0.01) + 0.5 * v) / 2
+
+    expected = solve_ivp(rates, (0, 1.5), [1.0], t_eval=result.times, rtol=1e-9, atol=1e-10, max_step=1e-3).y[0]
+    np.testing.assert_allclose(result["v.S"], expected, atol=1e-4)
+
+
+def test_a_law_on_a_shaft_beside_what_settles_at_once_keeps_all_states(tmp_path):
+    """A motor whose current settles in 5 µs turns a flywheel on friction: that of the current is kept for it."""
+    level, joint = hinge()
+    wheel, rub, held = (
+        level.block(f"{ELEMENTS}{kind}", kind, **figures)
+        for kind, figures in (
+            ("Inertia", {"inertia": "0.01"}),
+            ("Rotational Friction", {"brkwy_trq": "1", "Col_trq": "1", "brkwy_vel": "1", "visc_coef": "0"}),
+            ("Mechanical Rotational Reference", {}),
+        )
+    )
+    source = motor_on_a_joint(level, f"{joint}#lconn:2", f"{joint}#rconn:2", La="1e-5").partition("#")[0]
+    other = level.block("ee_lib/Electromechanical/Brushed Motors/DC Motor", "Other", Ra="2", La="1e-5", Ki="0.3",
+                        J="0", lam="0", emf_or_torque="ee.enum.emf_or_torque.ki")  # fmt: skip
+    level.connect(f"{source}#lconn:1", f"{other}#lconn:1")
+    level.connect(f"{source}#rconn:2", f"{other}#rconn:1")
+    level.connect(f"{other}#lconn:2", f"{wheel}#lconn:1", f"{rub}#lconn:1")
+    level.connect(f"{other}#rconn:2", f"{rub}#rconn:1", f"{held}#lconn:1")
+    volts, into = level.block("Constant", "Volts", Value="12"), level.block(TO_PHYSICS, "In", Unit="1")
+    level.wire(f"{volts}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{source}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    assert imported.report.of("approximated") == []

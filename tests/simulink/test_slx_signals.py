@@ -461,7 +461,10 @@ def test_elements_of_a_data_store_are_what_is_written_or_what_they_begin_with(tm
     assert [flat(model.tracer.output(node, number)) for number in (1, 2, 3)] == [[5.0], [7.0], [2.0, 3.0]]
     (whole,) = flat(model.tracer.output(node, 4))  # a structure is no signal: left open
     assert [term.kind for term in terms_of(whole)] == ["open"]
-    whole = plant.block("DataStoreRead", "All", DataStoreName="Servo")
+    plant.block("DataStoreMemory", "Other", DataStoreName="Bus", InitialValue="0")
+    part = plant.block("DataStoreWrite", "Part", DataStoreName="Bus", DataStoreElements="Bus.x")
+    plant.wire(f"{plant.block('Constant', 'x', Value='3')}#out:1", f"{part}#in:1")
+    whole = plant.block("DataStoreRead", "All", DataStoreName="Bus")
     model = read_simulink(write_model(tmp_path / "b.slx", plant))
     node = next(one for one in model.expanded.nodes if one.block.sid == whole)
     (whole,) = flat(model.tracer.output(node, 1))  # parts of it are written

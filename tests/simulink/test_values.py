@@ -131,6 +131,15 @@ while true, g = 1; end
         assert "Mask" in told.value.why
 
 
+def test_what_a_function_of_a_file_does_not_tell_is_unknown(tmp_path):
+    (tmp_path / "odd.m").write_text("function y = odd(u)\ny = webread(u);\nend\n")
+    level = Level()
+    level.block(INERTIA, "Wheel", Mass="odd(2)")
+    file = write_model(tmp_path / "a.slx", level)
+    (entry,) = read_simulink(file, assume=True).report.of("defaulted")
+    assert "Mass = odd(2) is unknown" in entry.text
+
+
 def test_a_side_of_a_matrix_may_be_left_to_it():
     workspace = Variables(
         name="Mask", variables={}, code="a = reshape([1 2; 3 4], [], 1); b = reshape([1 2; 3 4], 1, []);"
