@@ -116,14 +116,15 @@ def test_a_lead_screw_in_a_loop_starts_whole_turns_away(tmp_path):
 
 def test_a_loop_that_does_not_close_is_told_of_where_it_is_open(tmp_path):
     shop = Shop()
-    for name, there in (("Apart", "[5 0 0]"), ("Held", "[0.3 0 0]")):
-        arm = shop.body(name, shop.placed(f"{name} stand", **UP))
+    base = shop.body("Base", shop.placed("Stand", **UP))
+    for name, there in (("Held", "[0.3 0 0]"), ("Short", "[5 0 0]")):
+        arm = shop.body(name, base)
         pin = shop.block(REVOLUTE, f"{name} pin")
         shop.connect(shop.placed(f"{name} tip", "[0.3 0 0]", arm), f"{pin}#lconn:1")
         shop.connect(shop.placed(f"{name} there", there, **UP), f"{pin}#rconn:1")
     lost = import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out").report.of("lost")
     assert [(one.element, one.text) for one in lost] == [
-        ("Apart pin", "closes a loop that does not close: 4.7e+03 mm are left; give starts")
+        ("Short pin", "closes a loop that does not close: 4.7e+03 mm are left; give starts")
     ]
 
 
