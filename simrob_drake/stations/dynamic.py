@@ -41,9 +41,10 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Add inputs, state, servos, friction and joint stops for every robot of a plant that stands in the diagram."""
     config, robots = ports.config, ports.plant.robots
     if robots and not any(robot.tcp for robot in robots.values()):
-        for external in {"external_force", "external_torque"}.intersection(config.inputs):
-            expected = "a robot with a tool; forces: {push: {kind: push, at: LINK, ...}} act on any link"
-            raise InvalidParameter("inputs", external, expected)
+        for external in config.inputs:
+            if external.startswith("external"):
+                expected = "a robot with a tool; those of the section `forces` act on any link"
+                raise InvalidParameter("inputs", external, expected)
     signals = _with_feedforward(builder, ports, {name: _add_signals(builder, ports, robots[name]) for name in robots})
     for robot in robots.values():
         _add_servos(builder, ports, robot, signals[robot.name])

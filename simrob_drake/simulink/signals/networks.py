@@ -1,9 +1,9 @@
-r"""Motors, gear boxes and circuits: linear networks of Simscape's foundation library, as states of a signal flow.
+r"""Motors, gear boxes, friction and circuits: networks of Simscape's foundation library, as states of a signal flow.
 
 Each element is equations of what is across its branches (a voltage, a speed) and through them (a current, a torque);
-what flows into a node adds up to 0. Together they are :math:`E x' = A x + B u` of what
-signals give (:mod:`.descriptors`). What no sum can tell, as friction, is a law: a signal that depends on the
-network's own states.
+what flows into a node adds up to 0. Together they are :math:`E x' = A x + B u` of what signals give
+(:mod:`.descriptors`). What no sum can tell is a law: a signal that depends on the network's own states. Those of
+friction and hard stops are as Simscape's documentation has them (Rotational Friction, Translational Hard Stop).
 """
 
 from __future__ import annotations
@@ -109,13 +109,13 @@ class _Equations:
         """Add what an element says."""
         element, ports = elements()[node.kind], ports_of(node)
         known = self._branches(node, element, {name: reader.network.net(node, *port) for name, port in ports.items()})
-        for name in ports.keys() & _driving(element):
-            driver = reader.physical(node, *ports[name])
+        for name, port in ports.items():
+            driver = reader.physical(node, *port) if name in _driving(element) else None
             if driver is not None and driver.size:
                 known[name] = self._signal(driver.ravel()[0])
         if element.law:
-            words = known.keys() & set(re.findall(r"\w+", element.law))
-            takes = {name: {place: often for _, place, often in known[name]} for name in words}
+            words = re.findall(r"\w+", element.law)
+            takes = {name: {place: often for _, place, often in known[name]} for name in known if name in words}
             self.laws.append(_Law(node, len(self.signals), takes))
             known["f"] = self._signal(0.0)
         for part in element.equations.split(";"):
