@@ -43,7 +43,7 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     if robots and not any(robot.tcp for robot in robots.values()):
         for external in config.inputs:
             if external.startswith("external"):
-                expected = "a robot with a tool; those of the section `forces` act on any link"
+                expected = "for a robot with a tool, and none has one here; the section forces acts on any link"
                 raise InvalidParameter("inputs", external, expected)
     signals = _with_feedforward(builder, ports, {name: _add_signals(builder, ports, robots[name]) for name in robots})
     for robot in robots.values():

@@ -235,7 +235,7 @@ def test_a_force_at_the_tool_of_a_robot_without_tools_is_refused_and_one_beside_
     (tmp_path / "robot.yaml").write_text("urdf: bare.urdf\nbase: fixed\nroot: base\naxes: [j]\n")
     bare, file = {"model": "robot.yaml"}, tmp_path / "station.yaml"
     file.write_text(yaml.safe_dump({"robot": bare, "inputs": ["external_force"]}))
-    with pytest.raises(SimrobError, match=r"external_force.*a robot with a tool"):
+    with pytest.raises(SimrobError, match=r"external_force.*for a robot with a tool"):
         build_station(load_station(file))
     file.write_text(yaml.safe_dump({"robots": {"a": bare, "b": {"model": "irb120"}}, "inputs": ["external_force"]}))
     station = build_station(load_station(file))
