@@ -12,7 +12,7 @@ from simrob_drake.arguments import SHORTEST
 from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector, pose_from_transform
 from simrob_drake.interpolation import turned_by
-from simrob_drake.kinematics.solver import require
+from simrob_drake.kinematics.solver import Unreachable, require
 from simrob_drake.programs.arm import Planner, Workcell
 from simrob_drake.programs.errors import AccelerationLimitExceeded, SpeedLimitExceeded
 from simrob_drake.programs.moves.motion import ArmMotion
@@ -27,8 +27,7 @@ from simrob_drake.programs.plan import CHECKED, Check, Plan
 from simrob_drake.rapid.configuration import configuration, has_configuration, postures_like
 from simrob_drake.rapid.expressions import Call
 from simrob_drake.rapid.signals import Signals
-from simrob_drake.rapid.syntax import RapidError
-from simrob_drake.rapid.values import RecordValue, WrongType, transform_of
+from simrob_drake.rapid.values import LeftOut, RecordValue, WrongType, transform_of
 
 _MOST_MOVES = 5000
 _SAME = 1e-6  # rad, that two ways to a posture are apart at most
@@ -87,6 +86,7 @@ class Controller:
         self.configured = {"j": True, "l": True}
         self.acceleration: float | None = None
         self.fastest, self.share = np.inf, 1.0  # of VelSet: m/s, and the part of a speed that is gone
+        self._unknown = set[str]()  # signals of which nothing is known, each named once
         self._group: Group | None = None
         self._planner: Planner | None = None
         own = cell.robot(self.robot)
@@ -106,21 +106,33 @@ class Controller:
         """Return a work object's pose in the world, None for the world.
 
         Raises:
-            WrongType: one that a robot holds, or that another mechanical unit moves.
+            LeftOut: one that a robot holds, or that another mechanical unit moves.
         """
         frame = self._base
         if wobj is not None:
             if wobj["robhold"] or (wobj["ufmec"] and not wobj["ufprog"]):
-                raise WrongType("a work object that a robot or another unit moves, which is not done,")
+                raise LeftOut("a work object that a robot or another unit moves is not done")
             frame = frame @ transform_of(wobj["uframe"]) @ transform_of(wobj["oframe"])
         if frame.IsNearlyEqualTo(RigidTransform(), _NEAR):
             return None
         return _numbers(frame)
 
+    def begins_with(self, call: Call, motion: Motion, target: Sequence[float]) -> bool:
+        """Tell whether a move to a pose (6,) is the first, and cannot be made from where the arm stands in its file."""
+        if self._group is not None or any(isinstance(move, ArmMotion) for move in self.moves):
+            return False
+        try:
+            motion.kind(**self._keys(Group(motion, call, 0.0, 0.0, [list(target)]))).plan(self.arm)
+        except (SpeedLimitExceeded, AccelerationLimitExceeded):
+            return False
+        except SimrobError:
+            return True
+        return False
+
     def take_tool(self, tool: RecordValue) -> None:
-        """Use the tool centre point of a tool; raises WrongType: a tool that the robot does not hold."""
+        """Use the tool centre point of a tool; raises LeftOut: a tool that the robot does not hold."""
         if not tool["robhold"]:
-            raise WrongType("a tool that stands still, which is not done,")
+            raise LeftOut("a tool that stands still is not done")
         desired, whose = transform_of(tool["tframe"]), self.robot if self._named else None
         if (self._to_flange @ RigidTransform(self.arm.chain.home)).IsNearlyEqualTo(desired, _SAME_PLACE):
             return
@@ -167,7 +179,7 @@ class Controller:
         return np.asarray(self.cell.reference(self.robot))
 
     def finish(self) -> None:
-        """Plan and do what was taken up."""
+        """Plan and do what was taken up; a move that the robot cannot make is left out, and told."""
         group, self._group = self._group, None
         if group is None:
             return
@@ -190,10 +202,9 @@ class Controller:
                         group.call.remark(f"comes to its target with configuration {found}, not {desired}", lost=False)
             self.lines[len(self.moves)] = group.call.task.where(group.call.node)
             self._do(move, plan)
-        except RapidError:
-            raise
         except SimrobError as problem:
-            raise RapidError(group.call.task.where(group.call.node), str(problem)) from problem
+            joined = f", with the {len(group.targets) - 1} before that its zones join" if len(group.targets) > 1 else ""
+            group.call.remark(f"{problem}; left out{joined}")
 
     def _keys(self, group: Group) -> dict[str, Any]:
         motion = group.motion
@@ -251,7 +262,7 @@ class Controller:
         return bool(solutions.reached.all() and away < _SAME)
 
     def posture(self, call: Call, target: RecordValue, pose: Vector) -> Vector:
-        """Return an arm's posture (n,) for a target; raises WrongType: not in this configuration; Unreachable."""
+        """Return an arm's posture (n,) for a target; raises LeftOut: there is none, or not in this configuration."""
         arm, start = self.arm, self.ahead
         if self.configured["j"] and has_configuration(arm.chain):
             found, others = postures_like(arm.chain, pose, start, target["robconf"].flat())
@@ -259,10 +270,13 @@ class Controller:
                 return np.asarray(found[0])
             if others:
                 desired = [int(value) for value in target["robconf"].flat()]
-                raise WrongType(f"a target with configuration {desired}, which has only {', '.join(others)},")
+                raise LeftOut(f"a target with configuration {desired}, which has only {', '.join(others)}")
         elif self.configured["j"]:
             call.remark("configurations mean nothing to this robot: the nearest posture is taken", lost=False)
-        return np.asarray(require(arm.inverse(None).solve(pose[np.newaxis], start), "target")[0])
+        try:
+            return np.asarray(require(arm.inverse(None).solve(pose[np.newaxis], start), "target")[0])
+        except Unreachable as problem:
+            raise LeftOut(str(problem)) from problem
 
     def _do(self, move: Move, plan: Plan | None = None) -> None:
         if len(self.moves) >= _MOST_MOVES:
@@ -288,7 +302,7 @@ class Controller:
         self.finish()
         does = self.signals.put(name, value)
         if does is None:
-            call.remark(f"nothing is known of the output {name}: name it in a table, --io", lost=False)
+            self._name(call, f"nothing is known of the output {name}", lost=False)
         for move in does or ():
             self._do(move)
 
@@ -300,9 +314,14 @@ class Controller:
             self.wait(10 * SHORTEST)
             value = self.signals.value(name, self.time, self.seen)
         if value is None:
-            call.remark(f"nothing is known of the input {name}, it is taken as 0: name it in a table, --io")
+            self._name(call, f"nothing is known of the input {name}, it is taken as 0", lost=True)
             return 0.0
         return value
+
+    def _name(self, call: Call, problem: str, *, lost: bool) -> None:
+        if problem not in self._unknown:
+            self._unknown.add(problem)
+            call.remark(f"{problem}: name it in a table, --io", lost=lost)
 
 
 def _numbers(pose: RigidTransform) -> tuple[float, ...]:

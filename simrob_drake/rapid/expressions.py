@@ -8,7 +8,7 @@ from typing import Any
 
 from simrob_drake.errors import SimrobError, nearest
 from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Remark, Routine, Scope, declared, expression
-from simrob_drake.rapid.values import RecordValue, SignalName, Unknown, Value, WrongType, shape
+from simrob_drake.rapid.values import LeftOut, RecordValue, SignalName, Value, WrongType, shape
 
 _LONGEST = 1000  # letters of a string
 _OPERATORS: Mapping[str, Callable[[float, float], float]] = {
@@ -74,7 +74,7 @@ class Call:
         """Return a value, or predefined data, which is told, where no module declares what it names."""
         try:
             return value()
-        except Unknown as problem:
+        except LeftOut as problem:
             self.remark(f"{problem}; {otherwise} in its place")
             return self.task.value(_named(otherwise))
 
@@ -145,7 +145,7 @@ class Expressions:
         if node.data == "name":
             found = self._find(node.children[0])
             if not isinstance(found, Datum):
-                raise Unknown(f"there is no data '{node.children[0]}'{self._hint(node.children[0])}")
+                raise LeftOut(f"there is no data '{node.children[0]}'{self._hint(node.children[0])}")
             return Location(
                 found.kind, found.dimensions, lambda: found.value, lambda value: setattr(found, "held", value)
             )
@@ -235,7 +235,9 @@ class Expressions:
             key, found = value.name, None
         level = self._signal(key)
         if found is not None or level is None:
-            raise Unknown(f"there is no data '{name}'{self._hint(name)}")
+            like_a_signal = key[0] in "adg" and key[1:2] in ("i", "o")
+            hint = ": if it is a signal, name it in a table, --io" if like_a_signal else self._hint(name)
+            raise LeftOut(f"there is no data '{name}'{hint}")
         return level
 
     def _value_binary(self, one: Node, sign: str, other: Node) -> Value:
@@ -286,7 +288,7 @@ class Expressions:
             result: Value = self._called(found, call)
             return result
         if name.lower() not in self._functions:
-            raise Unknown(f"there is no function '{name}'{self._hint(name, self._functions)}")
+            raise LeftOut(f"there is no function '{name}'{self._hint(name, self._functions)}")
         return self._functions[name.lower()](call)
 
     def _call_of(self, name: str, node: Node, arguments: Node | None) -> Call:
@@ -316,7 +318,7 @@ class Expressions:
     def _naming_line(self, node: Node) -> Iterator[None]:
         try:
             yield
-        except (RapidError, Unknown):
+        except (RapidError, LeftOut):
             raise
         except (WrongType, SimrobError) as problem:
             raise RapidError(self.where(node), str(problem)) from problem

@@ -28,7 +28,7 @@ from simrob_drake.rapid.syntax import (
     nodes,
     read_modules,
 )
-from simrob_drake.rapid.values import Unknown, Value, WrongType
+from simrob_drake.rapid.values import LeftOut, Value, WrongType
 from simrob_drake.stations.station import StationLike
 
 _DEEPEST = 40  # routines that wait for each other
@@ -118,7 +118,7 @@ class Interpreter(Expressions):
             try:
                 getattr(self, f"_do_{node.data}")(*node.children)
             except WrongType as problem:
-                if not isinstance(problem, Unknown) and not any(remark.lost for remark in self.remarks):
+                if not isinstance(problem, LeftOut) and not any(remark.lost for remark in self.remarks):
                     raise  # else it may be so because of what was left out
                 if node.data == "return":
                     raise _Returned(problem) from problem

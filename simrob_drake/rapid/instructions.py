@@ -63,7 +63,10 @@ def _move(kind: type[ArmMotion], *, signal: bool = False) -> Instruction:
 
 def _go(controller: Controller, call: Call, motion: Motion, target: RecordValue, near: float) -> None:
     here = transform_of(target)
-    frame = controller.cell.frame(motion.wobj)
+    there, frame = (pose_from_transform(here) + 0.0).tolist(), controller.cell.frame(motion.wobj)
+    if motion.kind is MoveL and controller.begins_with(call, motion, there):
+        motion = motion._replace(kind=MoveJ)
+        call.remark("is the first move, and no module says from where: it goes by the axes", lost=False)
     more: dict[str, Any] = {"pose": (frame @ here).GetAsMatrix4()}
     if motion.kind is MoveJ:
         more["posture"] = controller.posture(call, target, more["pose"])
@@ -71,7 +74,7 @@ def _go(controller: Controller, call: Call, motion: Motion, target: RecordValue,
         more["configuration"] = str([int(value) for value in target["robconf"].flat()])
     if motion.kind is MoveC:
         more["via"] = pose_from_transform(transform_of(call.value(0, "robtarget")))[:3].tolist()
-    controller.go(call, motion, (pose_from_transform(here) + 0.0).tolist(), near, **more)
+    controller.go(call, motion, there, near, **more)
 
 
 def _motion(

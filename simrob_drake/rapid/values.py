@@ -17,8 +17,8 @@ class WrongType(ValueError):
     """A value of another type than is asked for; the text is what messages say, without the place."""
 
 
-class Unknown(WrongType):
-    """A name that no module declares."""
+class LeftOut(WrongType):
+    """What leaves its line out and not the program: a name that no module declares, a move that cannot be made."""
 
 
 @dataclass

@@ -151,15 +151,49 @@ def test_the_configuration_chooses_the_posture(done):
             "configuration [1, 1, 1, 3], which has only",
         ),
         (f"MoveJ [[3740,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v200,fine,tool0;", "target cannot be reached"),
-        (f"MoveJ [[374,0,500],[0,0,0,0],[0,0,0,0],{FREE}],v200,fine,tool0;", "an orient of four zeros"),
-        ("MoveAbsJ jHome,v200,fine;", "MoveAbsJ with 3 arguments"),
-        ("MoveAbsJ jHome,200,fine,tool0;", "a num where a speeddata is asked for"),
-        ("MoveAbsJ jHome,[0,0,0,0],fine,tool0;", "a speeddata without a speed of the tool"),
+        (f"MoveL [[3740,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v200,fine,tool0;", "cannot be reached: out of reach"),
         (f"MoveAbsJ [[200,0,0,0,0,0],{FREE}],v200,fine,tool0;", "joint_1 would be at 200.0 deg, beyond its limits"),
         (
             'MoveJ pA,v200,fine,tPen\\WObj:=[TRUE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
             "a work object that",
         ),
+    ],
+)
+def test_a_move_that_the_robot_cannot_make_is_left_out_and_the_program_goes_on(done, main, message):
+    home, after = (f"MoveAbsJ [[{angle},0,0,0,90,0],{FREE}],v500,fine,tool0;" for angle in (0, 20))
+    moved = done("\n".join([home, main, after]))
+    assert [remark.line for remark in moved.lost] == [5 + DATA.count("\n")]
+    assert message in moved.lost[0].text
+    assert moved.lost[0].text.endswith("left out")
+    turns = [np.rad2deg(move.targets[0]) for move in moved.program.moves if hasattr(move, "targets")]
+    assert turns == pytest.approx([0, 20])
+
+
+def test_moves_that_zones_join_are_left_out_together(done):
+    way = "".join(f"MoveL Offs(pA,0,0,{up}),v200,{zone},tPen\\WObj:=wTable;\n" for up, zone in
+                  ((-20, "z10"), (3000, "z10"), (-40, "fine")))  # fmt: skip
+    moved = done(f"MoveJ pA,v500,fine,tPen\\WObj:=wTable;\n{way}")
+    assert len(moved.lost) == 1
+    assert moved.lost[0].text.endswith("left out, with the 2 before that its zones join")
+
+
+def test_a_first_line_from_nowhere_goes_by_the_axes(done):
+    target = f"[[15,455,96],[0.5129,-0.1998,0.8271,-0.1140],[1,-1,1,0],{FREE}]"
+    low = f"MoveL {target},v200,fine,tool0;"  # from its zero posture, in which the wrist is singular
+    moved, plain = done(low), done(low.replace("MoveL", "MoveJ"))
+    assert [remark.text.partition(",")[0] for remark in moved.remarks if not remark.lost][:1] == ["is the first move"]
+    np.testing.assert_allclose(end_of(moved), end_of(plain), atol=1e-9)
+    again = done(f"MoveAbsJ jHome,v500,fine,tool0;\n{low}")
+    assert not [remark for remark in again.remarks if "first move" in remark.text]
+
+
+@pytest.mark.parametrize(
+    ("main", "message"),
+    [
+        (f"MoveJ [[374,0,500],[0,0,0,0],[0,0,0,0],{FREE}],v200,fine,tool0;", "an orient of four zeros"),
+        ("MoveAbsJ jHome,v200,fine;", "MoveAbsJ with 3 arguments"),
+        ("MoveAbsJ jHome,200,fine,tool0;", "a num where a speeddata is asked for"),
+        ("MoveAbsJ jHome,[0,0,0,0],fine,tool0;", "a speeddata without a speed of the tool"),
     ],
 )
 def test_moves_that_cannot_be_are_refused_with_their_line(done, main, message):

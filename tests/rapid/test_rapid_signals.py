@@ -1,5 +1,7 @@
 """Signals of RAPID programs: outputs that take pieces, inputs over time, and sensors of the station."""
 
+import re
+
 import pytest
 
 from simrob_drake.errors import InvalidConfig
@@ -7,7 +9,6 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.rapid.importing import Imported, import_rapid
 from simrob_drake.rapid.signals import Signals
-from simrob_drake.rapid.syntax import RapidError
 from simrob_drake.stations.load import bare_station
 
 STATION = bare_station(
@@ -34,6 +35,16 @@ def done(tmp_path):
         return import_rapid(tmp_path / "Test.mod", station, signals=tmp_path / "io.yaml")
 
     return imported
+
+
+def test_a_signal_of_which_nothing_is_known_is_named_once(done):
+    moved = done(
+        "WaitTime 1;\nIF TestDI(diA) WaitTime 1;\nIF TestDI(diA) WaitTime 1;\nIF TestDI(diB) WaitTime 1;\nSet doC;\nReset doC;"
+    )
+    named = [(remark.line, remark.text.partition(",")[0].partition(":")[0]) for remark in moved.remarks]
+    unknown = "nothing is known of the"
+    assert done("WaitTime 1;\nIF diQ=1 WaitTime 1;").lost[0].text.endswith("name it in a table, --io; left out")
+    assert named == [(4, f"{unknown} input dia"), (6, f"{unknown} input dib"), (7, f"{unknown} output doc")]
 
 
 def keys(imported: Imported) -> list[str]:
@@ -114,8 +125,9 @@ def test_collisions_are_looked_at_unless_told(tmp_path):
     moves = f"MoveAbsJ {target},v500,fine,tool0;\nMoveL Offs(CRobT(\\Tool:=tool0),0,0,-60),v100,fine,tool0;"
     module = tmp_path / "Test.mod"
     module.write_text(f"MODULE Test\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n")
-    with pytest.raises(RapidError, match=r"line 3: .* would run into part, .* check 'limits' lets it"):
-        import_rapid(module, STATION)
+    (lost,) = import_rapid(module, STATION).lost
+    assert re.search("would run into part, .* check 'limits' lets it", lost.text)
+    assert lost.line == 3
     assert "check: limits" in import_rapid(module, STATION, check="limits").program.text()
 
 
