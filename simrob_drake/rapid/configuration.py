@@ -11,6 +11,7 @@ from simrob_drake.kinematics.every_branch import branches
 _SIX = 6
 _QUADRANTS = (0, 3, 5)  # axes 1, 4 and 6
 _BORDER = 1e-4  # quadrants that an axis may lie beyond a border, or that a pose was rounded by
+_COMPLIANT = 1.5  # quadrants from the middle of the one that is asked for: its neighbours count, too
 
 
 def has_configuration(chain: Chain) -> bool:
@@ -65,22 +66,20 @@ def _wrist(chain: Chain) -> Vector:
 def postures_like(chain: Chain, pose: Vector, start: Vector, desired: Sequence[float]) -> tuple[Vector, list[str]]:
     """Return the postures (k, 6) for a pose (4, 4) that have a configuration, and the configurations of the others.
 
-    Whole turns of axes are made where the quadrants ask for them and the limits allow.
+    The best is first; as for ABB's controllers a quadrant may differ by one, but cfx must be equal
+    (ABB.Robotics.RobotStudio.Stations, ConfigurationMode: Compliant). Whole turns of axes are made where the quadrants
+    ask for them and the limits allow.
     """
-    cf1, cf4, cf6, cfx = (int(value) for value in desired)
+    *quadrants, cfx = (int(value) for value in desired)
     fit, others = [], []
     for posture in branches(chain, pose[np.newaxis], start)[0]:
         turned = posture.copy()
-        for axis, quadrant in zip(_QUADRANTS, (cf1, cf4, cf6), strict=True):
-            middle = (quadrant + 0.5) * np.pi / 2
-            turned[axis] += 2 * np.pi * np.round((middle - turned[axis]) / (2 * np.pi))
-        away = [
-            abs(turned[axis] / (np.pi / 2) - quadrant - 0.5)
-            for axis, quadrant in zip(_QUADRANTS, (cf1, cf4, cf6), strict=True)
-        ]
+        middles, axes = (np.array(quadrants) + 0.5) * np.pi / 2, list(_QUADRANTS)
+        turned[axes] += 2 * np.pi * np.round((middles - turned[axes]) / (2 * np.pi))
+        away = np.abs(turned[axes] - middles).max() / (np.pi / 2)
         allowed = ((turned >= chain.lower - 1e-9) & (turned <= chain.upper + 1e-9)).all()
-        if max(away) <= 0.5 + _BORDER and allowed and _sides(chain, turned) == cfx:
-            fit.append(turned)
+        if away <= _COMPLIANT + _BORDER and allowed and _sides(chain, turned) == cfx:
+            fit.append((away, *turned))
         elif ((posture >= chain.lower) & (posture <= chain.upper)).all():
             others.append(str(list(configuration(chain, posture))))
-    return np.reshape(fit, (-1, _SIX)), others
+    return np.reshape(sorted(fit), (-1, 1 + _SIX))[:, 1:], others

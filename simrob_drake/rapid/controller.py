@@ -265,11 +265,14 @@ class Controller:
         """Return an arm's posture (n,) for a target; raises LeftOut: there is none, or not in this configuration."""
         arm, start = self.arm, self.ahead
         if self.configured["j"] and has_configuration(arm.chain):
-            found, others = postures_like(arm.chain, pose, start, target["robconf"].flat())
+            desired = [int(value) for value in target["robconf"].flat()]
+            found, others = postures_like(arm.chain, pose, start, desired)
             if len(found):
+                has = list(configuration(arm.chain, found[0]))
+                if has != desired:
+                    call.remark(f"comes to its target with configuration {has}, which stands for {desired}", lost=False)
                 return np.asarray(found[0])
             if others:
-                desired = [int(value) for value in target["robconf"].flat()]
                 raise LeftOut(f"a target with configuration {desired}, which has only {', '.join(others)}")
         elif self.configured["j"]:
             call.remark("configurations mean nothing to this robot: the nearest posture is taken", lost=False)

@@ -121,6 +121,12 @@ def test_configurations_tell_all_postures_for_a_pose_apart():
         found, _ = postures_like(chain, pose, np.zeros(6), wanted)
         assert len(found) == 1
         np.testing.assert_allclose(found[0], posture, atol=1e-6)
+        for axis, quadrants, count in ((1, 1, 1), (2, -1, 1), (1, 2, 0)):  # a neighbour stands for a quadrant
+            asked = [*wanted]
+            asked[axis] += quadrants
+            near = postures_like(chain, pose, np.zeros(6), asked)[0]
+            assert len(near) == count
+            np.testing.assert_allclose(near, np.reshape([posture] * count, (-1, 6)), atol=1e-6)
         every = [configuration(chain, row)[3] for row in branches(chain, pose[np.newaxis], np.zeros(6))[0]]
         assert len(set(every)) == len(every)
         seen.add(wanted[3])

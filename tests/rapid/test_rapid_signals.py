@@ -38,9 +38,8 @@ def done(tmp_path):
 
 
 def test_a_signal_of_which_nothing_is_known_is_named_once(done):
-    moved = done(
-        "WaitTime 1;\nIF TestDI(diA) WaitTime 1;\nIF TestDI(diA) WaitTime 1;\nIF TestDI(diB) WaitTime 1;\nSet doC;\nReset doC;"
-    )
+    asked = [f"IF TestDI({name}) WaitTime 1;" for name in ("diA", "diA", "diB")]
+    moved = done("\n".join(["WaitTime 1;", *asked, "Set doC;", "Reset doC;"]))
     named = [(remark.line, remark.text.partition(",")[0].partition(":")[0]) for remark in moved.remarks]
     unknown = "nothing is known of the"
     assert done("WaitTime 1;\nIF diQ=1 WaitTime 1;").lost[0].text.endswith("name it in a table, --io; left out")
