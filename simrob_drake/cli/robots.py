@@ -176,7 +176,7 @@ def legged(
         say(line)
     say(f"report  {folder / REPORT}")
     if made.problem:
-        raise SimrobError(f"{made.problem} What could be done is in {folder}")
+        raise SimrobError(f"{made.problem.rstrip('.')}. What could be done is in {folder}")
     say(f"next    simrob run {folder / WALK}")
     for sentence in tune_walk(folder, tune) if tune else ():
         say(sentence)

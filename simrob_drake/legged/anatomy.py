@@ -23,7 +23,9 @@ _LONG = 1.25  # times as far as hips are apart ahead, that they are to the side:
 _ALIKE = 0.03  # part by which legs may differ in size
 _PLACED = 0.05  # part of the distance between hips by which a pair may stand unlike
 _TOES = 0.05  # part of its length by which the middle of a sole is ahead of the ankle, to tell where the robot looks
+_PITCHES = 0.7  # cosine of an axis and the side, from which on it pitches
 _BEND = 0.5  # rad
+_LOPSIDED = 0.05  # part of its range by which a joint turns farther to one side, to tell which way it bends
 _JOINTS = 2, 7
 _ROWS_OF_LEGS = {1: ("",), 2: ("front_", "rear_"), 3: ("front_", "middle_", "rear_")}
 _KINDS = "roll", "pitch", "yaw"
@@ -160,7 +162,7 @@ def anatomy_of(clearance: Clearance, robot: StationRobot) -> Anatomy:
     hips = np.array([_hip(clearance, leg) for leg in legs])
     across, along = np.ptp(hips[:, 1]), np.ptp(hips[:, 0])
     facing = 0.0 if (along <= _LONG * across if len(legs) == 2 else across <= _LONG * along) else math.pi / 2
-    toes = [_toes(clearance, leg, facing) for leg in legs]
+    toes = [_toes(clearance, robot, leg, facing) for leg in legs]
     limbs = list(_named(clearance, robot, legs, facing))
     ahead = float(np.mean(toes))
     if abs(ahead) < _TOES and len(legs) == 2 and legs[0].normal is not None:
@@ -243,27 +245,43 @@ def _hip(clearance: Clearance, leg: Leg) -> Vector:
     return np.asarray(clearance.plant.EvalBodyPoseInWorld(clearance.context, leg.links[0]).translation())
 
 
-def _toes(clearance: Clearance, leg: Leg, facing: float) -> float:
-    """Return how far the middle of a foot is ahead of its joint, as part of its length."""
+def _toes(clearance: Clearance, robot: StationRobot, leg: Leg, facing: float) -> float:
+    """Return how far the middle of a foot is ahead of its last joint that pitches, as part of its length.
+
+    Where the others lie along their axes says nothing.
+    """
     if leg.normal is None:
         return 0.0
+    way, side = (np.array([math.cos(turn), math.sin(turn), 0.0]) for turn in (facing, facing + math.pi / 2))
     pose = clearance.plant.EvalBodyPoseInWorld(clearance.context, leg.foot)
-    points = outline(clearance.station, leg.foot) @ pose.rotation().matrix().T
-    ahead = points @ [math.cos(facing), math.sin(facing), 0.0]
+    ankle = pose.translation()
+    for axis in leg.axes:
+        joint = robot.joints[axis]
+        place = joint.frame_on_child().CalcPoseInWorld(clearance.context)
+        if isinstance(joint, RevoluteJoint) and abs(place.rotation() @ joint.revolute_axis() @ side) > _PITCHES:
+            ankle = place.translation()
+    ahead = (pose.rotation() @ outline(clearance.station, leg.foot).T).T @ way + (pose.translation() - ankle) @ way
     return float((ahead.max() + ahead.min()) / 2 / max(np.ptp(ahead), 1e-6))
 
 
 def _bends(clearance: Clearance, robot: StationRobot, limb: NamedLeg, facing: float) -> float:
-    """Return how far ahead a knee goes that bends as its limits let it most [m]."""
-    axis, tried = limb.leg.axes[limb.knee.place], straight(robot)
-    lower, upper = (limit[axis] - limb.knee.straight for limit in robot.model.axis_limits)
-    tried[axis] = limb.knee.straight + (_BEND if upper > -lower else -_BEND)
-    places = []
-    for posture in (straight(robot), tried):
-        put_upright(clearance, robot, posture)
-        pose = clearance.plant.EvalBodyPoseInWorld(clearance.context, limb.leg.foot)
-        places.append(RotationMatrix.MakeZRotation(-facing) @ pose.translation())
-    return float((places[0] - places[1])[0])
+    """Return how far ahead a knee goes that bends as its limits let it most [m]; 0 where they tell nothing.
+
+    Where a knee bends as well to both sides, the hip before it tells: it turns farther when the thigh goes ahead.
+    """
+    for place, straightened, sense in ((limb.knee.place, limb.knee.straight, -1.0), (limb.knee.place - 1, 0.0, 1.0)):
+        axis, tried = limb.leg.axes[place], straight(robot)
+        lower, upper = (limit[axis] - straightened for limit in robot.model.axis_limits)
+        if place < 0 or abs(upper + lower) <= _LOPSIDED * (upper - lower):
+            continue
+        tried[axis] = straightened + math.copysign(_BEND, upper + lower)
+        places = []
+        for posture in (straight(robot), tried):
+            put_upright(clearance, robot, posture)
+            pose = clearance.plant.EvalBodyPoseInWorld(clearance.context, limb.leg.foot)
+            places.append(RotationMatrix.MakeZRotation(-facing) @ pose.translation())
+        return float(sense * (places[1] - places[0])[0])
+    return 0.0
 
 
 def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facing: float) -> Iterator[NamedLeg]:

@@ -1,6 +1,6 @@
 """Postures in which a robot with a free base may stand on its legs, found by geometry and statics."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, outline, span, standing, untangled
 
 _LOWEST = 0.7  # part of what the lowest chains reach that others reach which may be legs
+_REACHES = 60  # postures of chance in which it is looked how low chains reach
 _FLAT = np.cos(np.deg2rad(3.0))  # facets of a hull whose normals differ by less are one
 _SOLE = 0.15  # part of the surface of a foot that its sole has at least
 _ACROSS, _DOWNWARD = 0.9, 1.2  # cosine of its normal and the last axis; and weight of where it looks
@@ -50,7 +51,7 @@ def ends_of(clearance: Clearance, robot: StationRobot) -> list[tuple[RigidBody, 
 
 
 def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
-    """Return groups of chains that are alike, those that reach lowest at home or stretched out first."""
+    """Return groups of chains that are alike, those that reach lowest at home or stretched out, else anyhow, first."""
     groups: dict[tuple[int, float], list[Leg]] = {}
     for body, axes in ends_of(clearance, robot):
         if len(axes) > 1:
@@ -60,15 +61,24 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
             links, stood_on = [joint.child_body() for joint in joints], _foot(clearance, robot, body, axes[-1])
             groups.setdefault((len(axes), size), []).append(Leg(axes, links, body, *stood_on))
 
-    def lowest(group: list[Leg]) -> float:
-        heights = []
-        for posture in (robot.model.home, straight(robot)):
-            put_upright(clearance, robot, posture)
-            heights += [foot_place(clearance, leg)[2] for leg in group]
-        return float(min(heights))
+    pairs = [group for group in groups.values() if len(group) > 1]
+    natural = [robot.model.home, straight(robot)]
+    chance = np.random.default_rng(0).uniform(*span(robot), (_REACHES, len(robot.axes)))
+    for postures in (natural, [*natural, *chance]):  # legs that lie level, or are up, reach down in others
+        heights = [_lowest(clearance, robot, group, postures) for group in pairs]
+        legs = [row for row in np.argsort(heights, kind="stable") if heights[row] < _LOWEST * min(heights)]
+        if legs:
+            return [pairs[row] for row in legs]
+    return []
 
-    found = sorted((group for group in groups.values() if len(group) > 1), key=lowest)
-    return [group for group in found if lowest(group) < _LOWEST * lowest(found[0])]
+
+def _lowest(clearance: Clearance, robot: StationRobot, legs: list[Leg], postures: Iterable[Vector]) -> float:
+    """Return the height over the root at which one of legs stands lowest in some posture [m]."""
+    heights = []
+    for posture in postures:
+        put_upright(clearance, robot, posture)
+        heights += [foot_place(clearance, leg)[2] for leg in legs]
+    return float(min(heights))
 
 
 def straight(robot: StationRobot) -> Vector:
@@ -238,11 +248,10 @@ class Stances:
         length = float((hips - feet.min(axis=0))[:, 2].min())
         if length <= 0:
             return
-        for below in (feet[0], hips):
+        aside = np.column_stack([hips[:, 0], feet[0][:, 1]])
+        for below in (feet[0][:, :2], aside, (hips[:, :2] + feet[0][:, :2]) / 2):  # the last for legs that lie level
             for part in parts:
-                targets = np.column_stack(
-                    [below[:, 0], feet[0][:, 1], np.full(len(legs), hips[:, 2].min() - part * length)]
-                )
+                targets = np.column_stack([below, np.full(len(legs), hips[:, 2].min() - part * length)])
                 yield from self._with_feet_at(legs, targets, length, part)
 
     def _with_feet_at(self, legs: list[Leg], targets: Vector, length: float, part: float) -> Iterator[Stance]:

@@ -81,6 +81,19 @@ def biped(joints: tuple[str, ...] = ("yaw", "roll", "pitch", "knee", "pitch", "r
     return tree
 
 
+def spider() -> Tree:
+    """Return a hexapod of 3 kg whose legs lie level, left and right, where all joints are at zero."""
+    tree = Tree(2.0, "0.4 0.1 0.05")
+    for number, (x, side) in enumerate((x, side) for x in (0.15, 0.0, -0.15) for side in (1, -1)):
+        tree.link(f"a{number}", 0.05)
+        tree.link(f"b{number}", 0.05, at=f"0 {0.05 * side} 0")
+        tree.link(f"c{number}", 0.05, radius=0.01, at=f"0 {0.12 * side} 0")
+        tree.joint(f"j{number}a", "trunk", f"a{number}", f"{x} {0.06 * side} 0", "yaw", 5.0, 1.0)
+        tree.joint(f"j{number}b", f"a{number}", f"b{number}", f"0 {0.02 * side} 0", "roll", 5.0, 1.5)
+        tree.joint(f"j{number}c", f"b{number}", f"c{number}", f"0 {0.1 * side} 0", "roll", 5.0)
+    return tree
+
+
 def arm() -> Tree:
     """Return a single chain that leads upward."""
     tree = Tree(1.0, "0.2 0.2 0.1")

@@ -21,7 +21,7 @@ from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.draft import at_home
 from simrob_drake.stations.load import ONLY_ROBOT, load_station
 from simrob_drake.stations.stances import Stance, Stances
-from tests.legged.conftest import arm, biped, dog
+from tests.legged.conftest import arm, biped, dog, spider
 
 
 def seen(file) -> tuple[Anatomy, Stance]:
@@ -63,6 +63,34 @@ def test_limbs_of_a_biped_are_told_by_geometry(tmp_path):
     for sole in soles_of(anatomy, stance):
         assert sole.flat
         assert np.ptp(sole.points, axis=0)[:2] + 2 * sole.radius == pytest.approx([0.14, 0.08], abs=1e-3)
+
+
+def changed(tree, name: str, **values: str):
+    """Change attributes of an element of a joint or a link, as in ``limit__lower``, of both legs of a biped."""
+    for side in "pq":
+        for key, value in values.items():
+            path, attribute = key.split("__")
+            tree.robot.find(f"*[@name='{side}{name}']//{path}").set(attribute, value)
+    return tree
+
+
+def test_where_a_joint_lies_along_its_axis_does_not_tell_where_a_biped_looks(tmp_path):
+    moved = changed(changed(biped(), "5j", origin__xyz="0.05 0 0"), "5", **{"collision/origin__xyz": "-0.03 0 -0.03"})
+    assert seen(moved.write(tmp_path))[0].facing == 0.0
+
+
+@pytest.mark.parametrize(("lower", "upper", "facing"), [("-1.57", "0.25", 0.0), ("-0.25", "1.57", np.pi)])
+def test_a_biped_whose_knees_bend_both_ways_looks_where_its_thighs_go_farther(tmp_path, lower, upper, facing):
+    even = changed(biped(), "5", **{"collision/origin__xyz": "0 0 -0.03"})
+    anatomy, _ = seen(changed(even, "2j", limit__lower=lower, limit__upper=upper).write(tmp_path))
+    assert abs(anatomy.facing) == facing
+
+
+def test_legs_that_lie_level_at_zero_are_found_and_stood_on(tmp_path):
+    anatomy, stance = seen(spider().write(tmp_path))
+    assert len(anatomy.legs) == 6
+    assert stance.height > 0.05
+    assert stance.standing.ends.keys() == {f"c{number}" for number in range(6)}
 
 
 def test_a_walk_scales_as_pendulums_do():
