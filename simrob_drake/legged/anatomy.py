@@ -33,6 +33,10 @@ _FORWARD = {"roll": 1.0, "pitch": -1.0, "yaw": 1.0}
 """Sense of a left limb's joint, about ahead, left and up, whose positive angle turns the limb out, forward and left."""
 
 
+class _Unpaired(SimrobError):
+    """Legs that are not left and right of the middle of a robot that looks somewhere."""
+
+
 @dataclass(frozen=True)
 class NamedLeg:
     """A leg, called by its place.
@@ -162,9 +166,13 @@ def anatomy_of(clearance: Clearance, robot: StationRobot) -> Anatomy:
     hips = np.array([_hip(clearance, leg) for leg in legs])
     across, along = np.ptp(hips[:, 1]), np.ptp(hips[:, 0])
     facing = 0.0 if (along <= _LONG * across if len(legs) == 2 else across <= _LONG * along) else math.pi / 2
-    toes = [_toes(clearance, robot, leg, facing) for leg in legs]
-    limbs = list(_named(clearance, robot, legs, facing))
-    ahead = float(np.mean(toes))
+    try:
+        limbs = list(_named(clearance, robot, legs, facing))
+    except _Unpaired:
+        facing = math.pi / 2 - facing  # a body as wide as it is long does not tell, but its pairs do
+        limbs = list(_named(clearance, robot, legs, facing))
+    put_upright(clearance, robot, straight(robot))
+    ahead = float(np.mean([_toes(clearance, robot, leg, facing) for leg in legs]))
     if abs(ahead) < _TOES and len(legs) == 2 and legs[0].normal is not None:
         ahead = _bends(clearance, robot, limbs[0], facing)
     if ahead < 0 and len(legs) == 2:
@@ -288,7 +296,7 @@ def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facin
     """Yield the legs with their names, right before left, front before rear.
 
     Raises:
-        SimrobError: they are not in pairs by mirror symmetry.
+        SimrobError: they are unlike, or slide; _Unpaired: they are not in pairs by mirror symmetry.
     """
     turn = RotationMatrix.MakeZRotation(-facing)
     put_upright(clearance, robot, straight(robot))
@@ -300,9 +308,7 @@ def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facin
     off = [float(np.abs(hips[id(a)] * [1, -1, 1] - hips[id(b)]).max()) for a, b in pairs]
     if len(left) != len(right) or max(off) > _PLACED * apart:
         names = ", ".join(leg.foot.name() for leg in legs)
-        raise SimrobError(
-            f"the legs of {robot.model.name} ({names}) are not left and right of its middle in pairs alike"
-        )
+        raise _Unpaired(f"the legs of {robot.model.name} ({names}) are not left and right of its middle in pairs alike")
     for pair in pairs:
         lengths = [_length(robot, leg) for leg in pair]
         if np.ptp(lengths) > _ALIKE * max(lengths):

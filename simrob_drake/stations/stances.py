@@ -12,6 +12,7 @@ from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, outline, span, standing, untangled
 
 _LOWEST = 0.7  # part of what the lowest chains reach that others reach which may be legs
+_ALIKE = 0.02  # part by which the sizes of chains may differ that are alike
 _REACHES = 60  # postures of chance in which it is looked how low chains reach
 _FLAT = np.cos(np.deg2rad(3.0))  # facets of a hull whose normals differ by less are one
 _SOLE = 0.15  # part of the surface of a foot that its sole has at least
@@ -52,16 +53,22 @@ def ends_of(clearance: Clearance, robot: StationRobot) -> list[tuple[RigidBody, 
 
 def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     """Return groups of chains that are alike, those that reach lowest at home or stretched out, else anyhow, first."""
-    groups: dict[tuple[int, float], list[Leg]] = {}
+    groups = list[tuple[float, list[Leg]]]()
     for body, axes in ends_of(clearance, robot):
         if len(axes) > 1:
             joints = [robot.joints[axis] for axis in axes]
             offsets = [joint.frame_on_parent().GetFixedPoseInBodyFrame().translation() for joint in joints[1:]]
-            size = round(sum(float(np.linalg.norm(offset)) for offset in offsets), 2)
+            size = sum(float(np.linalg.norm(offset)) for offset in offsets)
             links, stood_on = [joint.child_body() for joint in joints], _foot(clearance, robot, body, axes[-1])
-            groups.setdefault((len(axes), size), []).append(Leg(axes, links, body, *stood_on))
+            leg = Leg(axes, links, body, *stood_on)
+            for other, group in groups:
+                if len(group[0].axes) == len(axes) and abs(size - other) <= _ALIKE * max(other, size):
+                    group.append(leg)
+                    break
+            else:
+                groups.append((size, [leg]))
 
-    pairs = [group for group in groups.values() if len(group) > 1]
+    pairs = [group for _, group in groups if len(group) > 1]
     natural = [robot.model.home, straight(robot)]
     chance = np.random.default_rng(0).uniform(*span(robot), (_REACHES, len(robot.axes)))
     for postures in (natural, [*natural, *chance]):  # legs that lie level, or are up, reach down in others

@@ -81,16 +81,21 @@ def biped(joints: tuple[str, ...] = ("yaw", "roll", "pitch", "knee", "pitch", "r
     return tree
 
 
-def spider() -> Tree:
-    """Return a hexapod of 3 kg whose legs lie level, left and right, where all joints are at zero."""
-    tree = Tree(2.0, "0.4 0.1 0.05")
-    for number, (x, side) in enumerate((x, side) for x in (0.15, 0.0, -0.15) for side in (1, -1)):
+def spider(spread: float = 0.15, *, turned: bool = False) -> Tree:
+    """Return a hexapod of 3 kg whose legs lie level, left and right of its x axis, or its y axis, where all is zero."""
+
+    def at(ahead: float, left: float) -> str:
+        return f"{-left} {ahead} 0" if turned else f"{ahead} {left} 0"
+
+    tree = Tree(2.0, "0.4 0.1 0.05" if not turned else "0.1 0.4 0.05")
+    for number, (x, side) in enumerate((x, side) for x in (spread, 0.0, -spread) for side in (1, -1)):
         tree.link(f"a{number}", 0.05)
-        tree.link(f"b{number}", 0.05, at=f"0 {0.05 * side} 0")
-        tree.link(f"c{number}", 0.05, radius=0.01, at=f"0 {0.12 * side} 0")
-        tree.joint(f"j{number}a", "trunk", f"a{number}", f"{x} {0.06 * side} 0", "yaw", 5.0, 1.0)
-        tree.joint(f"j{number}b", f"a{number}", f"b{number}", f"0 {0.02 * side} 0", "roll", 5.0, 1.5)
-        tree.joint(f"j{number}c", f"b{number}", f"c{number}", f"0 {0.1 * side} 0", "roll", 5.0)
+        tree.link(f"b{number}", 0.05, at=at(0, 0.05 * side))
+        tree.link(f"c{number}", 0.05, radius=0.01, at=at(0, 0.12 * side))
+        about = "pitch" if turned else "roll"
+        tree.joint(f"j{number}a", "trunk", f"a{number}", at(x, 0.06 * side), "yaw", 5.0, 1.0)
+        tree.joint(f"j{number}b", f"a{number}", f"b{number}", at(0, 0.02 * side), about, 5.0, 1.5)
+        tree.joint(f"j{number}c", f"b{number}", f"c{number}", at(0, 0.1 * side), about, 5.0)
     return tree
 
 

@@ -93,6 +93,20 @@ def test_legs_that_lie_level_at_zero_are_found_and_stood_on(tmp_path):
     assert stance.standing.ends.keys() == {f"c{number}" for number in range(6)}
 
 
+def test_a_body_as_wide_as_it_is_long_looks_where_its_legs_are_pairs(tmp_path):
+    anatomy, _ = seen(spider(0.07, turned=True).write(tmp_path))
+    assert anatomy.facing == np.pi / 2
+    assert [limb.left for limb in anatomy.legs] == [False, True] * 3
+
+
+def test_legs_whose_drawings_differ_by_a_little_are_a_pair(tmp_path):
+    tree = biped()
+    tree.robot.find("joint[@name='p3j']/origin").set("xyz", "0 0 -0.1505")  # 0.30 and 0.31 m if rounded to centimetres
+    for side in "pq":
+        tree.robot.find(f"joint[@name='{side}2j']/origin").set("xyz", "0 0 -0.0048")
+    assert len(seen(tree.write(tmp_path))[0].legs) == 2
+
+
 def test_a_walk_scales_as_pendulums_do():
     (model, *_) = EXAMPLES[2]
     build, half, four = model.build, 0.5, 0.25
