@@ -391,7 +391,7 @@ RESOLVING = [
     Defect("path of Windows", foot(r"C:\ann\meshes\foot.stl"), "repaired: found as meshes/foot.stl"),
     Defect("wrong case", foot("package://arm_support/Meshes/Foot.STL"), "repaired: found as meshes/foot.stl"),
     Defect("backslashes", foot(r"package://arm_support\meshes\foot.stl"), "repaired: foot.stl' (48 faces) is now"),
-    Defect("xacro's find", foot("$(find arm_support)/meshes/foot.stl"), "error: is an expression of xacro"),
+    Defect("xacro's find", foot("$(find arm_support)/meshes/foot.stl"), "repaired: foot.stl' (48 faces) is now"),
     Defect("blanks in percent", foot_file("my%20foot.stl", FOOT), "repaired: my%20foot.stl' (48 faces) is now"),
     Defect("unknown package", foot("package://other/meshes/foot.stl"), "repaired: found as meshes/foot.stl"),
     Defect("missing mesh", foot("package://arm_support/none.stl"), "dropped: none.stl' there is no such file"),

@@ -52,8 +52,9 @@ def _is_xacro(robot: ET.Element, path: Path) -> bool:
     named = [robot.tag, *(name for element in robot.iter() for name in (element.tag, *element.attrib))]
     if any(name.startswith(XACRO) for name in named):
         return True
-    values = (value for element in robot.iter() for value in element.attrib.values())
-    return path.suffix.lower() == ".xacro" and any("${" in value or "$(" in value for value in values)
+    signs = ("$(", "${") if path.suffix.lower() == ".xacro" else ("$(",)  # packages are named in plain URDFs, too
+    values = [value for element in robot.iter() for value in element.attrib.values()]
+    return any(sign in value for sign in signs for value in values)
 
 
 def _drop_foreign(robot: ET.Element, report: ImportReport) -> None:
