@@ -68,7 +68,8 @@ def make_legged(
         options = options.model_copy(update={"base": "floating"})
     made = Made(folder)
     with filled_at_once(folder, marker=REPORT, force=force) as work:
-        robot = write_robot(source, work, options, ImportReport(source))
+        report = ImportReport(source)
+        robot = write_robot(source, work, options, report)
         if robot.links_without_inertia:
             made.assumed.append(f"inertias of {', '.join(robot.links_without_inertia)}: from their shapes")
             robot = write_robot(
@@ -78,11 +79,17 @@ def make_legged(
         try:
             _Making(work, robot, made).run()
         except SimrobError as problem:
-            made.problem = str(problem)
+            made.problem = str(problem) + _shapes_lost(report)
             if not (work / STAND).is_file():
                 (work / STAND).write_text(draft_station(robot.urdf_path, folder=work), encoding="utf-8")
         save_report(made, work)
     return made
+
+
+def _shapes_lost(report: ImportReport) -> str:
+    """Return which shapes to touch with an import has dropped, which may be why a robot cannot stand; '' without."""
+    lost = [entry for entry in report.of("dropped") if "<collision>" in entry.element]
+    return f"; {len(lost)} collision shapes were not read, the first: {lost[0].element}: {lost[0].text}" if lost else ""
 
 
 class _Standing(NamedTuple):

@@ -1,6 +1,7 @@
 """Robots on legs of which only the tree is known: what is seen in them, what they can do, and what they cannot."""
 
 import re
+import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
@@ -145,6 +146,16 @@ def test_what_cannot_be_done_is_one_line_and_the_rest_is_kept(tmp_path, capsys, 
     assert load_robot_file(folder / "robot.yaml").base == "floating"
     assert load_station(folder / STAND).mode == "dynamic"
     assert re.search(said, (folder / "legged.md").read_text())
+
+
+def test_meshes_that_are_not_there_are_told_with_what_cannot_be_done(tmp_path):
+    tree = dog()
+    for number in range(4):
+        geometry = tree.robot.find(f"link[@name='c{number}']/collision/geometry")
+        geometry.remove(geometry[0])
+        ET.SubElement(geometry, "mesh", filename="feet/ball.stl")
+    made = make_legged(tree.write(tmp_path), tmp_path / "out")
+    assert "4 collision shapes were not read, the first: link 'c0' <collision>: mesh 'feet/ball.stl'" in made.problem
 
 
 def test_a_root_that_the_urdf_has_not_is_told(tmp_path):
