@@ -30,7 +30,7 @@ _PREFIXES = "AMENT_PREFIX_PATH"  # the one with folders in which ROS 2 installs 
 DESCRIPTIONS_VARIABLE = "ROBOT_DESCRIPTIONS_CACHE"
 """The environment variable that says where ``robot_descriptions`` keeps what it downloaded."""
 _LEVELS = 4  # how far up from a URDF the manifest of its package is looked for, and from a package others are
-_INNER = ("urdf", "urdfs", "xacro", "robot", "robots", "description", "model", "models")
+_INNER = ("urdf", "urdfs", "xacro", "mjcf", "sdf", "xml", "robot", "robots", "description", "model", "models")
 """Names of folders that lie inside a package and hold its URDF."""
 _DEPTH = 3  # how far down below a folder of ``--mesh-path``
 _FOLDERS = 5000  # how many folders are looked into at most, so that ``--mesh-path /`` ends
