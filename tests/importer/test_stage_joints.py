@@ -50,6 +50,13 @@ def test_the_range_of_a_joint_is_what_the_file_means(tmp_path, kind, text, expec
         assert any(words in line for line in done.told(told)), done.report.entries
 
 
+@pytest.mark.parametrize(("height", "suspected"), [(2.5, False), (250, True)])
+def test_a_robot_in_millimetres_is_told(tmp_path, height, suspected):
+    elbow = joint("elbow", "tip", "hand", "fixed", f'<origin xyz="0 0 {height}"/>')
+    done = Repaired(with_defect(END, f'<link name="hand"/>{elbow}{END}'), tmp_path)
+    assert any("is 250 m from the joint before it; were millimetres" in line for line in done.told("read")) is suspected
+
+
 @pytest.mark.parametrize(("kind", "axis"), [("revolute", "0 1 0"), ("revolute", "1 2 3"), ("prismatic", "0 0 2")])
 def test_a_joint_of_equal_limits_is_fixed_there(tmp_path, kind, axis):
     elbow = joint("elbow", "tip", "hand", kind, f'<origin xyz="0 0 1" rpy="0.1 0.2 0.3"/><axis xyz="{axis}"/>{{}}')
