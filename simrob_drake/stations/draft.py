@@ -100,6 +100,7 @@ def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         return remarks
     if robot.fingers:
         return remarks + _grips(robot, content)
+    content["servo"]["feedforward"] = "gravity"  # else each joint sags by its weight over its gain
     content["inputs"] = ["reference_velocity"]  # else the damping holds the motion back
     content["solver"] = _ARM
     if not gets_through(_config(robot, content)):
