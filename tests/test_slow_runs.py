@@ -41,7 +41,7 @@ def finger(tmp_path, monkeypatch):
     (tmp_path / "finger.urdf").write_text(FINGER)
     file = tmp_path / "finger.yaml"
     file.write_text(draft_station(tmp_path / "finger.urdf", folder=tmp_path))
-    return load_station(file, {"solver": RADAU, "servo.realization": "per_joint"})
+    return load_station(file, {"solver": RADAU, "servo.realization": "per_joint", "servo.feedforward": "none"})
 
 
 @pytest.fixture
