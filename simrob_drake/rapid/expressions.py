@@ -8,7 +8,7 @@ from typing import Any
 
 from simrob_drake.errors import SimrobError, nearest
 from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Remark, Routine, Scope, declared, expression
-from simrob_drake.rapid.values import LeftOut, RecordValue, SignalName, Value, WrongType, shape
+from simrob_drake.rapid.values import LeftOut, NoData, RecordValue, SignalName, Value, WrongType, shape
 
 _LONGEST = 1000  # letters of a string
 _OPERATORS: Mapping[str, Callable[[float, float], float]] = {
@@ -145,7 +145,7 @@ class Expressions:
         if node.data == "name":
             found = self._find(node.children[0])
             if not isinstance(found, Datum):
-                raise LeftOut(f"there is no data '{node.children[0]}'{self._hint(node.children[0])}")
+                raise NoData(f"there is no data '{node.children[0]}'{self._hint(node.children[0])}")
             return Location(
                 found.kind, found.dimensions, lambda: found.value, lambda value: setattr(found, "held", value)
             )
@@ -235,9 +235,7 @@ class Expressions:
             key, found = value.name, None
         level = self._signal(key)
         if found is not None or level is None:
-            like_a_signal = key[0] in "adg" and key[1:2] in ("i", "o")
-            hint = ": if it is a signal, name it in a table, --io" if like_a_signal else self._hint(name)
-            raise LeftOut(f"there is no data '{name}'{hint}")
+            raise NoData(f"there is no data '{name}'{self._hint(name)}")
         return level
 
     def _value_binary(self, one: Node, sign: str, other: Node) -> Value:

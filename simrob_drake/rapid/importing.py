@@ -28,12 +28,13 @@ from simrob_drake.rapid.syntax import (
     nodes,
     read_modules,
 )
-from simrob_drake.rapid.values import LeftOut, Value, WrongType
+from simrob_drake.rapid.values import LeftOut, NoData, Value, WrongType
 from simrob_drake.stations.station import StationLike
 
 _DEEPEST = 40  # routines that wait for each other
 _MOST_STATEMENTS = 1_000_000
 _MOST_AFTER_LOSS = 100  # rounds of a loop, whose end may hang on what was left out
+_CONDITIONS = ("if", "compact_if", "while")  # whose unknown names are mostly signals of the controller
 
 
 _Argument: TypeAlias = tuple[RoutineParameter, Datum, Location | None]
@@ -122,7 +123,9 @@ class Interpreter(Expressions):
                     raise  # else it may be so because of what was left out
                 if node.data == "return":
                     raise _Returned(problem) from problem
-                self.remark(node, f"{problem}; left out")
+                asks = node.data in _CONDITIONS and isinstance(problem, NoData)
+                hint = "; if it is a signal, name it in a table, --io" if asks else ""
+                self.remark(node, f"{problem}{hint}; left out")
                 if node.data == "assignment":
                     self._forget(node.children[0], problem)
 

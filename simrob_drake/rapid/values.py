@@ -21,6 +21,10 @@ class LeftOut(WrongType):
     """What leaves its line out and not the program: a name that no module declares, a move that cannot be made."""
 
 
+class NoData(LeftOut):
+    """A name of data that no module declares, or that is a signal of which nothing is known."""
+
+
 @dataclass
 class RecordValue:
     """A value of a record type, with its components by name in lower case."""
