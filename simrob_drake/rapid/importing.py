@@ -69,7 +69,8 @@ class Interpreter(Expressions):
         A loop WHILE TRUE is done ``cycles`` times; ``signal`` gives a signal's value.
         """
         super().__init__(modules, {**FUNCTIONS, **functions}, signal)
-        self._instructions = {**instructions, "goto": self._goto, "exit": self._end, "exitcycle": self._end}
+        own = {"goto": self._goto, "callbyvar": self._call_by_var, "exit": self._end, "exitcycle": self._end}
+        self._instructions = {**instructions, **own}
         self._cycles, self._depth, self._done = cycles, 0, 0
 
     def run(self, main: str = "main") -> None:
@@ -163,10 +164,17 @@ class Interpreter(Expressions):
             self.remark(name, f"{name} is not known, and left out{self._hint(name, self._instructions)}")
 
     def _do_late_call(self, name: Node, arguments: Node | None) -> None:
-        routine = self._find(self.typed(name, "string"))
-        if not isinstance(routine, Routine):
-            raise WrongType(f"there is no procedure '{self.typed(name, 'string')}'")
+        routine = self._procedure(self.typed(name, "string"))
         self._called(routine, self._call_of(routine.name, name, arguments))
+
+    def _call_by_var(self, call: Call) -> None:
+        self._run(self._procedure(f"{call.value(0, 'string')}{call.value(1, 'num'):g}"), [])
+
+    def _procedure(self, name: str) -> Routine:
+        routine = self._find(name)
+        if not isinstance(routine, Routine):
+            raise WrongType(f"there is no procedure '{name}'")
+        return routine
 
     def _do_return(self, expression: Node | None) -> None:
         raise _Returned(None if expression is None else self.value(expression))

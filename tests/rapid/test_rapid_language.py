@@ -83,15 +83,17 @@ def test_statements_are_done_in_order():
     Twice i;
     Tell i;
     %"Lo"+"w"%;
+    CallByVar "Kind",3;
     Optional 1;
     Optional 1\\more:=2;
     """
     more = """
     PROC Twice(INOUT num x) x:=2*x; ENDPROC
     PROC Low() Tell "low"; ENDPROC
+    PROC Kind3() Tell "third"; ENDPROC
     PROC Optional(num a\\num more) IF Present(more) THEN Tell a+more; ELSE Tell a; ENDIF ENDPROC
     """
-    assert told(main, more) == ["three", 2.0, 1.0, 0.0, "one", 2.0, "low", 1.0, 3.0]
+    assert told(main, more) == ["three", 2.0, 1.0, 0.0, "one", 2.0, "low", "third", 1.0, 3.0]
 
 
 def test_records_and_arrays_are_copied_and_changed_by_part():
