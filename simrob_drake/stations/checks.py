@@ -78,7 +78,9 @@ def _floor_findings(
         for link, height in row.items()
         if link not in held
     ]
-    lowest, time, link = min(moving, default=(np.inf, 0.0, ""))
+    if not moving:
+        return [*findings, Finding("note", subject, "not looked at: no link that moves has a shape to touch with")]
+    lowest, time, link = min(moving)
     if lowest >= -_BURIED:
         text = f"{looked} {link} comes nearest to the ground: {max(lowest, 0.0) * 1e3:.0f} mm at {time:.2f} s"
         return [*findings, Finding("ok", subject, text)]

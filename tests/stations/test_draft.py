@@ -55,6 +55,12 @@ def test_a_robot_without_inertias_moves_kinematically(tmp_path, one_joint_urdf, 
     assert simulate(estimated, duration=0.5, progress=False).ending == "completed"
 
 
+def test_links_without_shapes_are_not_said_to_be_clear_of_the_ground(tmp_path, one_joint_urdf, write_urdf):
+    config = drafted(tmp_path, write_urdf(one_joint_urdf))  # whose base alone has one
+    (finding,) = [one for one in check_station(config) if one.subject.startswith("floor and")]
+    assert (finding.level, finding.text) == ("note", "not looked at: no link that moves has a shape to touch with")
+
+
 def test_an_axis_that_slides_moves_by_metres(tmp_path, one_joint_urdf, write_urdf):
     urdf = write_urdf(one_joint_urdf.replace("revolute", "prismatic"))
     config = drafted(tmp_path, urdf)
