@@ -320,9 +320,8 @@ def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facin
             joints = [robot.joints[axis] for axis in leg.axes]
             sliding = next((joint.name() for joint in joints if not isinstance(joint, RevoluteJoint)), None)
             if sliding is not None:
-                raise SimrobError(
-                    f"{robot.model.name} has the joint {sliding} in a leg, which slides; legs are to turn"
-                )
+                remedy = "legs are to turn; if it is a spring or a switch of the foot, make it fixed in the file"
+                raise SimrobError(f"{robot.model.name} has the joint {sliding} in a leg, which slides; {remedy}")
             put_upright(clearance, robot, robot.model.home)
             knee = knee_of(clearance.plant, clearance.context, joints, leg.foot.body_frame(), leg.point)
             signed = replace(knee, straight=robot.axis_map.signs[leg.axes[knee.place]] * knee.straight)
