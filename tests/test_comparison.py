@@ -15,6 +15,7 @@ from simrob_drake.comparison.engines import (
     Account,
     Quantity,
     _in_mujoco,
+    _inverse_dynamics,
     apart,
     compare_engines,
     differences,
@@ -144,3 +145,13 @@ def test_the_picture_says_in_words_what_is_compared(monkeypatch: pytest.MonkeyPa
         "MuJoCo",
         "numerical errors of both: below they agree",
     ]
+
+
+def test_forces_of_sliding_axes_are_held_against_forces() -> None:
+    own = _inverse_dynamics("inverse dynamics", load_station("irb120_on_belt", {"duration": 0.2}))
+    whole = simulate("irb120_on_belt", duration=0.2, progress=False)
+    found = {what: values for what, values in quantities(whole).items() if what.name.endswith("tau")}
+    assert {what: values.shape[1] for what, values in own.values.items()} == {
+        what: values.shape[1] for what, values in found.items()
+    }
+    assert {what.unit for what in found} == {"N", "N·m"}

@@ -294,11 +294,14 @@ def _inverse_dynamics(name: str, config: StationConfig) -> Account:
     for robot in fine.plant.robots.values():
         if robot.floats:
             raise SimrobError(f"{robot.name} floats: what it pushes itself off from is not known")
-        dynamics, what = Dynamics(robot.model, fine.plant.plant, robot.joints), Quantity(f"{robot.prefix}tau", "N·m")
-        sparse, dense = (_torques(dynamics, run, robot.name, n) for run, n in ((coarse, FINER), (fine, 1)))
-        values[what] = dense[::every]
-        common = min(len(dense[::every]), len(sparse[::every]))
-        errors[what] = float(np.abs(dense[::every][:common] - sparse[::every][:common]).max())
+        dynamics, units = Dynamics(robot.model, fine.plant.plant, robot.joints), np.array(robot.model.effort_units)
+        runs = (coarse, FINER), (fine, 1)
+        sparse, dense = (_torques(dynamics, run, robot.name, n)[::every] for run, n in runs)
+        common = min(len(dense), len(sparse))
+        for unit in dict.fromkeys(units.tolist()):  # sliding axes take forces
+            what, own = Quantity(f"{robot.prefix}tau", unit), units == unit
+            values[what] = dense[:, own]
+            errors[what] = float(np.abs((dense[:common] - sparse[:common])[:, own]).max())
     return Account(name, fine.times[::every], values, errors, "of the motion in Drake")
 
 
