@@ -13,6 +13,7 @@ from simrob_drake.results.record.walks import headings, legged_robots
 
 FIELD_OF_VIEW = np.deg2rad(35.0)  # vertical opening of the cameras [rad]; narrow, so that links keep their proportions
 WINDOW_ASPECT = 1.4  # width over height of a browser window that still shows all: most are wider
+PANE_ASPECT = 1.0  # likewise of a view beside other things on a page
 
 _ASIDE = float(np.deg2rad(-50.0))  # of the eye from where a robot faces: it stands to the right of its front
 _ELEVATION = np.deg2rad(20.0)
