@@ -11,6 +11,7 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidModel, OutputError
 from simrob_drake.robots.catalog import load_robot_file
 from simrob_drake.simulink.importing import import_simulink
+from simrob_drake.simulink.reading.model_file import Libraries
 from simrob_drake.simulink.simulink_model import read_simulink
 from simrob_drake.simulink.values.workspace import variables_of
 
@@ -105,6 +106,15 @@ def test_variables_are_taken_from_the_files_that_set_most_of_them(tmp_path):
     assert imported.fidelity == "mechanics complete"
     taken = [entry.text.partition(" ")[0] for entry in imported.report.entries if entry.element == "start.m"]
     assert sorted(taken) == ["Kp", "Kw"]
+
+
+def test_files_beside_a_model_that_lacks_nothing_are_left_alone(tmp_path, monkeypatch):
+    searched = []
+    monkeypatch.setattr(Libraries, "offered", lambda _, names: searched.append(names) or {"b": ("start.m", 3.0)})
+    import_simulink(pendulum(tmp_path / "arm.slx"), tmp_path / "out", assume=True)
+    assert searched == []
+    import_simulink(pendulum(tmp_path / "open.slx", workspace=""), tmp_path / "open", assume=True)
+    assert len(searched) == 1
 
 
 def test_open_inputs_are_told(tmp_path):

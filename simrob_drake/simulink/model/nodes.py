@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Mask, MaskParameter, Model, SimulinkBlock, System
 from simrob_drake.simulink.reading.model_file import BUILT_IN, Libraries
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
+from simrob_drake.simulink.values.evaluate import ELEMENTARY, UndefinedVariable, matrix
 from simrob_drake.simulink.values.mat import stored_workspace
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor
@@ -263,8 +263,7 @@ def expand(
     code = "\n".join(model.callbacks.values())
     called = Variables(name="callbacks", variables=dict(variables), code=code, octave=octave, files=libraries)
     if findings.assume:
-        offered = libraries.offered(_names(model.system)).items()
-        called.spare = {name: partial(_spare, findings.report, name, *found) for name, found in offered}
+        called.spare = _spares(model, libraries, findings.report)
     stored = stored_workspace(model.stored) or {}
     written = Variables(name=model.name, variables=stored, code=model.code, outer=called)
     workspace = Variables(name="given", variables=variables, outer=written)
@@ -293,9 +292,18 @@ def _names(system: System) -> set[str]:
     return found
 
 
-def _spare(report: ImportReport, name: str, file: str, value: Any) -> Any:
-    report.add("approximated", file, f"{name} is taken from it, for the model's own workspaces do not have it")
-    return value
+def _spares(model: Model, libraries: Libraries, report: ImportReport) -> Callable[[str], Any]:
+    """Return what gives variables of files beside a model: no script is gone through before one is lacking."""
+    offered = cache(lambda: libraries.offered(_names(model.system)))
+
+    def spare(name: str) -> Any:
+        if name in ELEMENTARY or name not in offered():
+            return None
+        file, value = offered()[name]
+        report.add("approximated", file, f"{name} is taken from it, for the model's own workspaces do not have it")
+        return value
+
+    return spare
 
 
 def path_below(parent: Node, block: SimulinkBlock) -> str:

@@ -140,6 +140,7 @@ _CONSTANTS = {
     "pi": np.pi, "inf": np.inf, "Inf": np.inf, "nan": np.nan, "NaN": np.nan, "eps": np.finfo(float).eps, "true": 1.0,
     "false": 0.0,
 }  # fmt: skip
+ELEMENTARY = _EACH.keys() | _CONSTANTS.keys()  # names that nobody gives a variable
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: _elementwise(function) for name, function in _EACH.items()},
     **{name: lambda value=value: value for name, value in _CONSTANTS.items()},
