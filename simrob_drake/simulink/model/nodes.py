@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -14,7 +13,7 @@ from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Mask, MaskParameter, Model, SimulinkBlock, System
-from simrob_drake.simulink.reading.model_file import BUILT_IN, Libraries
+from simrob_drake.simulink.reading.model_file import BUILT_IN, Libraries, referenced_by
 from simrob_drake.simulink.values.evaluate import ELEMENTARY, UndefinedVariable, matrix
 from simrob_drake.simulink.values.mat import stored_workspace
 from simrob_drake.simulink.values.syntax import NotUnderstood
@@ -26,7 +25,6 @@ _OLDER_UNITS = {
     "GravityVector": "GravityUnits",
 }
 """Where the first releases of Simscape Multibody keep units."""
-_NAME = re.compile(r"(?<![\w.])[A-Za-z]\w*")
 
 
 @dataclass
@@ -222,14 +220,10 @@ class Expanded:
 
         Where that file is missing, mechanics are lost if physical lines lead to the block and it ``moves``.
         """
-        referenced = block.parameters.get("ReferencedSubsystem", "")
-        if block.kind == "ModelReference":
-            named = (block.parameters.get(name, "") for name in ("ModelFile", "ModelNameDialog", "ModelName"))
-            referenced = next(filter(None, named), "").removesuffix(".slx").removesuffix(".mdl")
-        if referenced:
+        if referenced := referenced_by(block):
             model = self.libraries.model(referenced)
             if model is None:
-                self._note_missing(path, referenced, "referenced subsystem", moves=moves)
+                self._note_missing(path, "referenced subsystem", referenced, moves=moves)
                 return block, None, None, home
             return block, model.mask, model.system, referenced
         mask, own = block.mask, block
@@ -242,14 +236,15 @@ class Expanded:
             home = source.partition("/")[0]
             found = self.libraries.block(source)
             if found is None:
-                self._note_missing(path, home, f"library block {source}", moves=moves)
+                self._note_missing(path, f"library block {source}", home, moves=moves)
                 return block, None, None, home
             own, mask = replace(found, parameters={**found.parameters, **_own(block)}), mask or found.mask
         return replace(own, sid=block.sid, name=block.name), mask, own.system, home
 
-    def _note_missing(self, path: str, name: str, what: str, *, moves: bool) -> None:
-        message = f"{what}: the file {name}.slx is missing; give its folder with --library DIR"
-        self.findings.report.add("lost" if moves else "open", path, message)
+    def _note_missing(self, path: str, what: str, name: str, *, moves: bool) -> None:
+        missing = f"the file {name}.slx is missing; give its folder with --library DIR"
+        why = missing if self.libraries.model(name) is None else f"the file {name}.slx has no such block"
+        self.findings.report.add("lost" if moves else "open", path, f"{what}: {why}")
 
 
 def expand(
@@ -263,7 +258,7 @@ def expand(
     code = "\n".join(model.callbacks.values())
     called = Variables(name="callbacks", variables=dict(variables), code=code, octave=octave, files=libraries)
     if findings.assume:
-        called.spare = _spares(model, libraries, findings.report)
+        called.spare = _spares(model, libraries, findings)
     stored = stored_workspace(model.stored) or {}
     written = Variables(name=model.name, variables=stored, code=model.code, outer=called)
     workspace = Variables(name="given", variables=variables, outer=written)
@@ -282,25 +277,19 @@ def expand(
     return expanded
 
 
-def _names(system: System) -> set[str]:
-    """Return all names in the parameters of a system's blocks and masks."""
-    found: set[str] = set()
-    for block in system.blocks.values():
-        masked = [parameter.value for parameter in block.mask.parameters] if block.mask else []
-        found.update(*(_NAME.findall(text) for text in [*block.parameters.values(), *masked]))
-        found |= _names(block.system) if block.system else set()
-    return found
-
-
-def _spares(model: Model, libraries: Libraries, report: ImportReport) -> Callable[[str], Any]:
+def _spares(model: Model, libraries: Libraries, findings: Findings) -> Callable[[str], Any]:
     """Return what gives variables of files beside a model: no script is gone through before one is lacking."""
-    offered = cache(lambda: libraries.offered(_names(model.system)))
+    offered = cache(lambda: libraries.offered(model))
 
     def spare(name: str) -> Any:
         if name in ELEMENTARY or name not in offered():
             return None
-        file, value = offered()[name]
-        report.add("approximated", file, f"{name} is taken from it, for the model's own workspaces do not have it")
+        file, value, odd = offered()[name]
+        message = f"{name} is taken from it, for the model's own workspaces do not have it"
+        if odd:
+            findings.missing(UndefinedVariable(name, f"{', '.join([file, *odd])} differ"), file)
+            message += f"; {', '.join(odd)} set it otherwise"
+        findings.report.add("approximated", file, message)
         return value
 
     return spare
