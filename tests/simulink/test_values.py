@@ -61,6 +61,7 @@ VARIABLES = {
         ("zeros(2,1)", [[0], [0]]),
         ("1 ... of two\n + 2", [[3]]),
         ("1 + 2 ...", [[3]]),
+        ("[int16(2.5) uint8([-3 300]) int8(-2.5) int32(NaN)]/4", [[0.75, 0, 63.75, -0.75, 0]]),
     ],
 )  # fmt: skip
 def test_expressions(text, expected):

@@ -20,10 +20,11 @@ from simrob_drake.simulink.signals.arithmetic import (
     inverse,
     joined,
     table_of,
+    whole,
 )
 from simrob_drake.simulink.signals.forms import Form, Primitive, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun
-from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, matrix
+from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
 _EQUALS = re.compile(r"(?<![=~<>!])=(?!=)")
@@ -69,7 +70,7 @@ class Translation(CodeRun):
             "not": lambda u: joined("not", u),
             "isnan": lambda u: 0.0,
             **dict.fromkeys(("double", "single", "logical", "boolean"), lambda u: u),
-            **dict.fromkeys(("int8", "int16", "int32", "uint8", "uint16", "uint32"), MATH["round"]),
+            **{name: partial(whole, name) for name in INTEGERS},
         }
         found = {name: on_symbols(NUMBERS.functions.get(name), one) for name, one in each.items()}
         return {

@@ -119,6 +119,17 @@ def _in_degrees(function: Callable[..., Vector]) -> Callable[..., Vector]:
     return lambda *values: np.rad2deg(function(*values))
 
 
+INTEGERS = {
+    **{f"int{bits}": (-(2.0 ** (bits - 1)), 2.0 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": (0.0, 2.0**bits - 1) for bits in (8, 16, 32, 64)},
+}
+"""Types of whole numbers: to the nearest of which, from the least to the largest, a number becomes."""
+
+
+def _rounded(value: Vector) -> Vector:
+    return np.asarray(np.sign(value) * np.floor(np.abs(value) + 0.5))
+
+
 _EACH: dict[str, Callable[..., Any]] = {
     **{name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "sqrt", "log", "log10", "log2", "abs")},
     **{name: getattr(np, name) for name in ("floor", "ceil", "sign", "sinh", "cosh", "tanh", "deg2rad", "rad2deg")},
@@ -126,7 +137,10 @@ _EACH: dict[str, Callable[..., Any]] = {
     **{f"{name}d": _of_degrees(getattr(np, name)) for name in ("sin", "cos", "tan")},
     **{f"a{name}d": _in_degrees(getattr(np, f"arc{name}")) for name in ("sin", "cos", "tan", "tan2")},
     "hypot": np.hypot,
-    "round": lambda value: np.sign(value) * np.floor(np.abs(value) + 0.5),
+    "round": _rounded,
+    **{
+        name: lambda value, ends=ends: np.clip(_rounded(np.nan_to_num(value)), *ends) for name, ends in INTEGERS.items()
+    },
     "fix": np.trunc,
     "mod": np.mod,
     "rem": np.fmod,
