@@ -112,6 +112,8 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], un
         ports = ", ".join(f"{side} {number}" for _, side, number in unread)
         if node.kind in _SENSING and all(side == "rconn" and number > 1 for _, side, number in unread):
             text = f"{text}; no station measures what its port {ports} tells".removeprefix("; ")
+        elif _stands_alone(model, node):
+            fate, text = "ignored", _ALONE
         else:
             fate, text = "lost", f"nothing reads its port {ports}"
     if undriven and fate != "lost":
@@ -121,11 +123,22 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], un
     return BlockOutcome(node.path, node.kind, row.domain, fate, text, noun)
 
 
+_ALONE = "its network is joined with no body, and nothing that moves depends on it"
+
+
+def _stands_alone(model: SimulinkModel, node: Node) -> bool:
+    """Tell whether a block is part of a network that is joined with no body, and of which nothing that moves takes."""
+    rows, joined = block_types(), model.network.joined(node)
+    bodies = (one.kind not in NETWORKS and one.kind in rows and rows[one.kind].domain == "mechanics" for one in joined)
+    return not any(bodies) and not any(map(model.tracer.followed, joined))
+
+
 def _unknown(model: SimulinkModel, node: Node) -> BlockType:
     if node.children:
         return BlockType("structure", "exact")
     if node.kind not in RULES and model.network.unread(node):
-        return BlockType("mechanics", "lost", node.kind)
+        alone = _stands_alone(model, node)
+        return BlockType("mechanics", "ignored", _ALONE) if alone else BlockType("mechanics", "lost", node.kind)
     if node in model.opened:
         return BlockType("signals", "open")
     if not model.tracer.followed(node):

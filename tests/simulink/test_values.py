@@ -72,6 +72,7 @@ def test_texts_and_structures():
     workspace = Variables(variables=dict(VARIABLES))
     assert workspace.value("'it''s'") == "it's"
     assert workspace.value("['a' 'b']") == "ab"
+    assert workspace.value('["on" "off"]') == ["on", "off"]  # strings stay apart, unlike texts
     assert workspace.value("tool.name") == "gripper"
 
 

@@ -263,6 +263,8 @@ class _Evaluation:
     def _text(self, value: str) -> str:
         return value
 
+    _string = _text
+
     def _name(self, name: str) -> Any:
         return self._named(name, ())
 
@@ -350,8 +352,10 @@ class _Evaluation:
         if not rows:
             return np.zeros((0, 0))
         values = [[self.value(node) for node in row] for row in rows]
-        if all(isinstance(value, str) for row in values for value in row):
-            return "".join(value for row in values for value in row)
+        texts = [value for row in values for value in row if isinstance(value, str)]
+        if len(texts) == sum(map(len, values)):
+            several = len(texts) > 1 and any(node.kind == "string" for row in rows for node in row)
+            return texts if several else "".join(texts)
         parts = [[matrix(value) for value in row if matrix(value).size] for row in values]
         lines = [np.concatenate(row, axis=1) for row in parts if row]
         return np.concatenate(lines, axis=0) if lines else np.zeros((0, 0))
