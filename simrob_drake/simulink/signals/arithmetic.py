@@ -254,7 +254,7 @@ def whole(name: str, value: Value, rounded: Callable[[Value], Value] = MATH["rou
     return limited(rounded(value), *INTEGERS[name])
 
 
-_ROUNDED = {
+_ROUNDED: dict[str, Callable[[Value], Value]] = {
     "Ceiling": partial(applied, "ceil"),
     "Zero": _truncated,
     **dict.fromkeys(("Nearest", "Round"), MATH["round"]),
@@ -300,12 +300,6 @@ def _lookup(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return mapped(lambda value: computed("lookup", value, **parameters), reader.input(node))
 
 
-def _within(node: Node) -> Callable[[Value], Value]:
-    low, high = node.number("lowlimit", "-0.5"), node.number("uplimit", "0.5")
-    below, above = (("<=" if node.text(f"IntervalClosed{side}", "on") == "on" else "<") for side in ("Left", "Right"))
-    return lambda u: joined("and", compared(below, low - u, 0.0), compared(above, u, high))
-
-
 def _logic(reader: SignalReader, node: Node, _: int) -> Signal | None:
     operator = node.text("Operator", "AND").lower()
     if operator not in ("and", "or", "nand", "nor", "xor", "not"):
@@ -345,7 +339,6 @@ ARITHMETIC: dict[str, Rule] = {
     "Product": _product,
     "MinMax": _extreme,
     **dict.fromkeys(("Lookup_n-D", "Lookup"), _lookup),
-    "Interval Test": of_parameters(_within),
     "Logic": _logic,
     "Switch": _switch,
     "Polyval": of_parameters(_polynomial),

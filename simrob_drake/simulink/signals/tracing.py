@@ -44,13 +44,11 @@ class Tracer:
 
     Attributes:
         network: the connections.
-        fixed_step: of the model's solver [s]; None where it is of a variable step.
         opened: blocks that are left open, in the order they were met, and what is wrong with their parameters.
     """
 
     def __init__(self, network: Connections, joints: list[Joint], contacts: list[ContactPair]) -> None:
         self.network = network
-        self.fixed_step: float | None = None
         self.opened: dict[Node, str] = {}
         self._known: dict[tuple[Node, int], Signal] = {}
         self._made: dict[Node, list[Signal]] = {}

@@ -235,24 +235,24 @@ class UndefinedVariable(LookupError):
         self.name, self.why = name, why
 
 
-def evaluate(node: Expression, lookup: Lookup, algebra: Algebra | None = None) -> Any:
-    """Return the value of an expression's tree, of numbers unless another algebra is given.
+def evaluate(node: Expression, lookup: Lookup, algebra: Algebra | None = None, end: int | None = None) -> Any:
+    """Return the value of an expression's tree, of numbers unless another algebra is given; in an index, with its end.
 
     Raises:
         UndefinedVariable: a name that is no variable, and no function here.
         NotUnderstood: what cannot be computed.
     """
     try:
-        return _Evaluation(lookup, algebra or NUMBERS).value(node)
+        return _Evaluation(lookup, algebra or NUMBERS, end).value(node)
     except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
         raised = problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
         raise raised from problem
 
 
 class _Evaluation:
-    def __init__(self, lookup: Lookup, algebra: Algebra) -> None:
+    def __init__(self, lookup: Lookup, algebra: Algebra, end: int | None) -> None:
         self._lookup, self._algebra = lookup, algebra
-        self._ends: list[int] = []  # what `end` is in the indices around
+        self._ends = [] if end is None else [end]  # what `end` is in the indices around
 
     def value(self, node: Expression) -> Any:
         return getattr(self, f"_{node.kind}")(*node.parts)
