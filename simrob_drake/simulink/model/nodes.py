@@ -124,6 +124,11 @@ class Node:
         """Return a parameter as one number in SI."""
         return float(self.numbers(name, default, unit=unit, size=1, unknown=unknown)[0])
 
+    def quantity(self, *names: str, default: str = "0") -> float:
+        """Return a parameter in SI under the first of these names that is there; its unit is under ``<name>_unit``."""
+        name = next((one for one in names if one in self.block.parameters), names[0])
+        return self.number(name, default) * self.in_si(self.text(f"{name}_unit", "1"), name)
+
     def unit(self, name: str, like: str) -> float:
         """Return what a parameter's unit is in SI; SI where none is written."""
         names = f"{name}Units", f"{name.removesuffix('s')}Units", _OLDER_UNITS.get(name, "")

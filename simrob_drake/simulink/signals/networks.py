@@ -204,7 +204,7 @@ def _figure(node: Node, name: str) -> float:
             raise node.refusal(f"its {choice} is {chosen}; {known[0]} is read")
     if (sense := _SENSES.get(node.text(names[0]).rpartition(".")[2])) is not None:
         return sense
-    return node.number(names[0], "0") * node.in_si(node.text(f"{names[0]}_unit", "1"), names[0])
+    return node.quantity(names[0])
 
 
 def _members(network: Connections, start: Node) -> list[Node]:
@@ -258,7 +258,7 @@ def _acts_at_once(found: Reduced, equations: _Equations) -> bool:
 
 def _law_of(node: Node, values: dict[str, Value]) -> Value:
     start = next((name for name in ("x", "phi") if node.is_on(f"{name}_specify")), None)
-    own = {"start": node.number(start, "0") * node.in_si(node.text(f"{start}_unit", "1"), start) if start else 0.0}
+    own = {"start": node.quantity(start) if start else 0.0}
     if "model" in elements()[node.kind].law:
         own["model"] = node.number("model", "3")
         if own["model"] not in (1, 2, 3):

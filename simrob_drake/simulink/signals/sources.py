@@ -139,19 +139,9 @@ def _into_physics(reader: SignalReader, node: Node, _: int) -> Signal:
     return mapped(lambda value: filtered(node, value, [1.0], denominator), values)
 
 
-def _figure(node: Node, *names: str, default: str = "1") -> float:
-    """Return a parameter in SI that goes by one of these names; its unit stands under ``<name>_unit``."""
-    name = next((one for one in names if one in node.block.parameters), names[0])
-    return node.number(name, default) * _unit(node, name)
-
-
-def _unit(node: Node, name: str) -> float:
-    return node.in_si(node.text(f"{name}_unit", "1"), name)
-
-
 def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
     yes, by, no = (reader.input(node, number) for number in (1, 2, 3))
-    return switched(node, yes, by, no, ">=", _figure(node, "Threshold", "threshold", default="0.5"))
+    return switched(node, yes, by, no, ">=", node.quantity("Threshold", "threshold", default="0.5"))
 
 
 def _lookup(node: Node) -> Callable[[Value], Value]:
@@ -166,7 +156,7 @@ PHYSICAL: dict[str, Rule] = {
     "PS Lookup Table (1D)": of_parameters(_lookup),
     "PS Switch": _switch,
     "PS Integrator": lambda reader, node, _: with_states(
-        reader, node, "integrator", {"initial": _figure(node, "x0", "x", default="0")}
+        reader, node, "integrator", {"initial": node.quantity("x0", "x")}
     ),
 }
 """What blocks give at their right port 1, by type."""

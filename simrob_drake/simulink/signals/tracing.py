@@ -35,7 +35,7 @@ RULES: dict[str, Rule] = {
     "PS-Simulink Converter": out_of_physics,
 }  # fmt: skip
 """What each type of block gives."""
-_SENSED: dict[str, TermKind] = {"q": "q", "w": "w", "a": "a", "t": "t"}
+_SENSED: dict[str, TermKind] = {kind: kind for kind in ("q", "w", "a", "t")}
 _MOST_GUESSES = 5
 
 

@@ -10,6 +10,8 @@ KEYWORD = re.compile(r"(if|elseif|else|end|for|while|switch|case|otherwise|try|c
 _SIGNATURE = re.compile(r"function(?:\s+|(?=\[))(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
 _OPENS = "if", "for", "while", "switch", "try", "function"
 _PARTS = "elseif", "else", "case", "otherwise", "catch"
+_PIECE = re.compile(r"""\"[^"\n]*"?|(?<![\w)\]}'.])'[^'\n]*'?|%[^\n]*|.""", re.DOTALL)
+"""A text, a comment, or a letter of code."""
 _EQUALS = re.compile(r"(?<![=~<>!])=(?!=)")
 
 
@@ -109,33 +111,16 @@ def statements(code: str) -> list[Statement]:
     """Split code into statements: at line ends, ``;`` and ``,`` outside brackets and texts; comments go."""
     code = re.sub(r"\.\.\.[^\n]*(?:\n|$)", " ", code.replace("\r", ""))
     code = re.sub(r"^[ \t]*%\{[ \t]*\n.*?^[ \t]*%\}[ \t]*$", "", code, flags=re.DOTALL | re.MULTILINE)
-    found: list[str] = []
-    current, depth, quote = "", 0, ""
-    last = ""
-    comment = False
-    for letter in code + "\n":
-        if comment and letter != "\n":
-            continue
-        comment = False
-        if quote:
-            quote = "" if letter in (quote, "\n") else quote
-        elif letter == '"' or (letter == "'" and not (last.isalnum() or last in ")]}'._")):
-            quote = letter
-        elif letter == "%":
-            comment = True
-            continue
-        elif letter in "([{":
-            depth += 1
-        elif letter in ")]}":
-            depth = max(0, depth - 1)
-        if letter == "\n" and depth and not quote:
+    found, current, depth = list[str](), "", 0
+    for piece in (match[0] for match in _PIECE.finditer(code + "\n") if match[0][0] != "%"):
+        depth = max(0, depth + (piece in ("(", "[", "{")) - (piece in (")", "]", "}")))
+        if piece == "\n" and depth:
             current += ";" if current.rstrip()[-1:] not in (";", ",", "[", "(", "{") else " "
-        elif (letter == "\n" or letter in ";,") and not quote and not depth:
+        elif piece in ("\n", ";", ",") and not depth:
             found.append(current.strip())
             current = ""
         else:
-            current += letter
-        last = letter
+            current += piece
     return _nested([part for statement in found for part in _without_else(statement) if part])
 
 
