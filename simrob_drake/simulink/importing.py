@@ -82,7 +82,11 @@ def outcomes(model: SimulinkModel) -> list[BlockOutcome]:
     undriven = _undriven(model)
     left_out = [BlockOutcome(path, kind, "structure", "ignored", why) for path, (kind, why) in
                 model.expanded.left_out.items()]  # fmt: skip
+    known = {node.path for node in model.expanded.nodes} | model.expanded.left_out.keys()
+    whole = [BlockOutcome(entry.element, "station", "mechanics", "lost", entry.text, entry.element) for entry in
+             model.report.of("lost") if entry.element not in known]  # fmt: skip
     return [
+        *whole,
         *(_outcome(model, node, found.get(node.path, []), undriven.get(node, "")) for node in model.expanded.nodes),
         *left_out,
     ]
@@ -250,12 +254,12 @@ def _try(station: Path, report: ImportReport, duration: float) -> None:
         result = simulate(station, duration=duration, progress=False, on_step=look)
     except SimrobError as problem:
         why = str(problem).replace(str(station), station.name)
-        report.add("lost", station.stem, f"the station does not run as it is: {why}")
+        report.add("lost", "run", f"the station does not run as it is: {why}")
         return
     if result.ending == "interrupted" and len(steps) < _MOST_TRIED:
         raise KeyboardInterrupt  # by the user
     if result.ending in ("diverged", "failed"):
-        report.add("lost", station.stem, f"the station does not run as it is: {result.message}")
+        report.add("lost", "run", f"the station does not run as it is: {result.message}")
     gaps = (measure.entries for measure in result.verdict.measures if measure.criterion.name == "coupling_gap")
     for entry in chain.from_iterable(gaps):
         if entry.value > _OPEN:
