@@ -219,10 +219,8 @@ class CodeRun:
                 if self.depth > _MOST_CALLS:
                     raise NotUnderstood("makes code that makes code without end")
                 self.depth += 1
-                try:
-                    self._block(statements(str(self._value(code))))
-                finally:
-                    self.depth -= 1
+                self._block(statements(str(self._value(code))))
+                self.depth -= 1
             case ("call", (("name", ("set_param",)), arguments)):
                 self._set(*map(self._value, arguments))
 

@@ -6,6 +6,7 @@ Values are matrices of shape (r, c), texts, structures (dict), and lists of thes
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -52,22 +53,19 @@ def _shape(arguments: tuple[Any, ...]) -> tuple[int, int]:
     return rows, columns
 
 
-def _along(reduce: Callable[..., Vector]) -> Callable[..., Vector]:
-    """Let a reduction go down the columns, or along the only row, as MATLAB does."""
-
-    def reduced(value: Any, axis: Any = None) -> Vector:
-        array = matrix(value)
-        chosen = count(axis) - 1 if axis is not None else (1 if array.shape[0] == 1 else 0)
-        return matrix(reduce(array, axis=chosen, keepdims=True))
-
-    return reduced
+def _along(reduce: Callable[..., Vector], value: Any, axis: Any = None) -> Vector:
+    """Reduce a matrix down the columns, or along the only row, as MATLAB does."""
+    array = matrix(value)
+    chosen = count(axis) - 1 if axis is not None else _way(array)
+    return matrix(reduce(array, axis=chosen, keepdims=True))
 
 
-def _extreme(pairwise: Callable[..., Vector], reduce: Callable[..., Vector]) -> Callable[..., Vector]:
-    def chosen(first: Any, second: Any = None) -> Vector:
-        return _along(reduce)(first) if second is None else matrix(pairwise(matrix(first), matrix(second)))
+def _way(value: Any) -> int:
+    return int(matrix(value).shape[0] == 1)
 
-    return chosen
+
+def _extreme(pairwise: np.ufunc, first: Any, second: Any = None) -> Vector:
+    return _along(pairwise.reduce, first) if second is None else matrix(pairwise(matrix(first), matrix(second)))
 
 
 def _diag(value: Any) -> Vector:
@@ -87,8 +85,7 @@ def _unique(value: Any, rows: Any = None) -> Vector:
     array = matrix(value)
     if rows == "rows":
         return np.unique(array, axis=0)
-    found = np.unique(array)
-    return matrix(found if array.shape[0] == 1 else found[:, None])
+    return np.unique(array).reshape((1, -1) if _way(array) else (-1, 1))
 
 
 def _size(value: Any, axis: Any = None) -> Vector:
@@ -96,11 +93,8 @@ def _size(value: Any, axis: Any = None) -> Vector:
     return matrix(shape if axis is None else shape[count(axis) - 1])
 
 
-def _joined(axis: int) -> Callable[..., Vector]:
-    def joined(*parts: Any) -> Vector:
-        return np.concatenate([matrix(part) for part in parts if matrix(part).size], axis=axis)
-
-    return joined
+def _joined(axis: int, *parts: Any) -> Vector:
+    return np.concatenate([matrix(part) for part in parts if matrix(part).size], axis=axis)
 
 
 def _elementwise(function: Callable[..., Any]) -> Callable[..., Vector]:
@@ -111,19 +105,17 @@ def _elementwise(function: Callable[..., Any]) -> Callable[..., Vector]:
     return applied
 
 
-def _of_degrees(function: Callable[[Vector], Vector]) -> Callable[[Vector], Vector]:
-    return lambda angle: function(np.deg2rad(angle))
-
-
-def _in_degrees(function: Callable[..., Vector]) -> Callable[..., Vector]:
-    return lambda *values: np.rad2deg(function(*values))
-
-
-INTEGERS = {
-    **{f"int{bits}": (-(2.0 ** (bits - 1)), 2.0 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
-    **{f"uint{bits}": (0.0, 2.0**bits - 1) for bits in (8, 16, 32, 64)},
-}
+INTEGERS = {f"{letter}int{bits}": (-(2.0 ** (bits - 1)) * (not letter), 2.0 ** (bits - (not letter)) - 1)
+            for letter in ("", "u") for bits in (8, 16, 32, 64)}  # fmt: skip
 """Types of whole numbers: to the nearest of which, from the least to the largest, a number becomes."""
+
+
+def _of_degrees(function: Callable[[Vector], Vector], angle: Vector) -> Vector:
+    return function(np.deg2rad(angle))
+
+
+def _in_degrees(function: Callable[..., Vector], *values: Vector) -> Vector:
+    return np.rad2deg(function(*values))
 
 
 def _rounded(value: Vector) -> Vector:
@@ -134,8 +126,8 @@ _EACH: dict[str, Callable[..., Any]] = {
     **{name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "sqrt", "log", "log10", "log2", "abs")},
     **{name: getattr(np, name) for name in ("floor", "ceil", "sign", "sinh", "cosh", "tanh", "deg2rad", "rad2deg")},
     **{f"a{name}": getattr(np, f"arc{name}") for name in ("sin", "cos", "tan", "tan2")},
-    **{f"{name}d": _of_degrees(getattr(np, name)) for name in ("sin", "cos", "tan")},
-    **{f"a{name}d": _in_degrees(getattr(np, f"arc{name}")) for name in ("sin", "cos", "tan", "tan2")},
+    **{f"{name}d": partial(_of_degrees, getattr(np, name)) for name in ("sin", "cos", "tan")},
+    **{f"a{name}d": partial(_in_degrees, getattr(np, f"arc{name}")) for name in ("sin", "cos", "tan", "tan2")},
     "hypot": np.hypot,
     "round": _rounded,
     **{
@@ -162,18 +154,18 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "ones": lambda *sizes: np.ones(_shape(sizes)),
     "eye": lambda *sizes: np.eye(*_shape(sizes)),
     "diag": _diag,
-    "sum": _along(np.sum),
-    "prod": _along(np.prod),
-    "mean": _along(np.mean),
-    "any": _along(np.any),
-    "all": _along(np.all),
-    "min": _extreme(np.minimum, np.min),
-    "max": _extreme(np.maximum, np.max),
-    "diff": lambda value: np.diff(matrix(value), axis=1 if matrix(value).shape[0] == 1 else 0),
-    "unwrap": lambda value: np.unwrap(matrix(value), axis=1 if matrix(value).shape[0] == 1 else 0),
-    "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), int(matrix(value).shape[0] == 1)),
+    "sum": partial(_along, np.sum),
+    "prod": partial(_along, np.prod),
+    "mean": partial(_along, np.mean),
+    "any": partial(_along, np.any),
+    "all": partial(_along, np.all),
+    "min": partial(_extreme, np.minimum),
+    "max": partial(_extreme, np.maximum),
+    "diff": lambda value: np.diff(matrix(value), axis=_way(value)),
+    "unwrap": lambda value: np.unwrap(matrix(value), axis=_way(value)),
+    "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), _way(value)),
     "polyval": lambda coefficients, at: np.polyval(matrix(coefficients).reshape(-1), matrix(at)),
-    "cumsum": lambda value: np.cumsum(matrix(value), axis=1 if matrix(value).shape[0] == 1 else 0),
+    "cumsum": lambda value: np.cumsum(matrix(value), axis=_way(value)),
     "norm": lambda value: np.linalg.norm(matrix(value), None if 1 in matrix(value).shape else 2),
     "dot": lambda a, b: np.dot(matrix(a).reshape(-1), matrix(b).reshape(-1)),
     "cross": lambda a, b: np.cross(matrix(a).reshape(-1), matrix(b).reshape(-1)).reshape(matrix(a).shape),
@@ -198,8 +190,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     },
     "fliplr": lambda value: matrix(value)[:, ::-1],
     "flipud": lambda value: matrix(value)[::-1],
-    "horzcat": _joined(1),
-    "vertcat": _joined(0),
+    "horzcat": partial(_joined, 1),
+    "vertcat": partial(_joined, 0),
     "tf": lambda numerator, denominator: {"numerator": matrix(numerator), "denominator": matrix(denominator)},
     "ss": lambda a, b, c, d: dict(zip("ABCD", map(matrix, (a, b, c, d)), strict=True)),
     "struct": lambda *parts: dict(zip(parts[::2], parts[1::2], strict=True)),
@@ -401,18 +393,8 @@ class _Evaluation:
 
 
 _OPERATORS: dict[str, Callable[[Vector, Vector], Any]] = {
-    "+": np.add,
-    "-": np.subtract,
-    ".*": np.multiply,
-    "./": np.divide,
-    ".^": np.power,
-    "<": np.less,
-    ">": np.greater,
-    "<=": np.less_equal,
-    ">=": np.greater_equal,
-    **dict.fromkeys(("&", "&&"), np.logical_and),
-    **dict.fromkeys(("|", "||"), np.logical_or),
-    "==": np.equal,
-    "~=": np.not_equal,
-}
+    "+": np.add, "-": np.subtract, ".*": np.multiply, "./": np.divide, ".^": np.power, "<": np.less, ">": np.greater,
+    "<=": np.less_equal, ">=": np.greater_equal, "==": np.equal, "~=": np.not_equal,
+    **dict.fromkeys(("&", "&&"), np.logical_and), **dict.fromkeys(("|", "||"), np.logical_or),
+}  # fmt: skip
 NUMBERS = Algebra(_OPERATORS, FUNCTIONS)
