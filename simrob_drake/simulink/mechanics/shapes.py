@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path, PureWindowsPath
 from subprocess import SubprocessError, run
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
