@@ -225,3 +225,29 @@ def test_a_station_that_no_force_moves_says_so_first(tmp_path):
     level.connect(f"{joint}#rconn:1", f"{end}#rconn:1")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
     assert imported.fidelity == "1 motion by forces lost"
+
+
+def test_what_could_touch_the_floor_swings_as_exactly(tmp_path):
+    """A ball of 1 kg at 0.2 m of a hinge, 0.3 m above a plane that it does not reach, let go level."""
+    level = Level()
+    world, joint, plane = level.block(WORLD, "World"), level.block(REVOLUTE, "J"), level.block(
+        "sm_lib/Curves and Surfaces/Infinite Plane", "Floor")  # fmt: skip
+    mount = level.block(TRANSFORM, "Mount", TranslationMethod="Cartesian", TranslationCartesianOffset="[0 0 0.3]",
+                        RotationMethod="StandardAxis", RotationStandardAxis="+X", RotationAngle="-90",
+                        RotationAngleUnits="deg")  # fmt: skip
+    arm = level.block(TRANSFORM, "Arm", TranslationMethod="Cartesian", TranslationCartesianOffset="[0.2 0 0]")
+    ball = level.block("sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", BasedOnType="Mass",
+                       Mass="1", ExportEntireGeometry="on")  # fmt: skip
+    touch = level.block("sm_lib/Forces and Torques/Spatial Contact Force", "Touch")
+    level.connect(f"{world}#rconn:1", f"{mount}#lconn:1", f"{plane}#lconn:1")
+    level.connect(f"{mount}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{arm}#lconn:1")
+    level.connect(f"{arm}#rconn:1", f"{ball}#rconn:1")
+    level.connect(f"{ball}#lconn:1", f"{touch}#lconn:1")
+    level.connect(f"{plane}#rconn:1", f"{touch}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert load_station(imported.station).contact is not None
+    result = simulate(imported.station, duration=0.6, progress=False)
+    spin = 0.2**2 + 0.4 * 0.05**2
+    angle, _ = solved(lambda _, state: [state[1], WEIGHT * 0.2 * np.cos(state[0]) / spin], [0, 0], result.times)
+    np.testing.assert_allclose(result["q.J"], angle, atol=0.005 * np.ptp(angle))

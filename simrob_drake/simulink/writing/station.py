@@ -36,7 +36,7 @@ from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWrite
 _INSIDE = 1e-8  # how far within its limits a joint starts at least [rad or m]: files hold degrees and radians
 _SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-3, "max_step": 0.1},
-    "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
+    "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-5, "max_step": 0.02},
     "loops": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4, "max_step": 0.01},
     "points": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},
     "struck": {"kind": "discrete", "scheme": "sap", "time_step": 2e-4},  # by forces that jump: contact in signals
@@ -185,10 +185,11 @@ class StationWriter:
         """Return what only a station of torques has: its solver, laws that are no servos, and speeds at the start."""
         flows = flows_of(self._model, self._files, sensors, measured, self._turn)
         content: dict[str, Any] = {"controllers": flows} if flows else {}
-        content["solver"] = self._solver()
-        if "accuracy" in content["solver"] and (flows or any(map(_is_moved, self._files.robots.values()))):
+        solver = self._solver()
+        if "accuracy" in solver and (flows or any(map(_is_moved, self._files.robots.values()))):
             longest = 0.02 if self._touching.ends else 0.005  # limits of a law are found within a step
-            content["solver"] = content["solver"] | {"accuracy": 1e-4, "max_step": longest}
+            solver = {**solver, "accuracy": min(solver["accuracy"], 1e-4), "max_step": longest}
+        content["solver"] = solver
         freedoms = [freedom for robot in self._files.robots.values() for freedom in robot.axes]
         servos = {freedom: law.kp for freedom in freedoms if (law := self._law(freedom)).kp}
         if freedoms and all(kp == freedom.stiffness for freedom, kp in servos.items()):
