@@ -172,6 +172,8 @@ def fidelity(found: list[BlockOutcome], prescribed: int = 0, assumed: int = 0) -
     ]
     parts.append(f"{counted(assumed, 'figure')} assumed" if assumed else "")
     parts.append(f"{counted(prescribed, 'joint')} prescribed" if prescribed else "")
+    apart = sum(outcome.text == _ALONE for outcome in found)
+    parts.append(f"{counted(apart, 'network block')} joined with no body" if apart else "")
     opened = sum(outcome.fate == "open" for outcome in found)
     parts.append(f"{counted(opened, 'control block')} left open" if opened else "")
     return "; ".join(part for part in parts if part)

@@ -111,6 +111,7 @@ def test_a_network_that_is_joined_with_no_body_is_no_loss(tmp_path):
         fates = {one.path: one.fate for one in imported.outcomes}
         assert {fates[name] for name in ("Battery", "Ground", "Sensor")} == {("ignored", "lost")[lost]}
         assert ("Battery" in imported.fidelity) == bool(lost)
+        assert (imported.fidelity == "mechanics complete; 3 network blocks joined with no body") != bool(lost)
 
 
 @pytest.mark.parametrize(("sense", "sign"), [("same", 1.0), ("opposite", -1.0)])
