@@ -325,12 +325,10 @@ def _masked(name: str, mask: Mask, values: dict[str, str], outer: Variables) -> 
 
 def _reader(parameter: MaskParameter, text: str, outer: Variables) -> Callable[[], Any]:
     if parameter.kind == "checkbox":
-        return lambda: outer.value("1" if text == "on" else "0")
-    if parameter.kind == "popup":
-        if parameter.evaluated and text in parameter.choices:
-            return lambda: outer.value(str(parameter.choices.index(text) + 1))
-        return lambda: text
-    if not parameter.evaluated:
+        text = "1" if text == "on" else "0"
+    elif parameter.kind == "popup" and parameter.evaluated and text in parameter.choices:
+        text = str(parameter.choices.index(text) + 1)
+    elif parameter.kind == "popup" or not parameter.evaluated:
         return lambda: text
 
     def read() -> Any:

@@ -8,14 +8,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import (
-    applied,
-    chosen,
-    compared,
-    of_parameters,
-    switched,
-    table_of,
-)
+from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, of_parameters, switched, table_of
 from simrob_drake.simulink.signals.dynamics import filtered, with_states
 from simrob_drake.simulink.signals.forms import (
     TIME,
