@@ -53,7 +53,7 @@ def translated(code):
         ("function[y] = f(u)\nu;\nu.^2 / 2;\nz = [0; u];\ny = atan(3/z(1)) + z(2);", lambda u: [np.pi / 2 + u]),
         ("function y = f(u)\nn = 1;\nwhile n < 5\n n = 2*n;\nend\nfunction z = g(k)\n if k > 1\n  z = k;\n end\nend\n"
          "y = g(n)*u;\nend", lambda u: [8 * u]),  # a function among the statements of another
-        ("function y = f(u)\ny = mod(u, 0.31) + atan2(u, 2) + norm([u; 1]);",
+        ("function y = f(u)\ny = mod(u, 0.31) + atan2(u, 2) + norm([u; 1], 2);",
          lambda u: [np.mod(u, 0.31) + np.arctan2(u, 2) + np.hypot(u, 1)]),
     ],
 )  # fmt: skip

@@ -23,7 +23,7 @@ from simrob_drake.simulink.signals.arithmetic import (
 )
 from simrob_drake.simulink.signals.forms import Form, Primitive, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun
-from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, matrix
+from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, count, matrix
 from simrob_drake.simulink.values.script import Statement, lines_of
 from simrob_drake.simulink.values.syntax import NotUnderstood
 
@@ -236,9 +236,11 @@ def on_symbols(numeric: Callable[..., Any] | None, symbolic: Callable[..., Value
     return function
 
 
-def _norm(array: Any) -> Any:
+def _norm(array: Any, kind: Any = 2) -> Any:
     if matrix(array).dtype != object:
-        return NUMBERS.functions["norm"](array)
+        return NUMBERS.functions["norm"](array, kind)
+    if count(kind) != 2:
+        raise NotUnderstood("a norm that is not the second")
     return matrix(signal([applied("sqrt", sum((one * one for one in _elements(array)), start=0.0))]))
 
 

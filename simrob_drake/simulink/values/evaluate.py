@@ -166,7 +166,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), _way(value)),
     "polyval": lambda coefficients, at: np.polyval(matrix(coefficients).reshape(-1), matrix(at)),
     "cumsum": lambda value: np.cumsum(matrix(value), axis=_way(value)),
-    "norm": lambda value: np.linalg.norm(matrix(value), None if 1 in matrix(value).shape else 2),
+    "norm": lambda u, p=2: np.linalg.norm(matrix(u).ravel() if 1 in matrix(u).shape else matrix(u), count(p) or None),
     "dot": lambda a, b: np.dot(matrix(a).reshape(-1), matrix(b).reshape(-1)),
     "cross": lambda a, b: np.cross(matrix(a).reshape(-1), matrix(b).reshape(-1)).reshape(matrix(a).shape),
     "kron": lambda a, b: np.kron(matrix(a), matrix(b)),
