@@ -73,6 +73,7 @@ def test_code_is_what_it_computes(code, equation):
         ("function y = f(u)\ny = eval('system(1)');", "eval"),
         ("function y = f(u)\ny = f(u);", "calls itself"),
         ("function y = f(u)\nx = u;", "gives no y"),
+        ("function y = f(u)\n[n, m] = size(ones(40, 50));\nA = u*ones(n, m);\ny = A*A';", "more than 30000 products"),
         ("function y = f(u)\nif u > 0\n y = [1 2];\nelse\n y = 1;\nend", "size depends"),
     ],
 )

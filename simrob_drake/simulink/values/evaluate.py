@@ -14,7 +14,7 @@ import numpy as np
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, written
 
-LARGEST = 1_000_000  # elements of a matrix
+LARGEST, _MOST_PRODUCTS = 1_000_000, 30_000  # elements of a matrix, and blocks of a product of such with signals
 
 
 def matrix(value: Any) -> Vector:
@@ -86,11 +86,6 @@ def _unique(value: Any, rows: Any = None) -> Vector:
     if rows == "rows":
         return np.unique(array, axis=0)
     return np.unique(array).reshape((1, -1) if _way(array) else (-1, 1))
-
-
-def _size(value: Any, axis: Any = None) -> Vector:
-    shape = matrix(value).shape
-    return matrix(shape if axis is None else shape[count(axis) - 1])
 
 
 def _joined(axis: int, *parts: Any) -> Vector:
@@ -179,7 +174,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "unique": _unique,
     "repmat": _repmat,
     "reshape": lambda a, *to: matrix(a).reshape(_shape(tuple(n if np.size(n) else np.size(a) for n in to)), order="F"),
-    "size": _size,
+    "size": lambda u, axis=None: matrix(matrix(u).shape if axis is None else matrix(u).shape[count(axis) - 1]),
     "numel": lambda value: len(value) if isinstance(value, list) else matrix(value).size,
     "length": lambda value: len(value) if isinstance(value, list) else matrix(value).size and max(matrix(value).shape),
     "isempty": lambda value: float(not (len(value) if isinstance(value, str | dict | list) else matrix(value).size)),
@@ -374,6 +369,8 @@ class _Evaluation:
             return matrix((left == right) == (operator == "=="))
         first, second, each = matrix(left), matrix(right), self._algebra.operators
         lone = first.size == 1 or second.size == 1
+        if operator == "*" and object in (first.dtype, second.dtype) and first.size * second.shape[1] > _MOST_PRODUCTS:
+            raise NotUnderstood(f"multiplies matrices of signals by more than {_MOST_PRODUCTS} products")
         with np.errstate(all="ignore"):
             if operator in each:
                 return matrix(each[operator](first, second))
