@@ -82,7 +82,11 @@ def outcomes(model: SimulinkModel) -> list[BlockOutcome]:
     undriven = _undriven(model)
     left_out = [BlockOutcome(path, kind, "structure", "ignored", why) for path, (kind, why) in
                 model.expanded.left_out.items()]  # fmt: skip
+    known = {node.path for node in model.expanded.nodes} | model.expanded.left_out.keys()
+    whole = [BlockOutcome(entry.element, "station", "mechanics", "lost", entry.text, entry.element) for entry in
+             model.report.of("lost") if entry.element not in known]  # fmt: skip
     return [
+        *whole,
         *(_outcome(model, node, found.get(node.path, []), undriven.get(node, "")) for node in model.expanded.nodes),
         *left_out,
     ]
@@ -112,6 +116,8 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], un
         ports = ", ".join(f"{side} {number}" for _, side, number in unread)
         if node.kind in _SENSING and all(side == "rconn" and number > 1 for _, side, number in unread):
             text = f"{text}; no station measures what its port {ports} tells".removeprefix("; ")
+        elif _stands_alone(model, node):
+            fate, text = "ignored", _ALONE
         else:
             fate, text = "lost", f"nothing reads its port {ports}"
     if undriven and fate != "lost":
@@ -121,11 +127,22 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], un
     return BlockOutcome(node.path, node.kind, row.domain, fate, text, noun)
 
 
+_ALONE = "its network is joined with no body, and nothing that moves depends on it"
+
+
+def _stands_alone(model: SimulinkModel, node: Node) -> bool:
+    """Tell whether a block is part of a network that is joined with no body, and of which nothing that moves takes."""
+    rows, joined = block_types(), model.network.joined(node)
+    bodies = (one.kind not in NETWORKS and one.kind in rows and rows[one.kind].domain == "mechanics" for one in joined)
+    return not any(bodies) and not any(map(model.tracer.followed, joined))
+
+
 def _unknown(model: SimulinkModel, node: Node) -> BlockType:
     if node.children:
         return BlockType("structure", "exact")
     if node.kind not in RULES and model.network.unread(node):
-        return BlockType("mechanics", "lost", node.kind)
+        alone = _stands_alone(model, node)
+        return BlockType("mechanics", "ignored", _ALONE) if alone else BlockType("mechanics", "lost", node.kind)
     if node in model.opened:
         return BlockType("signals", "open")
     if not model.tracer.followed(node):
@@ -155,6 +172,8 @@ def fidelity(found: list[BlockOutcome], prescribed: int = 0, assumed: int = 0) -
     ]
     parts.append(f"{counted(assumed, 'figure')} assumed" if assumed else "")
     parts.append(f"{counted(prescribed, 'joint')} prescribed" if prescribed else "")
+    apart = sum(outcome.text == _ALONE for outcome in found)
+    parts.append(f"{counted(apart, 'network block')} joined with no body" if apart else "")
     opened = sum(outcome.fate == "open" for outcome in found)
     parts.append(f"{counted(opened, 'control block')} left open" if opened else "")
     return "; ".join(part for part in parts if part)
@@ -237,12 +256,12 @@ def _try(station: Path, report: ImportReport, duration: float) -> None:
         result = simulate(station, duration=duration, progress=False, on_step=look)
     except SimrobError as problem:
         why = str(problem).replace(str(station), station.name)
-        report.add("lost", station.stem, f"the station does not run as it is: {why}")
+        report.add("lost", "run", f"the station does not run as it is: {why}")
         return
     if result.ending == "interrupted" and len(steps) < _MOST_TRIED:
         raise KeyboardInterrupt  # by the user
     if result.ending in ("diverged", "failed"):
-        report.add("lost", station.stem, f"the station does not run as it is: {result.message}")
+        report.add("lost", "run", f"the station does not run as it is: {result.message}")
     gaps = (measure.entries for measure in result.verdict.measures if measure.criterion.name == "coupling_gap")
     for entry in chain.from_iterable(gaps):
         if entry.value > _OPEN:

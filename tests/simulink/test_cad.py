@@ -197,7 +197,8 @@ def test_step_geometry_is_seen_in_its_own_units(tmp_path):
     assert robot.mass == pytest.approx(0.024, rel=1e-6)
     (tmp_path / "rod.step").write_text("ISO-10303-21;\nHEADER;")
     lost = import_simulink(pendulum(tmp_path, parts=part("stand") + rod), tmp_path / "bad").report.of("lost")
-    assert ["rod.step, which holds no solid" in entry.text for entry in lost] == [True]
+    assert ["rod.step, which holds no solid" in entry.text for entry in lost] == [True, False]
+    assert lost[-1].element == "motion by forces"  # for it was the only one with a weight
 
 
 @pytest.mark.parametrize(
@@ -233,7 +234,8 @@ def test_what_is_wrong_is_told(tmp_path, old, new, told):
 def test_a_part_of_negative_mass_is_lost(tmp_path):
     file = pendulum(tmp_path)
     file.write_text(file.read_text().replace("<Mass>2000</Mass>", "<Mass>-1</Mass>"))
-    (lost,) = import_simulink(file, tmp_path / "out").report.of("lost")
+    lost, motion = import_simulink(file, tmp_path / "out").report.of("lost")
+    assert motion.element == "motion by forces"
     assert "Mass is -0.001; it must not be negative" in lost.text
 
 

@@ -41,6 +41,9 @@ def translated(code):
          lambda u: [np.cos(2 * u), np.sin(2 * u)]),
         ("function y = f(u)\nR = [cos(u) -sin(u); sin(u) cos(u)];\ny = [inv(R)*[1; 0]; R\\[0; 1]; ([1 0]/R)'];",
          lambda u: [np.cos(u), -np.sin(u), np.sin(u), np.cos(u), np.cos(u), np.sin(u)]),
+        ("function y = f(u)\ny = [int16(3*u); uint8(2*u); int8(200*u)];",
+         lambda u: [np.sign(u) * np.floor(np.abs(3 * u) + 0.5), np.clip(np.floor(2 * u + 0.5), 0, 2),
+                    np.clip(np.sign(u) * np.floor(np.abs(200 * u) + 0.5), -128, 127)]),
         ("function y = f(u)\nM = [2 u; u 3];\ny = M\\[1; 0] + inv(M)*[0; sqrt(u + 2)];",
          lambda u: np.array([3 - u * np.sqrt(u + 2), 2 * np.sqrt(u + 2) - u]) / (6 - u**2)),
         ("function y = f(u)\ny = zeros(3,1);\nfor k = 1:3\n y(k) = k*max(u, 0);\nend",
@@ -50,7 +53,7 @@ def translated(code):
         ("function[y] = f(u)\nu;\nu.^2 / 2;\nz = [0; u];\ny = atan(3/z(1)) + z(2);", lambda u: [np.pi / 2 + u]),
         ("function y = f(u)\nn = 1;\nwhile n < 5\n n = 2*n;\nend\nfunction z = g(k)\n if k > 1\n  z = k;\n end\nend\n"
          "y = g(n)*u;\nend", lambda u: [8 * u]),  # a function among the statements of another
-        ("function y = f(u)\ny = mod(u, 0.31) + atan2(u, 2) + norm([u; 1]);",
+        ("function y = f(u)\ny = mod(u, 0.31) + atan2(u, 2) + norm([u; 1], 2);",
          lambda u: [np.mod(u, 0.31) + np.arctan2(u, 2) + np.hypot(u, 1)]),
     ],
 )  # fmt: skip
@@ -70,6 +73,7 @@ def test_code_is_what_it_computes(code, equation):
         ("function y = f(u)\ny = eval('system(1)');", "eval"),
         ("function y = f(u)\ny = f(u);", "calls itself"),
         ("function y = f(u)\nx = u;", "gives no y"),
+        ("function y = f(u)\n[n, m] = size(ones(40, 50));\nA = u*ones(n, m);\ny = A*A';", "more than 30000 products"),
         ("function y = f(u)\nif u > 0\n y = [1 2];\nelse\n y = 1;\nend", "size depends"),
     ],
 )

@@ -4,13 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from slx_files import pendulum
+from slx_files import INERTIA, Level, pendulum, write_model
 
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidModel, OutputError
 from simrob_drake.robots.catalog import load_robot_file
 from simrob_drake.simulink.importing import import_simulink
+from simrob_drake.simulink.reading.model_file import Libraries
 from simrob_drake.simulink.simulink_model import read_simulink
 from simrob_drake.simulink.values.workspace import variables_of
 
@@ -102,9 +103,40 @@ def test_variables_are_taken_from_the_files_that_set_most_of_them(tmp_path):
     assert load_station(imported.station).controllers["law"].blocks["Limit"].of == pytest.approx(
         {"q.Shoulder": -70.0, "v.Shoulder": -4.0, "q_ref.Shoulder": 70.0}
     )
-    assert imported.fidelity == "mechanics complete"
+    assert imported.fidelity == "mechanics complete; 1 figure assumed"  # other.m has another Kp
     taken = [entry.text.partition(" ")[0] for entry in imported.report.entries if entry.element == "start.m"]
     assert sorted(taken) == ["Kp", "Kw"]
+
+
+def test_files_beside_a_model_that_lacks_nothing_are_left_alone(tmp_path, monkeypatch):
+    searched = []
+    monkeypatch.setattr(Libraries, "offered", lambda _, model: searched.append(model) or {})
+    import_simulink(pendulum(tmp_path / "arm.slx"), tmp_path / "out", assume=True)
+    assert searched == []
+    import_simulink(pendulum(tmp_path / "open.slx", workspace=""), tmp_path / "open", assume=True)
+    assert len(searched) == 1
+
+
+def test_a_script_called_after_the_model_counts_before_others(tmp_path):
+    """As the DataFile that ``smimport`` writes: all robots of a folder have the same variable in theirs."""
+    (tmp_path / "near").mkdir()
+    (tmp_path / "near" / "check.m").write_text("arm.Kp = 1; arm.Kw = 2; theta0 = 20;\n")
+    (tmp_path / "arm_DataFile.m").write_text("arm.Kp = 70; arm.Kw = 4;\n")
+    model = pendulum(tmp_path / "arm.slx", workspace="theta0 = 20;", kp="arm.Kp", kw="arm.Kw")
+    imported = import_simulink(model, tmp_path / "out", assume=True)
+    assert load_station(imported.station).controllers["law"].blocks["Limit"].of["q.Shoulder"] == -70.0
+    assert imported.fidelity == "mechanics complete"
+
+
+def test_figures_of_a_library_are_looked_for_too(tmp_path):
+    library, top = Level(), Level()
+    library.block(INERTIA, "Ball", Mass="ball.mass")
+    write_model(tmp_path / "own.slx", library, kind="Library")
+    (tmp_path / "start.m").write_text("ball.mass = 70;\n")
+    top.block("own/Ball", "Ball")
+    read = read_simulink(write_model(tmp_path / "a.slx", top), assume=True)
+    assert read.bodies.bodies[0].solids[0].weight.mass == 70.0
+    assert not read.findings.undefined
 
 
 def test_open_inputs_are_told(tmp_path):

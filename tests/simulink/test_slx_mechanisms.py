@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from slx_files import INERTIA, REVOLUTE, TO_PHYSICS, TRANSFORM, WORLD, Level, write_model
 from test_mechanics import four_bar
+from test_slx_networks import hinge
 
 from simrob_drake import load_station, simulate
 from simrob_drake.simulink.importing import import_simulink
@@ -170,3 +171,83 @@ def test_a_motion_that_a_loop_counts_up(tmp_path):
     level.connect(f"{into}#rconn:1", f"{joints[0]}#lconn:2")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
     assert imported.fidelity == "mechanics complete; 1 joint prescribed"
+
+
+def pulled(tmp_path, extend):
+    """A hinge of 0.5 kg m² that 3 N·m pull on, with what ``extend`` adds; its import and the speed after 0.5 s."""
+    level, joint = hinge()
+    torque, into = level.block("Constant", "Torque", Value="3"), level.block(TO_PHYSICS, "In", Unit="1")
+    level.wire(f"{torque}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    extend(level, joint)
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    result = simulate(imported.station, duration=0.5, progress=False)
+    return imported, result[next(name for name in result.names if f".{name}".endswith(".v.J"))][-1]
+
+
+def test_a_joint_that_is_not_connected_stops_no_other(tmp_path):
+    imported, speed = pulled(tmp_path, lambda level, _: level.block(REVOLUTE, "Alone"))
+    assert imported.fidelity == "mechanics complete"
+    assert speed == pytest.approx(3.0, rel=1e-3)
+    assert [entry.element for entry in imported.report.of("dropped")] == ["Alone"]
+
+
+def test_a_joint_on_which_nothing_weighs_is_held_and_the_others_move(tmp_path):
+    def extend(level, joint):
+        last = level.block(REVOLUTE, "Last")
+        level.connect(f"{joint}#rconn:1", f"{last}#lconn:1")
+        level.connect(
+            f"{last}#rconn:1", f"{level.block('sm_lib/Frames and Transforms/Reference Frame', 'End')}#rconn:1"
+        )
+
+    imported, speed = pulled(tmp_path, extend)
+    assert imported.fidelity == "1 Revolute Joint lost; 1 joint prescribed"
+    assert speed == pytest.approx(3.0, rel=1e-3)
+
+
+def test_a_group_that_weighs_nothing_is_left_out_and_the_others_move(tmp_path):
+    def extend(level, _):
+        loose = level.block(REVOLUTE, "Loose")
+        for side in ("lconn", "rconn"):
+            end = level.block("sm_lib/Frames and Transforms/Reference Frame", side)
+            level.connect(f"{loose}#{side}:1", f"{end}#rconn:1")
+
+    imported, speed = pulled(tmp_path, extend)
+    assert imported.fidelity == "1 Revolute Joint lost"
+    assert speed == pytest.approx(3.0, rel=1e-3)
+
+
+def test_a_station_that_no_force_moves_says_so_first(tmp_path):
+    level = Level()
+    world, joint = level.block(WORLD, "World"), level.block(REVOLUTE, "J")
+    end = level.block("sm_lib/Frames and Transforms/Reference Frame", "End")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{end}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "1 motion by forces lost"
+
+
+def test_what_could_touch_the_floor_swings_as_exactly(tmp_path):
+    """A ball of 1 kg at 0.2 m of a hinge, 0.3 m above a plane that it does not reach, let go level."""
+    level = Level()
+    world, joint, plane = level.block(WORLD, "World"), level.block(REVOLUTE, "J"), level.block(
+        "sm_lib/Curves and Surfaces/Infinite Plane", "Floor")  # fmt: skip
+    mount = level.block(TRANSFORM, "Mount", TranslationMethod="Cartesian", TranslationCartesianOffset="[0 0 0.3]",
+                        RotationMethod="StandardAxis", RotationStandardAxis="+X", RotationAngle="-90",
+                        RotationAngleUnits="deg")  # fmt: skip
+    arm = level.block(TRANSFORM, "Arm", TranslationMethod="Cartesian", TranslationCartesianOffset="[0.2 0 0]")
+    ball = level.block("sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", BasedOnType="Mass",
+                       Mass="1", ExportEntireGeometry="on")  # fmt: skip
+    touch = level.block("sm_lib/Forces and Torques/Spatial Contact Force", "Touch")
+    level.connect(f"{world}#rconn:1", f"{mount}#lconn:1", f"{plane}#lconn:1")
+    level.connect(f"{mount}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{arm}#lconn:1")
+    level.connect(f"{arm}#rconn:1", f"{ball}#rconn:1")
+    level.connect(f"{ball}#lconn:1", f"{touch}#lconn:1")
+    level.connect(f"{plane}#rconn:1", f"{touch}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert load_station(imported.station).contact is not None
+    result = simulate(imported.station, duration=0.6, progress=False)
+    spin = 0.2**2 + 0.4 * 0.05**2
+    angle, _ = solved(lambda _, state: [state[1], WEIGHT * 0.2 * np.cos(state[0]) / spin], [0, 0], result.times)
+    np.testing.assert_allclose(result["q.J"], angle, atol=0.005 * np.ptp(angle))

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from slx_files import INERTIA, MECHANISM, REVOLUTE, TO_PHYSICS, WORLD, Level, write_model
+from slx_files import FROM_PHYSICS, INERTIA, MECHANISM, REVOLUTE, TO_PHYSICS, WORLD, Level, write_model
 
 from simrob_drake import load_station, simulate
 from simrob_drake.simulink.importing import import_simulink
@@ -91,6 +91,51 @@ def test_what_settles_at_once_is_where_it_comes_to(tmp_path):
     result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
     np.testing.assert_allclose(result["v.J"], speeds(result.times, inductance=1e-5), atol=2e-4)
     assert "state_space" not in imported.station.read_text()
+
+
+def test_a_network_that_is_joined_with_no_body_is_no_loss(tmp_path):
+    """What a scope alone shows; where a joint takes it, what is not read of it is lost as before."""
+    for lost, taken in enumerate((False, True)):
+        level, joint = hinge()
+        battery = level.block("ee_lib/Sources/Battery", "Battery")
+        ground = level.block(f"{ELECTRICAL}Electrical Reference", "Ground")
+        sensor = level.block("fl_lib/Electrical/Electrical Sensors/Voltage Sensor", "Sensor")
+        level.connect(f"{battery}#lconn:1", f"{sensor}#lconn:1")
+        level.connect(f"{battery}#rconn:1", f"{sensor}#rconn:2", f"{ground}#lconn:1")
+        out, into = level.block(FROM_PHYSICS, "Out", Unit="1"), level.block(TO_PHYSICS, "In", Unit="1")
+        level.connect(f"{sensor}#rconn:1", f"{out}#lconn:1")
+        torque = level.block("Constant", "Torque", Value="3")
+        level.wire(f"{out if taken else torque}#out:1", f"{into}#in:1")
+        level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+        imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out", force=True)
+        fates = {one.path: one.fate for one in imported.outcomes}
+        assert {fates[name] for name in ("Battery", "Ground", "Sensor")} == {("ignored", "lost")[lost]}
+        assert ("Battery" in imported.fidelity) == bool(lost)
+        assert (imported.fidelity == "mechanics complete; 3 network blocks joined with no body") != bool(lost)
+
+
+@pytest.mark.parametrize(("sense", "sign"), [("same", 1.0), ("opposite", -1.0)])
+def test_a_simple_gear_turns_a_joint(tmp_path, sense, sign):
+    """2 N·m at its base, the follower at a hinge of 0.5 kg m²: the base turns three times as fast."""
+    level, joint = hinge()
+    torque, into = level.block("Constant", "Torque", Value="2"), level.block(TO_PHYSICS, "In", Unit="1")
+    source = level.block("fl_lib/Mechanical/Mechanical Sources/Ideal Torque Source", "Source")
+    held = level.block("fl_lib/Mechanical/Rotational Elements/Mechanical Rotational Reference", "Held")
+    face = level.block("fl_lib/Mechanical/Multibody Interfaces/Rotational Multibody Interface", "Face")
+    gear = level.block("sdl_lib/Gears/Simple Gear", "Gear", ratio="3", enable_backlash="false",
+                       friction_model="sdl.enum.gear_efficiencies_load.off",
+                       rotation_direction=f"sdl.enum.shaftOutputDirection.{sense}", mu_visc="[0, 0]")  # fmt: skip
+    level.wire(f"{torque}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{source}#rconn:1")
+    level.connect(f"{face}#lconn:1", f"{joint}#lconn:2")
+    level.connect(f"{face}#rconn:1", f"{joint}#rconn:2")
+    level.connect(f"{source}#lconn:1", f"{gear}#lconn:1")
+    level.connect(f"{gear}#rconn:1", f"{face}#rconn:2")
+    level.connect(f"{source}#rconn:2", f"{held}#lconn:1", f"{face}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(load_station(imported.station, TIGHT), duration=0.5, progress=False)
+    np.testing.assert_allclose(result["v.J"], sign * 2 * 3 / 0.5 * result.times, atol=1e-5)
 
 
 def test_a_network_with_what_is_not_linear_is_lost_by_name(tmp_path):

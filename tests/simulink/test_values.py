@@ -52,6 +52,7 @@ VARIABLES = {
         ("[2 4]/2", [[1, 2]]),
         ("[2 1;1 3]\\[3;5]", [[0.8], [1.4]]),
         ("norm([3 4])", [[5]]),
+        ("[norm([3 -4], 1) norm([3; 4], 2) norm([3 4; 0 0])]", [[7, 5, 5]]),
         ("max([1 7 3])", [[7]]),
         ("sum([1 2;3 4])", [[4, 6]]),
         ("cosd(60)", [[0.5]]),
@@ -61,6 +62,7 @@ VARIABLES = {
         ("zeros(2,1)", [[0], [0]]),
         ("1 ... of two\n + 2", [[3]]),
         ("1 + 2 ...", [[3]]),
+        ("[int16(2.5) uint8([-3 300]) int8(-2.5) int32(NaN)]/4", [[0.75, 0, 63.75, -0.75, 0]]),
     ],
 )  # fmt: skip
 def test_expressions(text, expected):
@@ -71,6 +73,7 @@ def test_texts_and_structures():
     workspace = Variables(variables=dict(VARIABLES))
     assert workspace.value("'it''s'") == "it's"
     assert workspace.value("['a' 'b']") == "ab"
+    assert workspace.value('["on" "off"]') == ["on", "off"]  # strings stay apart, unlike texts
     assert workspace.value("tool.name") == "gripper"
 
 

@@ -141,6 +141,9 @@ Edges = dict[Place, list[tuple[Place, RigidTransform, Node]]]
 """By physical node: which others are rigidly joined with it, with their poses in it, and by which block."""
 
 
+_ENDS = "lconn", "rconn"
+
+
 class _Frames:
     """What is on which physical node, and how these are joined."""
 
@@ -157,6 +160,8 @@ class _Frames:
             self._join(*self._ends(node), rigid_transform(node), node)
         elif node.kind == "Weld Joint":
             self._join(*self._ends(node), RigidTransform(), node)
+        elif node.kind in JOINTS and not any(self._network.on(self._network.net(node, side)) for side in _ENDS):
+            node.note("dropped", "the joint: it is not connected")
         elif node.kind in JOINTS:
             joint = read_joint(node)
             if node.text("JointMode") == "Locked":
@@ -164,13 +169,13 @@ class _Frames:
             else:
                 self.joints.append((joint, *self._ends(node)))
         elif node.kind in (*GEARS, ROD, SPRING, BETWEEN):
-            places = [self._network.net(node, side) for side in ("lconn", "rconn")]
+            places = [self._network.net(node, side) for side in _ENDS]
             self.joints.append((node, places[0], places[1]))
             self.attached += [(node, place) for place in places]
         elif node.kind in SOLIDS:
             self._take_solid(node)
         elif node.kind == "Transform Sensor":
-            self.attached += [(node, self._network.net(node, side)) for side in ("lconn", "rconn")]
+            self.attached += [(node, self._network.net(node, side)) for side in _ENDS]
         elif node.kind in ("World Frame", *_MARKS) or node.kind in _GEOMETRY_ONLY:
             self.attached.append((node, frame_place(self._network, node)))
 
@@ -280,9 +285,9 @@ def read_contacts(network: Connections) -> list[ContactPair]:
     for node in nodes:
         if node.kind != "Spatial Contact Force":
             continue
-        ends = [geometry.get(network.net(node, side)) for side in ("lconn", "rconn")]
+        ends = [geometry.get(network.net(node, side)) for side in _ENDS]
         if ends[0] is None or ends[1] is None:
-            if not any(network.on(network.net(node, side)) for side in ("lconn", "rconn")):
+            if not any(network.on(network.net(node, side)) for side in _ENDS):
                 node.note("dropped", "the contact: it is not connected")
                 continue
             node.note("lost", "the contact: one of its ends is no solid or plane")

@@ -10,14 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.nodes import Node
-
-_FLOATING: dict[str, dict[str, tuple[int, ...]]] = {
-    **{f"P{axis}": {"SensePosition": (place,), "SenseVelocity": (place + 7,), "SenseAcceleration": (),
-                    "SenseTorqueForce": ()} for place, axis in enumerate("xyz")},
-    "Sph": {"SensePosition": (3, 4, 5, 6), "SenseVelocityX": (10,), "SenseVelocityY": (11,), "SenseVelocityZ": (12,),
-            "SenseVelocity": (10, 11, 12), **{f"SenseAcceleration{axis}": () for axis in ("X", "Y", "Z", "")}},
-}  # fmt: skip
-"""What the ports of a floating joint hand out: which parts of a frame sensor; none of what no station measures."""
+from simrob_drake.simulink.tables import table
 
 
 @dataclass(frozen=True)
@@ -35,7 +28,7 @@ class Pull:
 
 def sensed_parts(node: Node) -> dict[int, tuple[int, ...]]:
     """Return which parts of a frame sensor the ports of a joint hand out, by the number of the right port."""
-    asked = [parts for kind, all_ in _FLOATING.items() for name, parts in all_.items() if node.is_on(f"{kind}{name}")]
+    asked = (tuple(parts) for name, parts in table("joints")["floating"].items() if node.is_on(name))
     return dict(enumerate(asked, start=2))
 
 
@@ -169,38 +162,11 @@ _ROTATIONS: dict[str, Callable[[Node, str], RotationMatrix]] = {
 }
 
 
-PRIMITIVES = {
-    "Weld Joint": (),
-    "Revolute Joint": ("Rz",),
-    "Prismatic Joint": ("Pz",),
-    "Cylindrical Joint": ("Rz", "Pz"),
-    "Universal Joint": ("Rx", "Ry"),
-    "Gimbal Joint": ("Rx", "Ry", "Rz"),
-    "Spherical Joint": ("S",),
-    "Rectangular Joint": ("Px", "Py"),
-    "Planar Joint": ("Px", "Py", "Rz"),
-    "Cartesian Joint": ("Px", "Py", "Pz"),
-    "Bearing Joint": ("Pz", "Rx", "Ry", "Rz"),
-    "Bushing Joint": ("Px", "Py", "Pz", "Rx", "Ry", "Rz"),
-    "Telescoping Joint": ("Pz", "S"),
-    "Pin Slot Joint": ("Px", "Rz"),
-    "6-DOF Joint": ("Px", "Py", "Pz", "Sph"),
-    "Lead Screw Joint": ("Rz", "Pz"),
-}
-"""What each joint block lets free, in order: slides, turns, a sphere."""
-JOINTS = set(PRIMITIVES)
+PRIMITIVES: dict[str, list[str]] = table("joints")["primitives"]
+JOINTS = PRIMITIVES.keys()
 
 _COUNTS = {"High": 1e-2, "Low": 3e-4}
 """How much a target counts that a joint asks for, by its priority; what nobody asks for counts 1e-5."""
-
-_SENSED = (
-    ("SensePosition", "q"), ("SenseVelocity", "w"), ("SenseAcceleration", "a"), ("SenseTorqueForce", "t"),
-    ("SenseLowerLimitTorqueForce", "lower"), ("SenseUpperLimitTorqueForce", "upper"),
-)  # fmt: skip
-_SPHERE_SENSED = ("SensePosition", "SenseVelocityX", "SenseVelocityY", "SenseVelocityZ", "SenseVelocity",
-                  "SenseAccelerationX", "SenseAccelerationY", "SenseAccelerationZ", "SenseAcceleration",
-                  "SenseTorqueX", "SenseTorqueY", "SenseTorqueZ", "SenseTorqueForce",
-                  "SenseLowerLimitTorqueMag", "SenseUpperLimitTorqueMag")  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -268,7 +234,7 @@ def read_joint(node: Node) -> Joint:
     return joint
 
 
-def _read_primitives(node: Node, joint: Joint, kinds: tuple[str, ...]) -> None:
+def _read_primitives(node: Node, joint: Joint, kinds: list[str]) -> None:
     """Read what each primitive of a joint lets free, and number its ports."""
     left, right = 2, 2
     for kind in kinds:
@@ -277,7 +243,7 @@ def _read_primitives(node: Node, joint: Joint, kinds: tuple[str, ...]) -> None:
         joint.freedoms += freedoms
         if kind.startswith("S"):
             left += sum(node.is_on(f"{prefix}ActuateTorque{end}") for end in ("X", "Y", "Z", ""))
-            right += sum(node.is_on(f"{prefix}{sensed}") for sensed in _SPHERE_SENSED)
+            right += sum(node.is_on(f"{prefix}{sensed}") for sensed in table("joints")["ball"])
             continue
         (freedom,) = freedoms
         for what in ("Torque", "Motion"):
@@ -285,7 +251,7 @@ def _read_primitives(node: Node, joint: Joint, kinds: tuple[str, ...]) -> None:
                 freedom.driven = what.lower()
                 joint.inputs[left] = (freedom, freedom.driven)
                 left += 1
-        for sensed, what in _SENSED:
+        for sensed, what in table("joints")["sensed"].items():
             if node.is_on(f"{prefix}{sensed}"):
                 joint.outputs[right] = (freedom, what)
                 right += 1

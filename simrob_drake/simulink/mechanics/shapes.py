@@ -202,39 +202,27 @@ def _outline(node: Node, name: str) -> Vector:
 
 
 def _drawn_out(outline: Vector, length: float) -> MeshPart:
-    count, half = len(outline), length / 2
-    corners = np.vstack([np.column_stack([outline, np.full(count, z)]) for z in (-half, half)])
-    here = np.arange(count)
-    following = np.roll(here, -1)
-    sides = np.vstack(
-        [
-            np.column_stack([here, following, following + count]),
-            np.column_stack([here, following + count, here + count]),
-        ]
-    )
-    caps = triangles(outline)
-    return MeshPart(corners, np.vstack([sides, caps[:, ::-1], caps + count]))
+    return _skin([np.column_stack([outline, np.full(len(outline), z)]) for z in (-length / 2, length / 2)], outline)
 
 
 def _turned(outline: Vector, angle: float, scale: Vector) -> MeshPart:
-    full = angle > 2 * np.pi - 1e-6
     steps = max(3, int(np.ceil(_SEGMENTS * angle / (2 * np.pi))))
-    turns = np.linspace(-angle / 2, angle / 2, steps + 1)
+    turns = np.linspace(angle / 2, -angle / 2, steps + 1)
     rings = [np.column_stack([outline[:, 0] * np.cos(t), outline[:, 0] * np.sin(t), outline[:, 1]]) for t in turns]
-    count = len(outline)
+    return _skin([ring * scale for ring in rings], outline if angle < 2 * np.pi - 1e-6 else None)
+
+
+def _skin(rings: list[Vector], outline: Vector | None) -> MeshPart:
+    """Return the faces between rings of corners (n, 3), one after the other, and over an outline at both ends."""
+    count = len(rings[0])
     here = np.arange(count)
-    following = np.roll(here, -1)
-    faces: list[Any] = []
-    for step in range(steps):
-        one, other = step * count, (step + 1) * count
-        faces += [
-            np.column_stack([here + one, here + other, following + other]),
-            np.column_stack([here + one, following + other, following + one]),
-        ]
-    if not full:
+    following, above = np.roll(here, -1), np.roll(here, -1) + count
+    band = np.vstack([np.column_stack([here, following, above]), np.column_stack([here, above, here + count])])
+    faces: list[Any] = [band + step * count for step in range(len(rings) - 1)]
+    if outline is not None:
         caps = triangles(outline)
-        faces += [caps, caps[:, ::-1] + steps * count]
-    return MeshPart(np.vstack(rings) * scale, np.vstack(faces))
+        faces += [caps[:, ::-1], caps + (len(rings) - 1) * count]
+    return MeshPart(np.vstack(rings), np.vstack(faces))
 
 
 STEP = (".step", ".stp")

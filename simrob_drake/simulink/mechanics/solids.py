@@ -33,23 +33,15 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.graph import Unreadable, parse_part
 
 _SHAPES: dict[str, Callable[[Node], tuple[Shape, Weight]]] = {
-    "Brick Solid": shapes.brick,
-    "Cylindrical Solid": shapes.cylinder,
-    "Spherical Solid": shapes.sphere,
-    "Ellipsoidal Solid": shapes.ellipsoid,
-    "Extruded Solid": shapes.extrusion,
-    "Revolved Solid": shapes.revolution,
-}
+    "Brick Solid": shapes.brick, "Cylindrical Solid": shapes.cylinder, "Spherical Solid": shapes.sphere,
+    "Ellipsoidal Solid": shapes.ellipsoid, "Extruded Solid": shapes.extrusion, "Revolved Solid": shapes.revolution,
+}  # fmt: skip
 _OLD_SHAPES = {
-    "Brick": "Brick Solid",
-    "Cylinder": "Cylindrical Solid",
-    "Sphere": "Spherical Solid",
-    "Ellipsoid": "Ellipsoidal Solid",
-    "RegularExtrusion": "Extruded Solid",
-    "GeneralExtrusion": "Extruded Solid",
+    "Brick": "Brick Solid", "Cylinder": "Cylindrical Solid", "Sphere": "Spherical Solid",
+    "Ellipsoid": "Ellipsoidal Solid", "FromFile": "File Solid",
+    **dict.fromkeys(("RegularExtrusion", "GeneralExtrusion"), "Extruded Solid"),
     **dict.fromkeys(("Revolution", "GeneralSolidOfRevolution"), "Revolved Solid"),
-    "FromFile": "File Solid",
-}
+}  # fmt: skip
 SOLIDS = {*_SHAPES, "File Solid", "Solid", "Inertia", "Graphic"}  # the blocks that are read here
 
 
@@ -306,9 +298,6 @@ def _on_revolution(node: Node, feature: str) -> Vector | None:
 
 _CENTRED = "Brick Solid", "Cylindrical Solid", "Spherical Solid", "Ellipsoidal Solid"
 _FEATURES: dict[str, Callable[[Node, str], Vector | None]] = {
-    "Brick Solid": _on_brick,
-    "Cylindrical Solid": _on_cylinder,
-    "Extruded Solid": _on_extrusion,
-    "Revolved Solid": _on_revolution,
-    "Spherical Solid": lambda *_: np.zeros(3),
-}
+    "Brick Solid": _on_brick, "Cylindrical Solid": _on_cylinder, "Extruded Solid": _on_extrusion,
+    "Revolved Solid": _on_revolution, "Spherical Solid": lambda *_: np.zeros(3),
+}  # fmt: skip

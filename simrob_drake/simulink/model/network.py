@@ -50,6 +50,16 @@ class Connections:
                 found.setdefault(place, []).append(node)
         return found
 
+    def joined(self, start: Node) -> set[Node]:
+        """Return the blocks that physical lines join with one, over any number of others; subsystems are no blocks."""
+        found, waiting = {start}, [start]
+        while waiting:
+            new = {one for place in self._wired.get(waiting.pop(), ()) for one in self.on(place)} - found
+            new = {one for one in new if not one.children and one.kind != "PMIOPort"}
+            found |= new
+            waiting += new
+        return found
+
     def unread(self, node: Node) -> list[Place]:
         """Return the physical ports of a block that lines lead to and that nothing has asked for."""
         return sorted(self._wired.get(node, set()) - self._read)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,8 @@ from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Mask, MaskParameter, Model, SimulinkBlock, System
-from simrob_drake.simulink.reading.model_file import BUILT_IN, Libraries
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
+from simrob_drake.simulink.reading.model_file import BUILT_IN, Libraries, referenced_by
+from simrob_drake.simulink.values.evaluate import ELEMENTARY, UndefinedVariable, matrix
 from simrob_drake.simulink.values.mat import stored_workspace
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor
@@ -26,7 +25,6 @@ _OLDER_UNITS = {
     "GravityVector": "GravityUnits",
 }
 """Where the first releases of Simscape Multibody keep units."""
-_NAME = re.compile(r"(?<![\w.])[A-Za-z]\w*")
 
 
 @dataclass
@@ -126,6 +124,11 @@ class Node:
         """Return a parameter as one number in SI."""
         return float(self.numbers(name, default, unit=unit, size=1, unknown=unknown)[0])
 
+    def quantity(self, *names: str, default: str = "0") -> float:
+        """Return a parameter in SI under the first of these names that is there; its unit is under ``<name>_unit``."""
+        name = next((one for one in names if one in self.block.parameters), names[0])
+        return self.number(name, default) * self.in_si(self.text(f"{name}_unit", "1"), name)
+
     def unit(self, name: str, like: str) -> float:
         """Return what a parameter's unit is in SI; SI where none is written."""
         names = f"{name}Units", f"{name.removesuffix('s')}Units", _OLDER_UNITS.get(name, "")
@@ -222,14 +225,10 @@ class Expanded:
 
         Where that file is missing, mechanics are lost if physical lines lead to the block and it ``moves``.
         """
-        referenced = block.parameters.get("ReferencedSubsystem", "")
-        if block.kind == "ModelReference":
-            named = (block.parameters.get(name, "") for name in ("ModelFile", "ModelNameDialog", "ModelName"))
-            referenced = next(filter(None, named), "").removesuffix(".slx").removesuffix(".mdl")
-        if referenced:
+        if referenced := referenced_by(block):
             model = self.libraries.model(referenced)
             if model is None:
-                self._note_missing(path, referenced, "referenced subsystem", moves=moves)
+                self._note_missing(path, "referenced subsystem", referenced, moves=moves)
                 return block, None, None, home
             return block, model.mask, model.system, referenced
         mask, own = block.mask, block
@@ -242,14 +241,15 @@ class Expanded:
             home = source.partition("/")[0]
             found = self.libraries.block(source)
             if found is None:
-                self._note_missing(path, home, f"library block {source}", moves=moves)
+                self._note_missing(path, f"library block {source}", home, moves=moves)
                 return block, None, None, home
             own, mask = replace(found, parameters={**found.parameters, **_own(block)}), mask or found.mask
         return replace(own, sid=block.sid, name=block.name), mask, own.system, home
 
-    def _note_missing(self, path: str, name: str, what: str, *, moves: bool) -> None:
-        message = f"{what}: the file {name}.slx is missing; give its folder with --library DIR"
-        self.findings.report.add("lost" if moves else "open", path, message)
+    def _note_missing(self, path: str, what: str, name: str, *, moves: bool) -> None:
+        missing = f"the file {name}.slx is missing; give its folder with --library DIR"
+        why = missing if self.libraries.model(name) is None else f"the file {name}.slx has no such block"
+        self.findings.report.add("lost" if moves else "open", path, f"{what}: {why}")
 
 
 def expand(
@@ -263,8 +263,7 @@ def expand(
     code = "\n".join(model.callbacks.values())
     called = Variables(name="callbacks", variables=dict(variables), code=code, octave=octave, files=libraries)
     if findings.assume:
-        offered = libraries.offered(_names(model.system)).items()
-        called.spare = {name: partial(_spare, findings.report, name, *found) for name, found in offered}
+        called.spare = _spares(model, libraries, findings)
     stored = stored_workspace(model.stored) or {}
     written = Variables(name=model.name, variables=stored, code=model.code, outer=called)
     workspace = Variables(name="given", variables=variables, outer=written)
@@ -283,19 +282,22 @@ def expand(
     return expanded
 
 
-def _names(system: System) -> set[str]:
-    """Return all names in the parameters of a system's blocks and masks."""
-    found: set[str] = set()
-    for block in system.blocks.values():
-        masked = [parameter.value for parameter in block.mask.parameters] if block.mask else []
-        found.update(*(_NAME.findall(text) for text in [*block.parameters.values(), *masked]))
-        found |= _names(block.system) if block.system else set()
-    return found
+def _spares(model: Model, libraries: Libraries, findings: Findings) -> Callable[[str], Any]:
+    """Return what gives variables of files beside a model: no script is gone through before one is lacking."""
+    offered = cache(lambda: libraries.offered(model))
 
+    def spare(name: str) -> Any:
+        if name in ELEMENTARY or name not in offered():
+            return None
+        file, value, odd = offered()[name]
+        message = f"{name} is taken from it, for the model's own workspaces do not have it"
+        if odd:
+            findings.missing(UndefinedVariable(name, f"{', '.join([file, *odd])} differ"), file)
+            message += f"; {', '.join(odd)} set it otherwise"
+        findings.report.add("approximated", file, message)
+        return value
 
-def _spare(report: ImportReport, name: str, file: str, value: Any) -> Any:
-    report.add("approximated", file, f"{name} is taken from it, for the model's own workspaces do not have it")
-    return value
+    return spare
 
 
 def path_below(parent: Node, block: SimulinkBlock) -> str:
@@ -323,12 +325,10 @@ def _masked(name: str, mask: Mask, values: dict[str, str], outer: Variables) -> 
 
 def _reader(parameter: MaskParameter, text: str, outer: Variables) -> Callable[[], Any]:
     if parameter.kind == "checkbox":
-        return lambda: outer.value("1" if text == "on" else "0")
-    if parameter.kind == "popup":
-        if parameter.evaluated and text in parameter.choices:
-            return lambda: outer.value(str(parameter.choices.index(text) + 1))
-        return lambda: text
-    if not parameter.evaluated:
+        text = "1" if text == "on" else "0"
+    elif parameter.kind == "popup" and parameter.evaluated and text in parameter.choices:
+        text = str(parameter.choices.index(text) + 1)
+    elif parameter.kind == "popup" or not parameter.evaluated:
         return lambda: text
 
     def read() -> Any:

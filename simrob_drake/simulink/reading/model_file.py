@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from simrob_drake.errors import InvalidModel, InvalidParameter
 from simrob_drake.files import NotRead, content_of
 from simrob_drake.simulink.reading.graph import (
@@ -38,6 +40,7 @@ LARGEST_PART = 64 * 2**20  # bytes
 LARGEST_MODEL = 256 * 2**20  # bytes of all parts that are read
 
 _ASSIGNED = re.compile(r"^[ \t]*(\w+)[\w.()]*[ \t]*=(?!=)", re.MULTILINE)
+_NAME = re.compile(r"(?<![\w.])[A-Za-z]\w*")
 _STORED = "simulink/modelWorkspace.mxarray"
 _TEXT_PACKAGE = b"__MWOPC_PACKAGE_BEGIN__"
 _TEXT_PART = re.compile(rb"^__MWOPC_PART_BEGIN__ (\S.*?)\s*$\n", re.MULTILINE)
@@ -205,6 +208,22 @@ _SUFFIXES = ".slx", ".mdl"
 _MOST_FOLDERS = 500
 
 
+def referenced_by(block: SimulinkBlock) -> str:
+    """Return the name of the file that a block stands for as a whole; empty of others."""
+    names = ("ModelFile", "ModelNameDialog", "ModelName") if block.kind == "ModelReference" else ()
+    named = (block.parameters.get(name, "") for name in ("ReferencedSubsystem", *names))
+    return next(filter(None, named), "").removesuffix(".slx").removesuffix(".mdl")
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Tell whether two values are the same, matrices in structures and lists included."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(_same(value, other[name]) for name, value in one.items())
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_same, one, other))
+    return type(one) is type(other) and np.array_equal(one, other)
+
+
 class Libraries:
     """Model files, `.m` and `.mat` files by name, each read once, from the folders that the user names."""
 
@@ -253,12 +272,41 @@ class Libraries:
         except InvalidParameter:
             return None
 
-    def offered(self, names: set[str]) -> dict[str, tuple[str, Any]]:
-        """Return the variables of these names that files set, and the file: that which sets more of them."""
-        files = {name: file for name, file in self._files.items() if file.suffix in (".m", ".mat")}
-        found = {name: self._set_by(file, names) for name, file in files.items()}
-        ranked = sorted(found, key=lambda name: len(found[name]))
-        return {variable: (name, found[name][variable]) for name in ranked for variable in found[name]}
+    def offered(self, model: Model) -> dict[str, tuple[str, Any, list[str]]]:
+        """Return what files set of the variables that a model names: file, value, and files that set it otherwise.
+
+        The likeliest file counts: that in the model's folder, or called after the model, before which none else counts;
+        then that which sets more of them.
+        """
+        names = self._names(model.system, {""})
+        found = {file: self._set_by(file, names) for file in self._files.values() if file.suffix in (".m", ".mat")}
+
+        def rank(file: Path) -> tuple[bool, bool, int]:
+            return file.stem.startswith(model.name), file.parent == model.path.parent, len(found[file])
+
+        offered: dict[str, tuple[str, Any, list[str]]] = {}
+        for file in sorted(found, key=rank, reverse=True):
+            for name, value in found[file].items():
+                first, known, others = offered.setdefault(name, (file.name, value, []))
+                if not _same(value, known) and not first.startswith(model.name):
+                    others.append(file.name)
+        return offered
+
+    def _names(self, system: System, seen: set[str]) -> set[str]:
+        """Return all names in the parameters of blocks and masks of a system, and of the files that these refer to."""
+        found: set[str] = set()
+        for block in system.blocks.values():
+            masked = [parameter.value for parameter in block.mask.parameters] if block.mask else []
+            found.update(*(_NAME.findall(text) for text in [*block.parameters.values(), *masked]))
+            other = referenced_by(block) or (block.kind.partition("/")[0] if block.linked else "")
+            systems = [block.system]
+            if other not in {*seen, *BUILT_IN}:
+                seen.add(other)
+                with suppress(InvalidModel):  # one that is damaged is told where it is used
+                    model = self.model(other)
+                    systems += [model.system] if model else []
+            found.update(*(self._names(one, seen) for one in systems if one is not None))
+        return found
 
     def _set_by(self, file: Path, names: set[str]) -> dict[str, Any]:
         run = CodeRun({}, files=self)

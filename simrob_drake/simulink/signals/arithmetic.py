@@ -30,6 +30,7 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     widened,
 )
+from simrob_drake.simulink.values.evaluate import INTEGERS
 
 MOST_INPUTS = 1000
 OPERATORS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "==": "==", "~=": "!="}
@@ -248,6 +249,27 @@ MATH: dict[str, Callable[..., Value]] = {
 """Functions of MATLAB that are not those of a flow's blocks."""
 
 
+def whole(name: str, value: Value, rounded: Callable[[Value], Value] = MATH["round"]) -> Value:
+    """Return a value as a whole number of a type, such as ``int8``."""
+    return limited(rounded(value), *INTEGERS[name])
+
+
+_ROUNDED: dict[str, Callable[[Value], Value]] = {
+    "Ceiling": partial(applied, "ceil"),
+    "Zero": _truncated,
+    **dict.fromkeys(("Nearest", "Round"), MATH["round"]),
+}
+
+
+def _converted(node: Node) -> Callable[[Value], Value]:
+    """Return what a Data Type Conversion makes of a value: of a fraction or a truth, where its type has no others."""
+    name = node.text("OutDataTypeStr", node.text("DataType"))
+    if name == "boolean":
+        return lambda u: compared("!=", u, 0.0)
+    rounded = _ROUNDED.get(node.text("RndMeth"), partial(applied, "floor"))
+    return partial(whole, name, rounded=rounded) if name in INTEGERS else lambda u: u
+
+
 def _extreme(reader: SignalReader, node: Node, _: int) -> Signal:
     signals = inputs_of(reader, node, "1")
     found, *others = [signal([value]) for value in flat(signals[0])] if len(signals) == 1 else fitted(node, *signals)
@@ -276,12 +298,6 @@ def _lookup(reader: SignalReader, node: Node, _: int) -> Signal | None:
         first, step = (node.number(f"BreakpointsForDimension1{what}", "1") for what in ("FirstPoint", "Spacing"))
         parameters = table_of(first + step * np.arange(heights.size), heights, clip=clip)
     return mapped(lambda value: computed("lookup", value, **parameters), reader.input(node))
-
-
-def _within(node: Node) -> Callable[[Value], Value]:
-    low, high = node.number("lowlimit", "-0.5"), node.number("uplimit", "0.5")
-    below, above = (("<=" if node.text(f"IntervalClosed{side}", "on") == "on" else "<") for side in ("Left", "Right"))
-    return lambda u: joined("and", compared(below, low - u, 0.0), compared(above, u, high))
 
 
 def _logic(reader: SignalReader, node: Node, _: int) -> Signal | None:
@@ -318,11 +334,11 @@ def _polynomial(node: Node) -> Callable[[Value], Value]:
 
 ARITHMETIC: dict[str, Rule] = {
     **dict.fromkeys(("Gain", "Slider Gain"), _gain),
+    "DataTypeConversion": of_parameters(_converted),
     "Sum": _sum,
     "Product": _product,
     "MinMax": _extreme,
     **dict.fromkeys(("Lookup_n-D", "Lookup"), _lookup),
-    "Interval Test": of_parameters(_within),
     "Logic": _logic,
     "Switch": _switch,
     "Polyval": of_parameters(_polynomial),

@@ -96,7 +96,7 @@ def period_of(reader: SignalReader, node: Node) -> float | None:
                 known.append(source[0])
                 waiting.append(source[0])
             number += 1
-    return reader.fixed_step
+    return None
 
 
 def _integrator(reader: SignalReader, node: Node, _: int) -> Signal:
@@ -173,7 +173,7 @@ def _transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | Non
 
 
 def _rational(reader: SignalReader, node: Node, numerator: Vector, denominator: Vector, sampled: Parameters) -> Signal:
-    parameters = {"numerator": _listed(numerator), "denominator": _listed(denominator), **sampled}
+    parameters = {"numerator": numerator.tolist(), "denominator": denominator.tolist(), **sampled}
     if np.trim_zeros(numerator, "f").size < denominator.size:
         return with_states(reader, node, "transfer_function", parameters)
     values = reader.input(node)
@@ -198,7 +198,7 @@ def _begun_transfer_function(reader: SignalReader, node: Node, _: int) -> Signal
     output, begun = (node.numbers(name, "0") for name in ("Y0", "U0"))
     if not np.allclose(denominator[-1] * output, numerator[-1] * begun):
         node.note("approximated", "begins at its output without what its states are beside it")
-    parameters = {"numerator": _listed(numerator), "denominator": _listed(denominator)}
+    parameters = {"numerator": numerator.tolist(), "denominator": denominator.tolist()}
     values = with_states(reader, node, "transfer_function", parameters)
     rest = mapped(lambda u: filtered(node, u, numerator, denominator), begun.astype(object))
     return mapped(lambda one, y, other: one + y - other, *fitted(node, values, output.astype(object), rest))
@@ -211,7 +211,7 @@ def _state_space(reader: SignalReader, node: Node, _: int) -> Signal | None:
     parameters: Parameters = {name: node.matrix(name, "1").tolist() for name in "ABCD"}
     start = node.numbers("X0" if "X0" in node.block.parameters else "InitialCondition", "0")
     if start.any():
-        parameters["initial"] = _listed(np.resize(start, len(parameters["A"])) if start.size == 1 else start)
+        parameters["initial"] = (np.resize(start, len(parameters["A"])) if start.size == 1 else start).tolist()
     return _states(reader, node, parameters | sampled)
 
 
@@ -272,10 +272,6 @@ def _sampled(reader: SignalReader, node: Node, discrete: bool) -> Parameters | N
     """Return the period of a sampled block, and nothing of a continuous one; None where nothing says it."""
     period = period_of(reader, node) if discrete else 0.0
     return None if period is None else {"period": period} if period else {}
-
-
-def _listed(values: Vector) -> list[float]:
-    return [float(value) for value in values]
 
 
 _METHODS = {"Forward Euler": 0.0, "Backward Euler": 1.0, "Trapezoidal": 0.5}

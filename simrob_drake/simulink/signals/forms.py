@@ -207,7 +207,6 @@ class SignalReader(Protocol):
     """What rules ask for the signals that their blocks take."""
 
     network: Connections
-    fixed_step: float | None
 
     def input(self, node: Node, number: int = 1) -> Signal:
         """Return the signal at an input."""

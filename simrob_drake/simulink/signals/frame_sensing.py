@@ -30,7 +30,7 @@ def sensed(node: Node) -> dict[int, Callable[[], Signal]]:
 
 
 def _signal(node: Node, name: str, port: int) -> Signal:
-    parts = [Form({Term("sensed", node, index): 1.0}) for index in range(len(PARTS))]
+    parts = [part_of(node, index) for index in range(len(PARTS))]
     place, (qw, *turn), (vx, vy, vz) = parts[:3], parts[3:7], parts[7:10]
     x, y, z = place
     named = [*"XYZ", *[""] * 4, "XDot", "YDot", "ZDot", "OmegaX", "OmegaY", "OmegaZ"]
@@ -55,9 +55,14 @@ def _signal(node: Node, name: str, port: int) -> Signal:
     )
 
 
+def part_of(node: Node, index: int) -> Form:
+    """Return a part of what a sensor of the block measures, as ``PARTS`` has them."""
+    return Form({Term("sensed", node, index): 1.0})
+
+
 def orientation(node: Node) -> Signal:
     """Return the rotation matrix (3, 3) of a frame in the model's world, which a sensor of the block measures."""
-    qw, *turn = (Form({Term("sensed", node, index): 1.0}) for index in range(3, 7))
+    qw, *turn = (part_of(node, index) for index in range(3, 7))
     return _rotation(qw, turn)
 
 

@@ -38,7 +38,7 @@ from simrob_drake.simulink.signals.forms import (
     terms_of,
     widened,
 )
-from simrob_drake.simulink.signals.frame_sensing import orientation
+from simrob_drake.simulink.signals.frame_sensing import orientation, part_of
 from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9
@@ -257,10 +257,7 @@ def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
     """Return what signals, springs and dampers of a floating joint do to its follower, and to a base that can move."""
     node, wrench = link.joint.node, np.zeros(6).astype(object)
     for pull in link.joint.pulls:
-        place, speed = (
-            _sensed(node, pull.place % _PLACES),
-            _sensed(node, pull.place + 7),
-        )  # of a torque it has no spring
+        place, speed = part_of(node, pull.place % _PLACES), part_of(node, pull.place + 7)  # a torque has no spring
         if pull.port and (values := tracer.physical(node, "lconn", pull.port)) is not None:
             wrench[pull.place] += values.ravel()[0]
         elif pull.port:
@@ -272,14 +269,10 @@ def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
     turn = orientation(node).T
     pushes = [ExternalForce(node, link.follower, link.in_follower, list(turn.dot(force)), list(turn.dot(torque)), True)]
     if not link.base.grounded:
-        arm = [_sensed(node, index) for index in range(_PLACES)]
+        arm = [part_of(node, index) for index in range(_PLACES)]
         moment = [torque[i] + arm[i - 2] * force[i - 1] - arm[i - 1] * force[i - 2] for i in range(_PLACES)]
         pushes.append(ExternalForce(node, link.base, link.in_base, list(-1.0 * force), [-one for one in moment], True))
     return pushes
-
-
-def _sensed(node: Node, part: int) -> Form:
-    return Form({Term("sensed", node, part): 1.0})
 
 
 def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
@@ -291,7 +284,7 @@ def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
     if values is None:
         node.note("lost", "its force input is not connected: nothing drives it")
         return []
-    line = [_sensed(node, index) for index in range(_PLACES)]
+    line = [part_of(node, index) for index in range(_PLACES)]
     length = applied("sqrt", sum((part * part for part in line), start=0.0))
     pull: Signal = signal([values.ravel()[0] * (part / length) for part in line])
     ends = (coupling.base, coupling.in_base, -1.0 * pull), (
@@ -352,7 +345,7 @@ def forces_of_contacts(contacts: Iterable[ContactPair], bodies: Bodies) -> dict[
 
 def _wrench(node: Node, surface: ContactParameters, radius: float) -> tuple[list[Value], list[Value]]:
     """Return force and torque on a sphere in its own axes, from where it is seen from the plane."""
-    seen = {part: Form({Term("sensed", node, index): 1.0}) for index, part in enumerate(PARTS)}
+    seen = {part: part_of(node, index) for index, part in enumerate(PARTS)}
     width = node.number("NormalTransitionRegionWidth", "1e-4", unit="m")
     depth = radius - seen["z"]
     share = limited(depth * (1.0 / width), 0.0, 1.0)

@@ -109,11 +109,13 @@ def _formula(reader: SignalReader, node: Node, _: int) -> Signal | None:
     """Return what a block computes by its formula; None where that has no such choice."""
     row = dict(table("formulas")[node.kind])
     text, choices = row.pop("is"), row.pop("choices", None)
-    if choice := _CHOICE.search(text):
+    while choice := _CHOICE.search(text):
         chosen = node.text(choice[1], node.text(choice[2] or "")) or choice[3]
-        if (chosen := chosen if choices is None else choices.get(chosen.lower(), "")) == "":
+        if (chosen := chosen if choices is None else choices.get(chosen.lower().rpartition(".")[2], "")) == "":
             return None
         text = text[: choice.start()] + chosen + text[choice.end() :]
+    if note := row.pop("note", ""):
+        node.note("approximated", note)
     words = set(re.findall(r"[A-Za-z]\w*", text))
     values = {name: reader.input(node, place) for place, name in enumerate("uvw", start=1) if name in words}
     if "t" in words:

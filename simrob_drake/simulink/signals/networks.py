@@ -50,7 +50,10 @@ def elements() -> dict[str, NetworkBlock]:
 
 _OTHER_NAMES = {"L": ("l",), "K": ("Ki", "Kv")}  # other names of figures
 _ASIDE = ("PMIOPort", "Solver Configuration", "Connection Port", "ConnectionLabel", "SimscapeBus", "Two-Way Connection")
-_AS_IS = {"parameterization": ("circuit_param", "1"), "lam_param": ("damping", "2"), "mech_orient": ("positive", "1")}
+_AS_IS = {
+    "parameterization": ("circuit_param", "1"), "lam_param": ("damping", "2"), "mech_orient": ("positive", "1"),
+    "friction_model": ("off",), "enable_backlash": ("false",), "mu_visc": ("[0, 0]", "[0 0]"),
+}  # fmt: skip
 """Choices that a block may have, and with which of them its figures are those of its equations."""
 
 
@@ -186,6 +189,10 @@ def _factors(node: Node, text: str, known: Known) -> Factors:
     return found
 
 
+_SENSES = {"same": 1.0, "opposite": -1.0}
+"""Choices that are figures."""
+
+
 def _figure(node: Node, name: str) -> float:
     names = [one for one in (name, *_OTHER_NAMES.get(name, ())) if one in node.block.parameters]
     if len(names) > 1 and node.text("emf_or_torque").rpartition(".")[2] not in ("ki", "2"):
@@ -195,7 +202,9 @@ def _figure(node: Node, name: str) -> float:
     for choice, known in _AS_IS.items():
         if (chosen := node.text(choice, known[0]).rpartition(".")[2]) not in known:
             raise node.refusal(f"its {choice} is {chosen}; {known[0]} is read")
-    return node.number(names[0], "0") * node.in_si(node.text(f"{names[0]}_unit", "1"), names[0])
+    if (sense := _SENSES.get(node.text(names[0]).rpartition(".")[2])) is not None:
+        return sense
+    return node.quantity(names[0])
 
 
 def _members(network: Connections, start: Node) -> list[Node]:
@@ -249,7 +258,7 @@ def _acts_at_once(found: Reduced, equations: _Equations) -> bool:
 
 def _law_of(node: Node, values: dict[str, Value]) -> Value:
     start = next((name for name in ("x", "phi") if node.is_on(f"{name}_specify")), None)
-    own = {"start": node.number(start, "0") * node.in_si(node.text(f"{start}_unit", "1"), start) if start else 0.0}
+    own = {"start": node.quantity(start) if start else 0.0}
     if "model" in elements()[node.kind].law:
         own["model"] = node.number("model", "3")
         if own["model"] not in (1, 2, 3):

@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import (
-    applied,
-    chosen,
-    compared,
-    joined,
-    of_parameters,
-    switched,
-    table_of,
-)
+from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, of_parameters, switched, table_of
 from simrob_drake.simulink.signals.dynamics import filtered, with_states
 from simrob_drake.simulink.signals.forms import (
     TIME,
@@ -41,43 +30,6 @@ from simrob_drake.simulink.values.evaluate import matrix
 def _constant(_: SignalReader, node: Node, __: int) -> Signal:
     value = node.matrix("Value" if "constant" not in node.block.parameters else "constant", "1").astype(object)
     return value.reshape(-1) if 1 in value.shape and node.text("VectorParams1D", "on") == "on" else value
-
-
-def _by_element(node: Node, make: Callable[..., Value], *names: tuple[str, str]) -> Signal:
-    """Return a value for each element of a block's parameters, of which scalars are spread."""
-    columns = np.broadcast_arrays(*(node.numbers(*name) for name in names))
-    return signal(make(*(float(one) for one in row)) for row in zip(*columns, strict=True))
-
-
-def _pulses(_: SignalReader, node: Node, __: int) -> Signal:
-    unit = 1.0
-    if node.text("PulseType", "Time based") == "Sample based":
-        unit = node.number("SampleTime", "1")
-
-    def made(size: float, period: float, width: float, delay: float) -> Value:
-        if period <= 0:
-            raise node.refusal(f"Period is {period:g}; it must be positive")
-        share = width / period if node.text("PulseType", "Time based") == "Sample based" else width / 100
-        phase = (TIME - delay * unit) / (period * unit)
-        high = compared("<", phase - applied("floor", phase), share)
-        return size * joined("and", high, compared(">=", TIME, delay * unit))
-
-    return _by_element(node, made, ("Amplitude", "1"), ("Period", "10"), ("PulseWidth", "5"), ("PhaseDelay", "0"))
-
-
-def _generator(_: SignalReader, node: Node, __: int) -> Signal:
-    rate = node.number("Frequency", "1") * (2 * math.pi if node.text("Units", "Hertz") == "Hertz" else 1.0)
-    turns = TIME * (rate / (2 * math.pi))
-    phase = turns - applied("floor", turns)
-    wave = node.text("WaveForm", "sine")
-    made: dict[str, Value] = {
-        "sine": applied("sin", TIME * rate),
-        "square": chosen(compared("<", phase, 0.5), 1.0, -1.0),
-        "sawtooth": 2.0 * phase - 1.0,
-    }
-    if wave not in made:
-        node.note("approximated", f"its {wave} noise is 0, its mean")
-    return signal([node.number("Amplitude", "1") * made.get(wave, 0.0)])
 
 
 def repeated(times: Any, values: Any, time: Value = TIME, *, stairs: bool = False) -> Value:
@@ -140,13 +92,6 @@ def _workspace(_: SignalReader, node: Node, __: int) -> Signal:
     return signal(found)
 
 
-def _noise(_: SignalReader, node: Node, __: int) -> Signal:
-    mean = 0.5 * sum(node.number(name, value) for name, value in (("Minimum", "-1"), ("Maximum", "1")))
-    mean = {"UniformRandomNumber": mean, "RandomNumber": node.number("Mean", "0")}.get(node.kind, 0.0)
-    node.note("approximated", f"its noise is left out: it is {mean:g}, its mean")
-    return signal([mean])
-
-
 def _digital_clock(_: SignalReader, node: Node, __: int) -> Signal:
     period = node.number("SampleTime", "1")
     return signal([period * applied("floor", TIME / period + 1e-9) if period > 0 else TIME])
@@ -155,11 +100,8 @@ def _digital_clock(_: SignalReader, node: Node, __: int) -> Signal:
 SOURCES: dict[str, Rule] = {
     "Constant": _constant,
     "Ground": lambda *_: signal([0.0]),
-    "DiscretePulseGenerator": _pulses,
-    "SignalGenerator": _generator,
     **dict.fromkeys(("Repeating Sequence", "Repeating Sequence Interpolated", "Repeating Sequence Stair"), _repeating),
     "FromWorkspace": _workspace,
-    **dict.fromkeys(("Band-Limited White Noise", "UniformRandomNumber", "RandomNumber"), _noise),
     "DigitalClock": _digital_clock,
 }
 
@@ -190,19 +132,9 @@ def _into_physics(reader: SignalReader, node: Node, _: int) -> Signal:
     return mapped(lambda value: filtered(node, value, [1.0], denominator), values)
 
 
-def _figure(node: Node, *names: str, default: str = "1") -> float:
-    """Return a parameter in SI that goes by one of these names; its unit stands under ``<name>_unit``."""
-    name = next((one for one in names if one in node.block.parameters), names[0])
-    return node.number(name, default) * _unit(node, name)
-
-
-def _unit(node: Node, name: str) -> float:
-    return node.in_si(node.text(f"{name}_unit", "1"), name)
-
-
 def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
     yes, by, no = (reader.input(node, number) for number in (1, 2, 3))
-    return switched(node, yes, by, no, ">=", _figure(node, "Threshold", "threshold", default="0.5"))
+    return switched(node, yes, by, no, ">=", node.quantity("Threshold", "threshold", default="0.5"))
 
 
 def _lookup(node: Node) -> Callable[[Value], Value]:
@@ -211,19 +143,13 @@ def _lookup(node: Node) -> Callable[[Value], Value]:
     return lambda u: computed("lookup", u, **parameters)
 
 
-def _math(node: Node) -> Callable[..., Value]:
-    name = node.text("function", "sin").rpartition(".")[2]
-    return partial(applied, name if name in FUNCTIONS else "sin")
-
-
 PHYSICAL: dict[str, Rule] = {
     "Simulink-PS Converter": _into_physics,
     **{kind: rule for kind, rule in FORMULAS.items() if kind.startswith("PS ")},
-    "PS Math Function": of_parameters(_math),
     "PS Lookup Table (1D)": of_parameters(_lookup),
     "PS Switch": _switch,
     "PS Integrator": lambda reader, node, _: with_states(
-        reader, node, "integrator", {"initial": _figure(node, "x0", "x", default="0")}
+        reader, node, "integrator", {"initial": node.quantity("x0", "x")}
     ),
 }
 """What blocks give at their right port 1, by type."""

@@ -35,7 +35,7 @@ RULES: dict[str, Rule] = {
     "PS-Simulink Converter": out_of_physics,
 }  # fmt: skip
 """What each type of block gives."""
-_SENSED: dict[str, TermKind] = {"q": "q", "w": "w", "a": "a", "t": "t"}
+_SENSED: dict[str, TermKind] = {kind: kind for kind in ("q", "w", "a", "t")}
 _MOST_GUESSES = 5
 
 
@@ -44,13 +44,11 @@ class Tracer:
 
     Attributes:
         network: the connections.
-        fixed_step: of the model's solver [s]; None where it is of a variable step.
         opened: blocks that are left open, in the order they were met, and what is wrong with their parameters.
     """
 
     def __init__(self, network: Connections, joints: list[Joint], contacts: list[ContactPair]) -> None:
         self.network = network
-        self.fixed_step: float | None = None
         self.opened: dict[Node, str] = {}
         self._known: dict[tuple[Node, int], Signal] = {}
         self._made: dict[Node, list[Signal]] = {}
@@ -62,7 +60,7 @@ class Tracer:
             self._offer_sensed(joint)
         for contact in contacts:
             if contact.senses_distance:
-                self._offer(contact.node, contact.senses_distance, partial(_one, Term("distance", contact.node)))
+                self._offer(contact.node, contact.senses_distance, partial(_each, Term("distance", contact.node)))
         for node in network.expanded.nodes:
             if node.kind == SENSOR:
                 for number, give in sensed(node).items():
@@ -79,10 +77,10 @@ class Tracer:
                 if what in _SENSED
                 else Term("open", joint.node, (number - 1) * MOST_ELEMENTS)
             )
-            self._offer(joint.node, number, partial(_one, term))
+            self._offer(joint.node, number, partial(_each, term))
         for number, parts in joint.senses.items():
             terms = [Term("sensed", joint.node, part) for part in parts]
-            self._offer(joint.node, number, partial(_each, terms or [Term("open", joint.node, number)]))
+            self._offer(joint.node, number, partial(_each, *(terms or [Term("open", joint.node, number)])))
 
     def _offer(self, node: Node, number: int, give: Callable[[], Signal], side: str = "rconn") -> None:
         self._physical[self.network.net(node, side, number)] = give
@@ -183,12 +181,12 @@ class Tracer:
     def _open(self, node: Node, number: int, why: str = "") -> Signal:
         if node not in self.opened:
             self.opened[node] = why
-        return _one(Term("open", node, (number - 1) * MOST_ELEMENTS))
+        return _each(Term("open", node, (number - 1) * MOST_ELEMENTS))
 
     def _broken(self, node: Node, number: int) -> Signal:
         """Return an output that depends on itself at once: late by a filter, for no net of blocks solves for it."""
         if self._guesses is not None:
-            return _one(Term("open", node))
+            return _each(Term("open", node))
         way = [one.path for one, _ in self._under_way]
         loop = " → ".join([*way[way.index(node.path) :], node.path])
         node.note("approximated", f"an algebraic loop, late by {LAG:g} s: {loop}")
@@ -216,9 +214,5 @@ class Tracer:
         return shape
 
 
-def _one(term: Term) -> Signal:
-    return _each([term])
-
-
-def _each(terms: list[Term]) -> Signal:
+def _each(*terms: Term) -> Signal:
     return signal(Form({term: 1.0}) for term in terms)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -20,13 +19,14 @@ from simrob_drake.simulink.signals.arithmetic import (
     inverse,
     joined,
     table_of,
+    whole,
 )
 from simrob_drake.simulink.signals.forms import Form, Primitive, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun
-from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, matrix
-from simrob_drake.simulink.values.syntax import NotUnderstood, parse
+from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, count, matrix
+from simrob_drake.simulink.values.script import Statement, lines_of
+from simrob_drake.simulink.values.syntax import NotUnderstood
 
-_EQUALS = re.compile(r"(?<![=~<>!])=(?!=)")
 _ENDED = "return"  # where it is kept whether a function has returned
 _PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number
 
@@ -69,7 +69,7 @@ class Translation(CodeRun):
             "not": lambda u: joined("not", u),
             "isnan": lambda u: 0.0,
             **dict.fromkeys(("double", "single", "logical", "boolean"), lambda u: u),
-            **dict.fromkeys(("int8", "int16", "int32", "uint8", "uint16", "uint32"), MATH["round"]),
+            **{name: partial(whole, name) for name in INTEGERS},
         }
         found = {name: on_symbols(NUMBERS.functions.get(name), one) for name, one in each.items()}
         return {
@@ -88,37 +88,36 @@ class Translation(CodeRun):
     def _applied(self, name: str, *values: Value) -> Value:
         return applied(name, *(map(self._guarded, values) if name in _PARTIAL else values))
 
-    def _pass_over(self, part: list[str], problem: Exception) -> None:
-        raise problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"{part[0][:60]}: {problem}")
+    def _pass_over(self, line: Statement, problem: Exception) -> None:
+        first = next(lines_of(line))[:60]
+        raise problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"{first}: {problem}")
 
     def _at_end(self, name: str, place: tuple[int, ...]) -> list[Value]:
         return [matrix(self.variables[name])[place]]
 
-    def _block(self, lines: list[str]) -> None:
-        place = 0
-        while place < len(lines):
-            place = self._next(lines, place)
+    def _block(self, lines: list[Statement]) -> None:
+        for place, line in enumerate(lines, start=1):
+            self._next(line)
             ended = self.variables.get(_ENDED, 0.0)
             if ended:
                 if isinstance(ended, Form):  # what follows is for those who did not return
                     self._split_by(ended, lambda: None, partial(self._go_on, lines[place:]))
                 return
 
-    def _go_on(self, lines: list[str]) -> None:
+    def _go_on(self, lines: list[Statement]) -> None:
         self.variables[_ENDED] = 0.0
         self._block(lines)
 
-    def _statement(self, keyword: str, part: list[str]) -> None:
-        if keyword == "break":
-            raise NotUnderstood(keyword)
-        if keyword == "return":
+    def _do(self, line: Statement) -> None:
+        words = next(lines_of(line)).split()
+        if words[0] == "return":
             self.variables[_ENDED] = 1.0
-        if (words := part[0].split())[0] == "persistent":
+        if words[0] == "persistent":
             self._keep(words[1:])
             return
         waiting = [] if self._within else [name for name, state in self._kept.items() if state is None]
         before, self._within = dict(self.variables), self._within or bool(waiting)
-        super()._statement(keyword, part)
+        super()._do(line)
         if not waiting:
             return
         self._within = False
@@ -126,7 +125,7 @@ class Translation(CodeRun):
             self.variables.clear()
             self._kept |= {name: self._state(name, start) for name, start in begun.items()}
             self.variables.update({**before, **{name: self._kept[name] for name in begun}})
-            super()._statement(keyword, part)  # which began them: now as it goes on
+            super()._do(line)  # which began them: now as it goes on
 
     def _keep(self, names: list[str]) -> None:
         """Take persistent variables, which are empty until the first statement that gives them a value."""
@@ -146,16 +145,6 @@ class Translation(CodeRun):
             parameters = {"period": self._period, "initial": float(value)}
             made[place] = Primitive("delay", parameters, partial(self._at_end, name, place)).outputs[0]
         return made
-
-    def assign(self, text: str) -> None:
-        """Do an assignment; an expression alone changes nothing."""
-        if _EQUALS.search(text):
-            super().assign(text)
-            return
-        try:
-            parse(text)
-        except NotUnderstood:
-            raise NotUnderstood(text[:60]) from None
 
     def _took_file(self, text: str) -> bool:
         return False
@@ -247,9 +236,11 @@ def on_symbols(numeric: Callable[..., Any] | None, symbolic: Callable[..., Value
     return function
 
 
-def _norm(array: Any) -> Any:
+def _norm(array: Any, kind: Any = 2) -> Any:
     if matrix(array).dtype != object:
-        return NUMBERS.functions["norm"](array)
+        return NUMBERS.functions["norm"](array, kind)
+    if count(kind) != 2:
+        raise NotUnderstood("a norm that is not the second")
     return matrix(signal([applied("sqrt", sum((one * one for one in _elements(array)), start=0.0))]))
 
 

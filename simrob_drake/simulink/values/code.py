@@ -16,26 +16,23 @@ import numpy as np
 from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, evaluate, matrix
 from simrob_drake.simulink.values.script import (
     KEYWORD,
-    OPENS,
     ScriptFunction,
-    branches,
-    closing,
+    Section,
+    Statement,
     functions_of,
+    lines_of,
     names_in,
-    split,
+    sides,
     statements,
 )
-from simrob_drake.simulink.values.syntax import NotUnderstood, parse
+from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, parse
 
 MOST_STEPS = 20_000  # statements of one piece of code
 
-_STEP = r"\.([A-Za-z]\w*)|\(((?:[^()=]|\([^()=]*\))*)\)"
-_ASSIGNMENT = re.compile(rf"([A-Za-z]\w*)((?:{_STEP})*)\s*=(?!=)\s*(.+)", re.DOTALL)
 _TARGETS = re.compile(r"(\[[^\]]*\]|[A-Za-z]\w*)(?:((?:\.[A-Za-z]\w*)+)\s*|[^=]*)=(?!=)")
 _NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
-_SEVERAL = re.compile(r"\[([^\]=]+)\]\s*=(?!=)\s*(.+)", re.DOTALL)
-_CALL = re.compile(r"(\w+)\s*\((.*)\)\s*", re.DOTALL)
 _FILE = re.compile(r"""(?:(run|load)\b\s*\(?\s*["']?(?:[^"'()=]*[/\\])?)?([A-Za-z]\w*)(\.m(?:at)?)?["']?\s*\)?""")
+_FARTHEST = 100_000  # place to which an assignment makes a matrix grow
 _MOST_CALLS = 50
 _HERE = "(this block)"
 
@@ -101,7 +98,8 @@ class CodeRun:
         return NUMBERS
 
     def run(self, code: str) -> None:
-        """Run code."""
+        """Run code, which may call the functions that are in it."""
+        self._learn(code)
         self._block(statements(code))
 
     def _lookup(self, name: str) -> Any:
@@ -111,9 +109,12 @@ class CodeRun:
 
     def value(self, text: str) -> Any:
         """Return the value of an expression (raises as `evaluate`)."""
+        return self._value(parse(text))
+
+    def _value(self, node: Expression, end: int | None = None) -> Any:
         while True:
             try:
-                return evaluate(parse(text), self._lookup, self._algebra)
+                return evaluate(node, self._lookup, self._algebra, end)
             except UndefinedVariable as problem:
                 if problem.name in self.unknown or not self.find(problem.name):
                     raise
@@ -122,10 +123,13 @@ class CodeRun:
         """Take in the functions of a file of this name, unless they are there."""
         if self._files is None or name in self.functions or len(self.functions) > _MOST_CALLS:
             return False
-        for own, function in functions_of(self._files.script(name)).items():
-            self.functions.setdefault(own, function)
-            self._algebra.functions.setdefault(own, partial(self._first_of, own))
+        self._learn(self._files.script(name))
         return name in self.functions
+
+    def _learn(self, code: str) -> None:
+        for name, function in functions_of(code).items():
+            self.functions.setdefault(name, function)
+            self._algebra.functions.setdefault(name, partial(self._first_of, name))
 
     def _exists(self, name: Any, *_: Any) -> float:
         if name in self.unknown:
@@ -174,43 +178,60 @@ class CodeRun:
         self.absent |= inner.absent
         return [inner.variables.get(name) for name in function.outputs]
 
-    def _block(self, lines: list[str]) -> None:
-        place = 0
-        while place < len(lines):
-            place = self._next(lines, place)
+    def _block(self, lines: list[Statement]) -> None:
+        for line in lines:
+            self._next(line)
 
-    def _next(self, lines: list[str], place: int) -> int:
+    def _next(self, line: Statement) -> None:
         self._count()
-        keyword = KEYWORD.match(lines[place])
-        stop = closing(lines, place) if keyword and keyword[1] in OPENS else place + 1
-        part = lines[place:stop]
         try:
-            self._statement(keyword[1] if keyword else "", part)
+            self._do(line)
         except (NotUnderstood, UndefinedVariable, KeyError, IndexError, TypeError, ValueError) as problem:
-            self._pass_over(part, problem)
-        return stop
+            self._pass_over(line, problem)
 
     def _count(self) -> None:
         self._steps += 1
         if self._steps > MOST_STEPS:
             raise NotUnderstood(f"runs for more than {MOST_STEPS} statements")
 
-    def _statement(self, keyword: str, part: list[str]) -> None:
-        if keyword == "if":
-            self._choose(branches(part[:-1], ("if", "elseif", "else")))
-        elif keyword == "switch":
-            self._switch(part)
-        elif keyword in ("for", "while"):
-            self._loop(keyword, part)
-        elif keyword in ("return", "end") or not part[0]:
-            return
-        elif keyword:
-            raise NotUnderstood(keyword)
-        elif not (self._took_file(part[0]) or self._set(part[0])):
-            self.assign(part[0])
+    def _do(self, line: Statement) -> None:
+        if isinstance(line, str):
+            self._do_line(line)
+        elif line.keyword == "if":
+            self._choose(line.parts)
+        elif line.keyword == "switch":
+            self._switch(line.parts)
+        elif line.keyword in ("for", "while"):
+            self._loop(line.keyword, *line.parts[0])
+        elif line.keyword != "function":
+            raise NotUnderstood(line.keyword)
 
-    def _loop(self, keyword: str, part: list[str]) -> None:
-        head, body = part[0].removeprefix(keyword).strip(), part[1:-1]
+    def _do_line(self, text: str) -> None:
+        if (keyword := KEYWORD.match(text)) or self._took_file(text):
+            if keyword and keyword[1] not in ("return", "end"):
+                raise NotUnderstood(keyword[1])
+            return
+        if sides(text)[0]:
+            self.assign(text)
+            return
+        match parse(text):
+            case ("call", (("name", ("eval",)), (code,))):
+                if self.depth > _MOST_CALLS:
+                    raise NotUnderstood("makes code that makes code without end")
+                self.depth += 1
+                self._block(statements(str(self._value(code))))
+                self.depth -= 1
+            case ("call", (("name", ("set_param",)), arguments)):
+                self._set(*map(self._value, arguments))
+
+    def _set(self, block: Any, *pairs: Any) -> None:
+        """Note parameters that a statement sets of blocks within that of the code."""
+        if isinstance(block, str) and block.startswith(f"{_HERE}/"):
+            texts = {name: value for name, value in zip(pairs[::2], pairs[1::2], strict=True) if isinstance(value, str)}
+            self.settings.setdefault(block.removeprefix(f"{_HERE}/"), {}).update(texts)
+
+    def _loop(self, keyword: str, line: str, body: list[Statement]) -> None:
+        head = line.removeprefix(keyword).strip()
         if keyword == "for":
             name, _, values = head.partition("=")
             for column in matrix(self.value(values.strip().removesuffix(","))).T:
@@ -219,7 +240,7 @@ class CodeRun:
             return
         while met := self._condition(head):
             if not isinstance(met, bool | float):
-                raise NotUnderstood(part[0])
+                raise NotUnderstood(line)
             self._block(body)
             self._count()
 
@@ -235,111 +256,111 @@ class CodeRun:
             self.unknown -= (found or {}).keys()
             self.absent |= set() if found is not None else {f"{name}.mat"}
         elif script := self._files.script(name):
-            self._block([] if functions_of(script) else statements(script))
+            lines = statements(script)
+            if not (lines and isinstance(lines[0], Section) and lines[0].keyword == "function"):
+                self.run(script)
         elif command or suffix:
             self.absent.add(f"{name}.m")
         return True
 
-    def _set(self, text: str) -> bool:
-        """Note parameters that a statement sets of blocks within that of the code, or do the code that it makes."""
-        call = _CALL.fullmatch(text)
-        if call is None or call[1] not in ("set_param", "eval"):
-            return False
-        if call[1] == "eval":
-            if self.depth > _MOST_CALLS:
-                raise NotUnderstood("makes code that makes code without end")
-            self.depth += 1
-            try:
-                self._block(statements(str(self.value(call[2]))))
-            finally:
-                self.depth -= 1
-            return True
-        block, *pairs = (self.value(argument) for argument in split(call[2]))
-        if isinstance(block, str) and block.startswith(f"{_HERE}/"):
-            texts = {name: value for name, value in zip(pairs[::2], pairs[1::2], strict=True) if isinstance(value, str)}
-            self.settings.setdefault(block.removeprefix(f"{_HERE}/"), {}).update(texts)
-        return True
-
     def assign(self, text: str) -> None:
         """Do an assignment, of a field or element or of several outputs of a function, too."""
-        if several := _SEVERAL.fullmatch(text):
-            call = _CALL.fullmatch(several[2])
-            if call is None or not (call[1] in self.functions or self.find(call[1])):
-                raise NotUnderstood(text[:60])
-            arguments = [self.value(argument) for argument in split(call[2])]
-            for name, value in zip(names_in(several[1]), self.called(call[1], arguments), strict=False):
-                if value is None:
-                    self._pass_over([f"{name} ="], NotUnderstood(f"{call[1]} gives no {name}"))
-                elif name != "~":
-                    self.variables[name] = value
-                    self.unknown.discard(name)
+        left, right = sides(text)
+        if not left.startswith("["):
+            self._store(parse(left), self.value(right))
             return
-        match = _ASSIGNMENT.fullmatch(text)
-        if match is None:
-            raise NotUnderstood(text)
-        name, steps = match[1], re.findall(_STEP, match[2])
-        known = self.variables.get(name)
-        if steps and steps[0][0] and known is None:
-            with suppress(UndefinedVariable):
-                known = self._lookup(name)
-        self.variables[name] = self._put(known, steps, self.value(match[5]))
-        self.unknown.discard(name)
+        names = names_in(left.strip("[]"))
+        for name, value in zip(names, self._outputs(parse(right)), strict=False):
+            if value is None:
+                self._pass_over(f"{name} =", NotUnderstood(f"{right[:40]} gives no {name}"))
+            elif name != "~":
+                self._store(parse(name), value)
 
-    def _put(self, known: Any, steps: list[tuple[str, str]], value: Any) -> Any:
-        """Return a value with the part replaced that fields and indices lead to."""
-        if not steps:
-            return value
-        (field, index), *rest = steps
-        if field:
-            structure = dict(known) if isinstance(known, dict) else {}
-            return structure | {field: self._put(structure.get(field), rest, value)}
-        if not rest and not isinstance(value, dict):
-            return self._changed(known, index, value)
-        several = list(known) if isinstance(known, list) else [known] if isinstance(known, dict) else []
-        (place,) = self._places(index, len(several))
-        several += [{} for _ in range(place + 1 - len(several))]
-        several[place] = self._put(several[place], rest, value)
-        return several if len(several) > 1 else several[0]
+    def _outputs(self, call: Expression) -> list[Any]:
+        """Return all outputs of a function that is called; None in place of those that are not known."""
+        target, arguments = call.parts if call.kind == "call" else (call, ())
+        name, values = target.parts[0], [self._value(argument) for argument in arguments]
+        if name in self.functions or self.find(name):
+            return self.called(name, values)
+        if name != "size":
+            raise NotUnderstood(f"several outputs of {name}")
+        return [matrix(size) for size in matrix(*values).shape]
 
-    def _changed(self, known: Any, index: str, value: Any) -> Any:
-        array = np.zeros((0, 0)) if known is None else matrix(known).copy()
-        words = index.split(",")
-        places = [
-            np.arange(size) if word.strip() == ":" else self._places(word, size) for word, size in _paired(words, array)
-        ]
+    def _store(self, target: Expression, value: Any) -> None:
+        """Let a name be a value, or what a name, field or index leads to."""
+        match target:
+            case ("name", (name,)):
+                self.variables[name] = value
+                self.unknown.discard(name)
+            case ("field", (owner, field)):
+                known = self._known(owner, outside=True)
+                self._store(owner, {**(known if isinstance(known, dict) else {}), field: value})
+            case ("call", (owner, index)):
+                self._store(owner, self._changed(self._known(owner), index, value))
+            case _:
+                raise NotUnderstood("assigns to what is no name, field or element")
+
+    def _known(self, target: Expression, *, outside: bool = False) -> Any:
+        """Return what is there already, of the variables outside only structures; None of nothing."""
+        match target:
+            case ("name", (name,)) if outside and name not in self.variables:
+                with suppress(UndefinedVariable):
+                    return self._lookup(name)
+            case ("name", (name,)):
+                return self.variables.get(name)
+            case ("field", (owner, field)):
+                known = self._known(owner, outside=True)
+                return known.get(field) if isinstance(known, dict) else None
+            case ("call", (owner, index)):
+                several = _listed(self._known(owner))
+                place = int(self._places(index[-1], len(several))[0])
+                return several[place] if place < len(several) else None
+        return None
+
+    def _changed(self, known: Any, index: tuple[Expression, ...], value: Any) -> Any:
+        """Return a matrix, cells or structures with what is at an index replaced; they grow to it."""
+        if isinstance(known, dict | list) or isinstance(value, str | dict | list):
+            several = _listed(known)
+            place = int(self._places(index[-1], len(several))[0])
+            several += [{} for _ in range(place + 1 - len(several))]
+            several[place] = value
+            return several[0] if len(several) == 1 and isinstance(value, dict) else several
+        array = np.zeros((0, 0)) if known is None else matrix(known)
+        sizes = [array.size] if len(index) == 1 else list(array.shape)
+        places = [self._places(node, size) for node, size in zip(index, sizes, strict=True)]
+        both = np.result_type(array, matrix(value))
         if len(places) == 1:
             flat = array.reshape(-1, order="F")
-            grown = np.zeros(max(flat.size, int(places[0].max()) + 1), dtype=_both(array, value))
+            grown = np.zeros(max(flat.size, int(places[0].max()) + 1), dtype=both)
             grown[: flat.size] = flat
             grown[places[0]] = matrix(value).reshape(-1, order="F")
             if grown.size == array.size:
                 return grown.reshape(array.shape, order="F")
             return grown.reshape(-1, 1) if array.shape[1:] == (1,) and array.shape[0] > 1 else grown.reshape(1, -1)
-        rows, columns = (max(size, int(place.max()) + 1) for size, place in zip(array.shape, places, strict=True))
-        grown = np.zeros((rows, columns), dtype=_both(array, value))
+        grown = np.zeros([max(size, int(one.max()) + 1) for size, one in zip(sizes, places, strict=True)], dtype=both)
         grown[: array.shape[0], : array.shape[1]] = array
-        grown[np.ix_(places[0], places[1])] = matrix(value)
+        grown[np.ix_(*places)] = matrix(value)
         return grown
 
-    def _places(self, word: str, size: int) -> Any:
-        places = matrix(self.value(re.sub(r"\bend\b", str(size), word))).reshape(-1).astype(int) - 1
-        if places.size == 0 or places.min() < 0 or places.max() > 100_000:
-            raise NotUnderstood(word)
+    def _places(self, node: Expression, size: int) -> Any:
+        if node.kind == "colon":
+            return np.arange(size)
+        places = matrix(self._value(node, end=size)).reshape(-1).astype(int) - 1
+        if places.size == 0 or places.min() < 0 or places.max() > _FARTHEST:
+            raise NotUnderstood("has an index that no matrix has")
         return places
 
-    def _switch(self, part: list[str]) -> None:
-        head, *ways = branches(part[:-1], ("switch", "case", "otherwise"))
-        subject = head[0].removeprefix("switch").strip()
-        tests: list[tuple[str, list[str]]] = []
+    def _switch(self, parts: list[tuple[str, list[Statement]]]) -> None:
+        (head, _), *ways = parts
+        subject = head.removeprefix("switch").strip()
+        tests: list[tuple[str, list[Statement]]] = []
         for words, body in ways:
-            if words.startswith("otherwise"):
-                tests.append(("else", body))
-                continue
             choices = words.removeprefix("case").strip().removeprefix("{").removesuffix("}").split(",")
-            tests.append(("if " + " || ".join(f"(({subject}) == ({choice}))" for choice in choices), body))
+            test = "if " + " || ".join(f"(({subject}) == ({choice}))" for choice in choices)
+            tests.append(("else" if words.startswith("otherwise") else test, body))
         self._choose(tests)
 
-    def _choose(self, ways: list[tuple[str, list[str]]]) -> None:
+    def _choose(self, ways: list[tuple[str, list[Statement]]]) -> None:
         if not ways:
             return
         (words, body), *rest = ways
@@ -355,8 +376,8 @@ class CodeRun:
     def _split_by(self, condition: Any, yes: Callable[[], None], no: Callable[[], None]) -> None:
         (yes if condition else no)()
 
-    def _pass_over(self, part: list[str], _: Exception) -> None:
-        for match in filter(None, map(_TARGETS.match, part)):
+    def _pass_over(self, line: Statement, _: Exception) -> None:
+        for match in filter(None, map(_TARGETS.match, lines_of(line))):
             if match[2]:  # a field: others stay as they are
                 self.incomplete.add(match[1])
                 self._drop(self.variables.get(match[1]), match[2].split(".")[1:])
@@ -373,12 +394,6 @@ class CodeRun:
             known.pop(fields[0], None)
 
 
-def _both(array: Any, value: Any) -> Any:
-    return np.result_type(array, matrix(value))
-
-
-def _paired(words: list[str], array: Any) -> list[tuple[str, int]]:
-    sizes = [array.size] if len(words) == 1 else list(array.shape)
-    if len(words) != len(sizes):
-        raise NotUnderstood("an index of this many dimensions")
-    return list(zip(words, sizes, strict=True))
+def _listed(known: Any) -> list[Any]:
+    """Return structures or cells as a list of their own."""
+    return list(known) if isinstance(known, list) else [known] if isinstance(known, dict) else []

@@ -6,6 +6,7 @@ Values are matrices of shape (r, c), texts, structures (dict), and lists of thes
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, written
 
-LARGEST = 1_000_000  # elements of a matrix
+LARGEST, _MOST_PRODUCTS = 1_000_000, 30_000  # elements of a matrix, and blocks of a product of such with signals
 
 
 def matrix(value: Any) -> Vector:
@@ -52,22 +53,19 @@ def _shape(arguments: tuple[Any, ...]) -> tuple[int, int]:
     return rows, columns
 
 
-def _along(reduce: Callable[..., Vector]) -> Callable[..., Vector]:
-    """Let a reduction go down the columns, or along the only row, as MATLAB does."""
-
-    def reduced(value: Any, axis: Any = None) -> Vector:
-        array = matrix(value)
-        chosen = count(axis) - 1 if axis is not None else (1 if array.shape[0] == 1 else 0)
-        return matrix(reduce(array, axis=chosen, keepdims=True))
-
-    return reduced
+def _along(reduce: Callable[..., Vector], value: Any, axis: Any = None) -> Vector:
+    """Reduce a matrix down the columns, or along the only row, as MATLAB does."""
+    array = matrix(value)
+    chosen = count(axis) - 1 if axis is not None else _way(array)
+    return matrix(reduce(array, axis=chosen, keepdims=True))
 
 
-def _extreme(pairwise: Callable[..., Vector], reduce: Callable[..., Vector]) -> Callable[..., Vector]:
-    def chosen(first: Any, second: Any = None) -> Vector:
-        return _along(reduce)(first) if second is None else matrix(pairwise(matrix(first), matrix(second)))
+def _way(value: Any) -> int:
+    return int(matrix(value).shape[0] == 1)
 
-    return chosen
+
+def _extreme(pairwise: np.ufunc, first: Any, second: Any = None) -> Vector:
+    return _along(pairwise.reduce, first) if second is None else matrix(pairwise(matrix(first), matrix(second)))
 
 
 def _diag(value: Any) -> Vector:
@@ -87,20 +85,11 @@ def _unique(value: Any, rows: Any = None) -> Vector:
     array = matrix(value)
     if rows == "rows":
         return np.unique(array, axis=0)
-    found = np.unique(array)
-    return matrix(found if array.shape[0] == 1 else found[:, None])
+    return np.unique(array).reshape((1, -1) if _way(array) else (-1, 1))
 
 
-def _size(value: Any, axis: Any = None) -> Vector:
-    shape = matrix(value).shape
-    return matrix(shape if axis is None else shape[count(axis) - 1])
-
-
-def _joined(axis: int) -> Callable[..., Vector]:
-    def joined(*parts: Any) -> Vector:
-        return np.concatenate([matrix(part) for part in parts if matrix(part).size], axis=axis)
-
-    return joined
+def _joined(axis: int, *parts: Any) -> Vector:
+    return np.concatenate([matrix(part) for part in parts if matrix(part).size], axis=axis)
 
 
 def _elementwise(function: Callable[..., Any]) -> Callable[..., Vector]:
@@ -111,22 +100,34 @@ def _elementwise(function: Callable[..., Any]) -> Callable[..., Vector]:
     return applied
 
 
-def _of_degrees(function: Callable[[Vector], Vector]) -> Callable[[Vector], Vector]:
-    return lambda angle: function(np.deg2rad(angle))
+INTEGERS = {f"{letter}int{bits}": (-(2.0 ** (bits - 1)) * (not letter), 2.0 ** (bits - (not letter)) - 1)
+            for letter in ("", "u") for bits in (8, 16, 32, 64)}  # fmt: skip
+"""Types of whole numbers: to the nearest of which, from the least to the largest, a number becomes."""
 
 
-def _in_degrees(function: Callable[..., Vector]) -> Callable[..., Vector]:
-    return lambda *values: np.rad2deg(function(*values))
+def _of_degrees(function: Callable[[Vector], Vector], angle: Vector) -> Vector:
+    return function(np.deg2rad(angle))
+
+
+def _in_degrees(function: Callable[..., Vector], *values: Vector) -> Vector:
+    return np.rad2deg(function(*values))
+
+
+def _rounded(value: Vector) -> Vector:
+    return np.asarray(np.sign(value) * np.floor(np.abs(value) + 0.5))
 
 
 _EACH: dict[str, Callable[..., Any]] = {
     **{name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "sqrt", "log", "log10", "log2", "abs")},
     **{name: getattr(np, name) for name in ("floor", "ceil", "sign", "sinh", "cosh", "tanh", "deg2rad", "rad2deg")},
     **{f"a{name}": getattr(np, f"arc{name}") for name in ("sin", "cos", "tan", "tan2")},
-    **{f"{name}d": _of_degrees(getattr(np, name)) for name in ("sin", "cos", "tan")},
-    **{f"a{name}d": _in_degrees(getattr(np, f"arc{name}")) for name in ("sin", "cos", "tan", "tan2")},
+    **{f"{name}d": partial(_of_degrees, getattr(np, name)) for name in ("sin", "cos", "tan")},
+    **{f"a{name}d": partial(_in_degrees, getattr(np, f"arc{name}")) for name in ("sin", "cos", "tan", "tan2")},
     "hypot": np.hypot,
-    "round": lambda value: np.sign(value) * np.floor(np.abs(value) + 0.5),
+    "round": _rounded,
+    **{
+        name: lambda value, ends=ends: np.clip(_rounded(np.nan_to_num(value)), *ends) for name, ends in INTEGERS.items()
+    },
     "fix": np.trunc,
     "mod": np.mod,
     "rem": np.fmod,
@@ -140,6 +141,7 @@ _CONSTANTS = {
     "pi": np.pi, "inf": np.inf, "Inf": np.inf, "nan": np.nan, "NaN": np.nan, "eps": np.finfo(float).eps, "true": 1.0,
     "false": 0.0,
 }  # fmt: skip
+ELEMENTARY = _EACH.keys() | _CONSTANTS.keys()  # names that nobody gives a variable
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: _elementwise(function) for name, function in _EACH.items()},
     **{name: lambda value=value: value for name, value in _CONSTANTS.items()},
@@ -147,19 +149,19 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "ones": lambda *sizes: np.ones(_shape(sizes)),
     "eye": lambda *sizes: np.eye(*_shape(sizes)),
     "diag": _diag,
-    "sum": _along(np.sum),
-    "prod": _along(np.prod),
-    "mean": _along(np.mean),
-    "any": _along(np.any),
-    "all": _along(np.all),
-    "min": _extreme(np.minimum, np.min),
-    "max": _extreme(np.maximum, np.max),
-    "diff": lambda value: np.diff(matrix(value), axis=1 if matrix(value).shape[0] == 1 else 0),
-    "unwrap": lambda value: np.unwrap(matrix(value), axis=1 if matrix(value).shape[0] == 1 else 0),
-    "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), int(matrix(value).shape[0] == 1)),
+    "sum": partial(_along, np.sum),
+    "prod": partial(_along, np.prod),
+    "mean": partial(_along, np.mean),
+    "any": partial(_along, np.any),
+    "all": partial(_along, np.all),
+    "min": partial(_extreme, np.minimum),
+    "max": partial(_extreme, np.maximum),
+    "diff": lambda value: np.diff(matrix(value), axis=_way(value)),
+    "unwrap": lambda value: np.unwrap(matrix(value), axis=_way(value)),
+    "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), _way(value)),
     "polyval": lambda coefficients, at: np.polyval(matrix(coefficients).reshape(-1), matrix(at)),
-    "cumsum": lambda value: np.cumsum(matrix(value), axis=1 if matrix(value).shape[0] == 1 else 0),
-    "norm": lambda value: np.linalg.norm(matrix(value), None if 1 in matrix(value).shape else 2),
+    "cumsum": lambda value: np.cumsum(matrix(value), axis=_way(value)),
+    "norm": lambda u, p=2: np.linalg.norm(matrix(u).ravel() if 1 in matrix(u).shape else matrix(u), count(p) or None),
     "dot": lambda a, b: np.dot(matrix(a).reshape(-1), matrix(b).reshape(-1)),
     "cross": lambda a, b: np.cross(matrix(a).reshape(-1), matrix(b).reshape(-1)).reshape(matrix(a).shape),
     "kron": lambda a, b: np.kron(matrix(a), matrix(b)),
@@ -172,7 +174,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "unique": _unique,
     "repmat": _repmat,
     "reshape": lambda a, *to: matrix(a).reshape(_shape(tuple(n if np.size(n) else np.size(a) for n in to)), order="F"),
-    "size": _size,
+    "size": lambda u, axis=None: matrix(matrix(u).shape if axis is None else matrix(u).shape[count(axis) - 1]),
     "numel": lambda value: len(value) if isinstance(value, list) else matrix(value).size,
     "length": lambda value: len(value) if isinstance(value, list) else matrix(value).size and max(matrix(value).shape),
     "isempty": lambda value: float(not (len(value) if isinstance(value, str | dict | list) else matrix(value).size)),
@@ -183,8 +185,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     },
     "fliplr": lambda value: matrix(value)[:, ::-1],
     "flipud": lambda value: matrix(value)[::-1],
-    "horzcat": _joined(1),
-    "vertcat": _joined(0),
+    "horzcat": partial(_joined, 1),
+    "vertcat": partial(_joined, 0),
     "tf": lambda numerator, denominator: {"numerator": matrix(numerator), "denominator": matrix(denominator)},
     "ss": lambda a, b, c, d: dict(zip("ABCD", map(matrix, (a, b, c, d)), strict=True)),
     "struct": lambda *parts: dict(zip(parts[::2], parts[1::2], strict=True)),
@@ -220,24 +222,24 @@ class UndefinedVariable(LookupError):
         self.name, self.why = name, why
 
 
-def evaluate(node: Expression, lookup: Lookup, algebra: Algebra | None = None) -> Any:
-    """Return the value of an expression's tree, of numbers unless another algebra is given.
+def evaluate(node: Expression, lookup: Lookup, algebra: Algebra | None = None, end: int | None = None) -> Any:
+    """Return the value of an expression's tree, of numbers unless another algebra is given; in an index, with its end.
 
     Raises:
         UndefinedVariable: a name that is no variable, and no function here.
         NotUnderstood: what cannot be computed.
     """
     try:
-        return _Evaluation(lookup, algebra or NUMBERS).value(node)
+        return _Evaluation(lookup, algebra or NUMBERS, end).value(node)
     except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
         raised = problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
         raise raised from problem
 
 
 class _Evaluation:
-    def __init__(self, lookup: Lookup, algebra: Algebra) -> None:
+    def __init__(self, lookup: Lookup, algebra: Algebra, end: int | None) -> None:
         self._lookup, self._algebra = lookup, algebra
-        self._ends: list[int] = []  # what `end` is in the indices around
+        self._ends = [] if end is None else [end]  # what `end` is in the indices around
 
     def value(self, node: Expression) -> Any:
         return getattr(self, f"_{node.kind}")(*node.parts)
@@ -247,6 +249,8 @@ class _Evaluation:
 
     def _text(self, value: str) -> str:
         return value
+
+    _string = _text
 
     def _name(self, name: str) -> Any:
         return self._named(name, ())
@@ -335,8 +339,10 @@ class _Evaluation:
         if not rows:
             return np.zeros((0, 0))
         values = [[self.value(node) for node in row] for row in rows]
-        if all(isinstance(value, str) for row in values for value in row):
-            return "".join(value for row in values for value in row)
+        texts = [value for row in values for value in row if isinstance(value, str)]
+        if len(texts) == sum(map(len, values)):
+            several = len(texts) > 1 and any(node.kind == "string" for row in rows for node in row)
+            return texts if several else "".join(texts)
         parts = [[matrix(value) for value in row if matrix(value).size] for row in values]
         lines = [np.concatenate(row, axis=1) for row in parts if row]
         return np.concatenate(lines, axis=0) if lines else np.zeros((0, 0))
@@ -363,6 +369,8 @@ class _Evaluation:
             return matrix((left == right) == (operator == "=="))
         first, second, each = matrix(left), matrix(right), self._algebra.operators
         lone = first.size == 1 or second.size == 1
+        if operator == "*" and object in (first.dtype, second.dtype) and first.size * second.shape[1] > _MOST_PRODUCTS:
+            raise NotUnderstood(f"multiplies matrices of signals by more than {_MOST_PRODUCTS} products")
         with np.errstate(all="ignore"):
             if operator in each:
                 return matrix(each[operator](first, second))
@@ -382,18 +390,8 @@ class _Evaluation:
 
 
 _OPERATORS: dict[str, Callable[[Vector, Vector], Any]] = {
-    "+": np.add,
-    "-": np.subtract,
-    ".*": np.multiply,
-    "./": np.divide,
-    ".^": np.power,
-    "<": np.less,
-    ">": np.greater,
-    "<=": np.less_equal,
-    ">=": np.greater_equal,
-    **dict.fromkeys(("&", "&&"), np.logical_and),
-    **dict.fromkeys(("|", "||"), np.logical_or),
-    "==": np.equal,
-    "~=": np.not_equal,
-}
+    "+": np.add, "-": np.subtract, ".*": np.multiply, "./": np.divide, ".^": np.power, "<": np.less, ">": np.greater,
+    "<=": np.less_equal, ">=": np.greater_equal, "==": np.equal, "~=": np.not_equal,
+    **dict.fromkeys(("&", "&&"), np.logical_and), **dict.fromkeys(("|", "||"), np.logical_or),
+}  # fmt: skip
 NUMBERS = Algebra(_OPERATORS, FUNCTIONS)

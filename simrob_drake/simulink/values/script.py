@@ -1,11 +1,28 @@
-"""MATLAB code in pieces: its statements, the branches of a section, the functions of a script."""
+"""MATLAB code in pieces: its statements, sections of these, the functions of a script."""
+
+from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import NamedTuple
 
 KEYWORD = re.compile(r"(if|elseif|else|end|for|while|switch|case|otherwise|try|catch|function|return|break)\b")
 _SIGNATURE = re.compile(r"function(?:\s+|(?=\[))(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
-OPENS = "if", "for", "while", "switch", "try", "function"
+_OPENS = "if", "for", "while", "switch", "try", "function"
+_PARTS = "elseif", "else", "case", "otherwise", "catch"
+_PIECE = re.compile(r"""\"[^"\n]*"?|(?<![\w)\]}'.])'[^'\n]*'?|%[^\n]*|.""", re.DOTALL)
+"""A text, a comment, or a letter of code."""
+_EQUALS = re.compile(r"(?<![=~<>!])=(?!=)")
+
+
+class Section(NamedTuple):
+    """Statements from a keyword to its ``end``, in the parts that further keywords make of them."""
+
+    keyword: str
+    parts: list[tuple[str, list[Statement]]]  # the line of each part's keyword, and what follows
+
+
+Statement = str | Section
 
 
 class ScriptFunction(NamedTuple):
@@ -14,29 +31,42 @@ class ScriptFunction(NamedTuple):
     name: str
     inputs: list[str]
     outputs: list[str]
-    body: list[str]
+    body: list[Statement]
 
 
 def functions_of(code: str) -> dict[str, ScriptFunction]:
     """Return the functions of a script by name, the first of them first; none of a script without."""
-    lines = statements(re.sub(r"(function[^\n(]*\([^)]*\))", r"\1\n", code)) if "function" in code else []
-    words = [match[1] if (match := KEYWORD.match(line)) else "" for line in lines]
-    ended = words.count("end") == sum(word in OPENS for word in words)  # whether functions have an end of their own
-    found: dict[str, ScriptFunction] = {}
-    around: list[tuple[ScriptFunction, int]] = []  # those that a line is in, and the sections that each has open
-    for line, word in zip(lines, words, strict=True):
-        if word == "function" and (signature := _SIGNATURE.match(line)):
-            several, one, name, inputs = signature.groups()
-            function = ScriptFunction(name, split(inputs or ""), names_in(several or one or ""), [])
-            found[name] = function
-            around = [*(around if ended else ()), (function, 0)]
-        elif around:
-            function, depth = around.pop()
-            depth += (word in OPENS) - (word == "end")
-            if depth >= 0:
-                function.body.append(line)
-                around.append((function, depth))
-    return found
+    code = re.sub(r"(function[^\n(]*\([^)]*\))", r"\1\n", code) if "function" in code else ""
+    return dict(_functions_in(statements(code)))
+
+
+def _functions_in(lines: list[Statement]) -> Iterator[tuple[str, ScriptFunction]]:
+    for line in lines:
+        for head, body in line.parts if isinstance(line, Section) else ():
+            if signature := _SIGNATURE.match(head):
+                several, one, name, inputs = signature.groups()
+                yield name, ScriptFunction(name, split(inputs or ""), names_in(several or one or ""), body)
+            yield from _functions_in(body)
+
+
+def lines_of(statement: Statement) -> Iterator[str]:
+    """Return the lines of a statement, and of all that is in it."""
+    if isinstance(statement, str):
+        yield statement
+        return
+    for head, body in statement.parts:
+        yield head
+        for inner in body:
+            yield from lines_of(inner)
+
+
+def sides(text: str) -> tuple[str, str]:
+    """Return what is left and right of the ``=`` of an assignment; nothing is left of a statement without."""
+    for match in _EQUALS.finditer(text):
+        before = text[: match.start()]
+        if sum(map(before.count, "([{")) == sum(map(before.count, ")]}")):
+            return before.strip(), text[match.end() :].strip()
+    return "", text
 
 
 def names_in(text: str) -> list[str]:
@@ -56,68 +86,42 @@ def split(text: str) -> list[str]:
     return [part.strip() for part in parts if part.strip()]
 
 
-def branches(lines: list[str], keywords: tuple[str, ...]) -> list[tuple[str, list[str]]]:
-    """Split a section at its own keywords, not at those of sections within."""
-    ways: list[tuple[str, list[str]]] = []
-    place = 0
-    while place < len(lines):
-        match = KEYWORD.match(lines[place])
-        if match and match[1] in keywords and (not ways or match[1] != keywords[0]):
-            ways.append((lines[place], []))
-            place += 1
-            continue
-        stop = closing(lines, place) if match and match[1] in OPENS else place + 1
-        ways[-1][1].extend(lines[place:stop])
-        place = stop
-    return ways
+def _nested(lines: list[str]) -> list[Statement]:
+    """Put the lines of sections together; functions end where the next begins where they have no end of their own."""
+    words = [match[1] if (match := KEYWORD.match(line)) else "" for line in lines]
+    ended = words.count("end") == sum(word in _OPENS for word in words)
+    around = [Section("", [("", [])])]
+    for line, word in zip(lines, words, strict=True):
+        if word == "function" and not ended:
+            del around[1:]
+        if word in _OPENS:
+            section = Section(word, [(line, [])])
+            around[-1].parts[-1][1].append(section)
+            around.append(section)
+        elif word == "end":
+            del around[max(1, len(around) - 1) :]
+        elif word in _PARTS and len(around) > 1:
+            around[-1].parts.append((line, []))
+        else:
+            around[-1].parts[-1][1].append(line)
+    return around[0].parts[0][1]
 
 
-def closing(lines: list[str], start: int) -> int:
-    """Return the place behind the ``end`` of the section that begins at a line."""
-    depth = 0
-    for place in range(start, len(lines)):
-        match = KEYWORD.match(lines[place])
-        if match and match[1] in OPENS:
-            depth += 1
-        elif match and match[1] == "end":
-            depth -= 1
-            if depth == 0:
-                return place + 1
-    return len(lines)
-
-
-def statements(code: str) -> list[str]:
+def statements(code: str) -> list[Statement]:
     """Split code into statements: at line ends, ``;`` and ``,`` outside brackets and texts; comments go."""
     code = re.sub(r"\.\.\.[^\n]*(?:\n|$)", " ", code.replace("\r", ""))
     code = re.sub(r"^[ \t]*%\{[ \t]*\n.*?^[ \t]*%\}[ \t]*$", "", code, flags=re.DOTALL | re.MULTILINE)
-    found: list[str] = []
-    current, depth, quote = "", 0, ""
-    last = ""
-    comment = False
-    for letter in code + "\n":
-        if comment and letter != "\n":
-            continue
-        comment = False
-        if quote:
-            quote = "" if letter in (quote, "\n") else quote
-        elif letter == '"' or (letter == "'" and not (last.isalnum() or last in ")]}'._")):
-            quote = letter
-        elif letter == "%":
-            comment = True
-            continue
-        elif letter in "([{":
-            depth += 1
-        elif letter in ")]}":
-            depth = max(0, depth - 1)
-        if letter == "\n" and depth and not quote:
+    found, current, depth = list[str](), "", 0
+    for piece in (match[0] for match in _PIECE.finditer(code + "\n") if match[0][0] != "%"):
+        depth = max(0, depth + (piece in ("(", "[", "{")) - (piece in (")", "]", "}")))
+        if piece == "\n" and depth:
             current += ";" if current.rstrip()[-1:] not in (";", ",", "[", "(", "{") else " "
-        elif (letter == "\n" or letter in ";,") and not quote and not depth:
+        elif piece in ("\n", ";", ",") and not depth:
             found.append(current.strip())
             current = ""
         else:
-            current += letter
-        last = letter
-    return [part for statement in found for part in _without_else(statement) if part]
+            current += piece
+    return _nested([part for statement in found for part in _without_else(statement) if part])
 
 
 def _without_else(statement: str) -> list[str]:

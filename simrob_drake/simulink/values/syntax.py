@@ -14,10 +14,10 @@ class NotUnderstood(ValueError):
 class Expression(NamedTuple):
     """An expression, or a part of one."""
 
-    # what it is, and what of: ``number`` and ``text`` (value), ``name`` (name), ``call`` (target, arguments) for an
-    # index or a function, ``field`` (target, name), ``unary`` (operator, operand) with ``'`` behind it, ``binary``
-    # (operator, left, right), ``range`` (start, step or None, stop), ``matrix`` and ``cell`` (rows), ``colon`` for a
-    # lone one, all of a dimension, and ``end`` in an index
+    # what it is, and what of: ``number``, ``text`` and ``string``, a text that stays one among others (value), ``name``
+    # (name), ``call`` (target, arguments) for an index or a function, ``field`` (target, name), ``unary`` (operator,
+    # operand) with ``'`` behind it, ``binary`` (operator, left, right), ``range`` (start, step or None, stop),
+    # ``matrix`` and ``cell`` (rows), ``colon`` for a lone one, all of a dimension, and ``end`` in an index
     kind: str
     parts: tuple[Any, ...] = ()
 
@@ -37,7 +37,7 @@ _SIGNS = "-", "+", "~", "!"
 
 
 class _Token(NamedTuple):
-    """A piece of an expression: its kind is ``number``, ``text``, ``name`` or ``operator``."""
+    """A piece of an expression: its kind is ``number``, ``text``, ``string``, ``name`` or ``operator``."""
 
     kind: str
     text: str
@@ -62,8 +62,9 @@ def _tokens_of(text: str) -> list[_Token]:
         after_value = bool(tokens) and tokens[-1].ends_value
         opens = text[place] == '"' or (text[place] == "'" and (spaced or not after_value))
         if (match := _QUOTED.match(text, place)) and opens:
-            word = match[2].replace('""', '"') if match[1] is None else match[1].replace("''", "'")
-            token = _Token("text", word)
+            string = match[1] is None
+            word = match[2].replace('""', '"') if string else match[1].replace("''", "'")
+            token = _Token("string" if string else "text", word)
         elif match := _TOKEN.match(text, place):
             token = _Token(str(match.lastgroup), match[0])
         else:

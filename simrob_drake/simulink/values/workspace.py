@@ -101,7 +101,7 @@ class Variables:
     absent: set[str] = field(default_factory=set)  # files that code takes variables from, and that are not there
     settings: dict[str, dict[str, str]] = field(default_factory=dict)
     """Parameters that code of a mask sets of blocks in its subsystem, by their path there, once it has run."""
-    spare: dict[str, Callable[[], Any]] = field(default_factory=dict)  # what counts where no code tells a variable
+    spare: Callable[[str], Any] = lambda _: None  # what counts where no code tells a variable; None of nothing
 
     def lookup(self, name: str) -> Any:
         """Return a variable's value (raises UndefinedVariable: no workspace has it)."""
@@ -111,8 +111,8 @@ class Variables:
         self.run()
         if name in self.variables:
             return self.variables[name]
-        if name in self.spare:
-            return self.variables.setdefault(name, self.spare[name]())
+        if (value := self.spare(name)) is not None:
+            return self.variables.setdefault(name, value)
         if name in self.unknown:
             raise UndefinedVariable(name, f"it is set by code of '{self.name}' that only MATLAB runs")
         if self.outer is None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,12 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import Form, Value, blocks_in, closure
-from simrob_drake.simulink.signals.laws import of_time
+from simrob_drake.simulink.signals.laws import Law, of_time
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.flow import FlowWriter
 from simrob_drake.simulink.writing.touching import StationFiles
-from simrob_drake.simulink.writing.urdf import UniqueNames, pose_list
+from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, pose_list
+from simrob_drake.stations.config import JointStops
 
 _CORNER = 2 * SHORTEST  # how long a step takes [s]: rows of a table must be a SHORTEST apart
 RATE = 200.0  # rows a second of a table
@@ -180,3 +182,33 @@ def _ends(held: Coupling, files: StationFiles, turn: RigidTransform, *, framed: 
     what, size = ("pose", 6) if framed else ("point", 3)
     poses = pose_list(base[1] @ held.in_base)[:size], pose_list(follower[1] @ held.in_follower)[:size]
     return {"body": base[0], what: poses[0], "other": follower[0], f"other_{what}": poses[1]}
+
+
+def servo_section(robot: RobotFile, laws: Mapping[Freedom, Law]) -> dict[str, Any]:
+    """Return the section `servo` of a robot, by the laws of its joints."""
+    section: dict[str, Any] = {}
+    for key in ("kp", "ki", "kd"):
+        values = {axis: float(f"{getattr(laws[freedom], key):.12g}") for freedom, axis in robot.axes.items()}
+        if key != "ki" or any(values.values()):
+            section[key] = _at_once(values)
+    limits = {axis: laws[freedom].limit for freedom, axis in robot.axes.items() if isfinite(laws[freedom].limit)}
+    if limits:
+        section["torque_limit"] = limits
+    return section
+
+
+def stop_section(robot: RobotFile) -> dict[str, Any]:
+    """Return the section `joint_stops` of a robot; nothing where they are as usual."""
+    found = {axis: freedom.stop for freedom, axis in robot.axes.items() if freedom.stop}
+    usual = tuple(JointStops().model_dump().values())
+    if all(np.allclose(stop, usual, rtol=1e-3) for stop in found.values()):
+        return {}
+    columns = zip(*found.values(), strict=True)
+    return {
+        key: _at_once({axis: float(f"{value:.12g}") for axis, value in zip(found, values, strict=True)})
+        for key, values in zip(("stiffness", "damping"), columns, strict=True)
+    }
+
+
+def _at_once(values: dict[str, float]) -> dict[str, float] | float:
+    return next(iter(values.values())) if len(set(values.values())) == 1 else values

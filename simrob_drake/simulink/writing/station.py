@@ -23,15 +23,20 @@ from simrob_drake.simulink.signals.forms import Term, closure, terms_of
 from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.flow import Sum, flows_of, frame_sensors
-from simrob_drake.simulink.writing.references import JointMotions, coupling_sections, start_state
+from simrob_drake.simulink.writing.references import (
+    JointMotions,
+    coupling_sections,
+    servo_section,
+    start_state,
+    stop_section,
+)
 from simrob_drake.simulink.writing.touching import ContactSections, StationFiles, feet_of, read_touching
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
-from simrob_drake.stations.config import JointStops
 
 _INSIDE = 1e-8  # how far within its limits a joint starts at least [rad or m]: files hold degrees and radians
 _SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-3, "max_step": 0.1},
-    "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
+    "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-5, "max_step": 0.02},
     "loops": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4, "max_step": 0.01},
     "points": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},
     "struck": {"kind": "discrete", "scheme": "sap", "time_step": 2e-4},  # by forces that jump: contact in signals
@@ -57,7 +62,7 @@ class StationWriter:
     def write(self) -> StationFiles:
         """Write everything, and return what there is."""
         name = plain(self._model.path.stem)
-        mechanisms = _together([tree for tree in self._model.trees if tree.branches])
+        mechanisms = _together(self._weighing([tree for tree in self._model.trees if tree.branches]))
         homes = {tree: _home(tree) for tree in mechanisms}
         base_solids = self._share_world(mechanisms, homes)
         for tree in mechanisms:
@@ -180,10 +185,11 @@ class StationWriter:
         """Return what only a station of torques has: its solver, laws that are no servos, and speeds at the start."""
         flows = flows_of(self._model, self._files, sensors, measured, self._turn)
         content: dict[str, Any] = {"controllers": flows} if flows else {}
-        content["solver"] = self._solver()
-        if "accuracy" in content["solver"] and (flows or any(map(_is_moved, self._files.robots.values()))):
+        solver = self._solver()
+        if "accuracy" in solver and (flows or any(map(_is_moved, self._files.robots.values()))):
             longest = 0.02 if self._touching.ends else 0.005  # limits of a law are found within a step
-            content["solver"] = content["solver"] | {"accuracy": 1e-4, "max_step": longest}
+            solver = {**solver, "accuracy": min(solver["accuracy"], 1e-4), "max_step": longest}
+        content["solver"] = solver
         freedoms = [freedom for robot in self._files.robots.values() for freedom in robot.axes]
         servos = {freedom: law.kp for freedom in freedoms if (law := self._law(freedom)).kp}
         if freedoms and all(kp == freedom.stiffness for freedom, kp in servos.items()):
@@ -198,14 +204,30 @@ class StationWriter:
     def _kinematic(self) -> bool:
         """Tell whether the motion is the input, or nothing weighs enough to be moved by torque."""
         driven = {freedom.driven for robot in self._files.robots.values() for freedom in robot.axes}
-        weightless = [link for robot in self._files.robots.values() for link in robot.weightless]
-        if weightless and self._files.robots:
-            self._report.add(
-                "approximated", "station", f"kinematic: these links weigh nothing: {', '.join(weightless[:5])}"
-            )
-            return True
+        robots = [robot for robot in self._files.robots.values() if robot.weightless]
         stand = all(robot.tree.root.grounded for robot in self._files.robots.values())
-        return driven == {"motion"} and stand and not self._files.free
+        if driven == {"motion"} and stand and not self._files.free:
+            return True
+        bound = any(robot.tree.closings or robot.tree.gears or not robot.tree.root.grounded for robot in robots)
+        if robots and (bound or not (self._files.free or any(robot.mass for robot in self._files.robots.values()))):
+            names = [name for robot in robots for name in robot.weightless.values()]
+            message = f"kinematic, nothing moves by forces: these links weigh nothing: {', '.join(names[:5])}"
+            self._report.add("lost", "motion by forces", message)
+            return True
+        for branch in (branch for robot in robots for branch in robot.tree.branches if branch.body in robot.weightless):
+            branch.link.joint.node.note("lost", "what it moves weighs nothing: it is held where it starts")
+            for freedom in branch.freedoms:
+                freedom.driven = "motion"
+                self._model.laws.pop(freedom, None)
+        return False
+
+    def _weighing(self, trees: list[Tree]) -> list[Tree]:
+        """Return trees without those that nothing holds and that weigh nothing, if others do."""
+        kept = [tree for tree in trees if tree.root.grounded or _weighs(tree)]
+        for tree in (tree for tree in trees if any(map(_weighs, kept)) and tree not in kept):
+            for branch in tree.branches:
+                branch.link.joint.node.note("lost", "nothing holds what it joins, which weighs nothing: left out")
+        return kept if any(map(_weighs, kept)) else trees
 
     def _robot(self, name: str, robot: RobotFile, duration: float, kinematic: bool) -> dict[str, Any]:
         folder = self._folder / name
@@ -239,8 +261,8 @@ class StationWriter:
         for freedom, law in laws.items():
             self._tell(name, robot.axes[freedom], freedom, law, kinematic=kinematic)
         if not kinematic:
-            entry["servo"] = _servo(robot, laws)
-            entry |= {"joint_stops": stops} if (stops := _stops(robot)) else {}
+            entry["servo"] = servo_section(robot, laws)
+            entry |= {"joint_stops": stops} if (stops := stop_section(robot)) else {}
         forms = {freedom: law.reference for freedom, law in laws.items()}
         table = self._folder / f"{name}_reference.csv"
         entry["reference"] = JointMotions(robot.axes, forms, start, duration, table).reference()
@@ -327,6 +349,10 @@ def _home(tree: Tree) -> str:
     return "/".join(commonprefix(ways))  # noqa: RUF071  # of lists it compares the parts
 
 
+def _weighs(tree: Tree) -> bool:
+    return any(solid.weight.mass > 0 for body in tree.bodies if not body.grounded for solid in body.solids)
+
+
 def _is_moved(robot: RobotFile) -> bool:
     return any(freedom.driven == "motion" for freedom in robot.axes)
 
@@ -350,34 +376,6 @@ def _robot_sections(robots: dict[str, Any]) -> dict[str, Any]:
     (robot,) = robots.values()
     shared = {section: robot.pop(section) for section in ("servo", "joint_stops", "reference") if section in robot}
     return {"robot": robot, **shared}
-
-
-def _servo(robot: RobotFile, laws: dict[Freedom, Law]) -> dict[str, Any]:
-    section: dict[str, Any] = {}
-    for key in ("kp", "ki", "kd"):
-        values = {axis: float(f"{getattr(laws[freedom], key):.12g}") for freedom, axis in robot.axes.items()}
-        if key != "ki" or any(values.values()):
-            section[key] = _at_once(values)
-    limits = {axis: laws[freedom].limit for freedom, axis in robot.axes.items() if isfinite(laws[freedom].limit)}
-    if limits:
-        section["torque_limit"] = limits
-    return section
-
-
-def _stops(robot: RobotFile) -> dict[str, Any]:
-    found = {axis: freedom.stop for freedom, axis in robot.axes.items() if freedom.stop}
-    usual = tuple(JointStops().model_dump().values())
-    if all(np.allclose(stop, usual, rtol=1e-3) for stop in found.values()):
-        return {}
-    columns = zip(*found.values(), strict=True)
-    return {
-        key: _at_once({axis: float(f"{value:.12g}") for axis, value in zip(found, values, strict=True)})
-        for key, values in zip(("stiffness", "damping"), columns, strict=True)
-    }
-
-
-def _at_once(values: dict[str, float]) -> dict[str, float] | float:
-    return next(iter(values.values())) if len(set(values.values())) == 1 else values
 
 
 def _upright(model: SimulinkModel) -> tuple[RigidTransform, float]:

@@ -62,7 +62,8 @@ class RobotFile:
     """Pose of each link's frame in its body's first frame."""
     tools: dict[str, str] = field(default_factory=dict)  # names of frames on it
     pushed: str = ""  # the tool at which an external force acts; empty without
-    weightless: list[str] = field(default_factory=list)  # links that move, and with what hangs on them have no mass
+    weightless: dict[RigidPart, str] = field(default_factory=dict)
+    """Links that move, and with what hangs on them have no mass, by body."""
     mass: float = 0.0  # of all that moves [kg]
 
     def by_axis(self, values: Mapping[Freedom, float], prefix: str) -> dict[str, float]:
@@ -144,7 +145,7 @@ class UrdfWriter:
         else:
             set_inertia(link, mass=_TINY, moments=[_TINY] * 3, pose=RigidTransform())
             if not any(solid.weight.mass > 0 for behind in robot.tree.behind(body) for solid in behind.solids):
-                robot.weightless.append(name)
+                robot.weightless[body] = name
         for solid in body.solids:
             self._visual(link, solid, inverse @ solid.pose)
 
