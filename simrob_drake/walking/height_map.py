@@ -11,7 +11,7 @@ Places = npt.NDArray[np.complex128]
 """In the plane: x ahead, y to the left, as complex numbers [m]."""
 CELL = 0.01
 """Of the map [m]."""
-_REACH = 9  # cells: how far at most a foothold is shifted, ahead and to the side
+_REACH = 6  # cells: how far at most a foothold is shifted, ahead and to the side
 _BLOCK = 32  # cells: what is asked of the ground in one go
 _ROUGH = 3.0  # what a metre of height under a foot costs, in metres that the foothold is shifted
 _EVEN = 2e-3  # heights under a foot that differ by so little are none [m]
@@ -56,7 +56,7 @@ class HeightMap:
     ) -> complex:
         r"""Return by how much feet that land together are best shifted to stand on even ground [m].
 
-        It is the shift d, within 90 mm to each side, with the least
+        It is the shift d, within 60 mm to each side, with the least
         :math:`|d|^2 + \sum (3 h)^2 + \sum (3 s)^2 + 0.3 |d - d'|^2`, where h is by how much the heights under a foot
         differ, and s by how much it would step up or down too far.
 

@@ -28,7 +28,7 @@ from simrob_drake.walking.stride import NUMBERS, Stride, eased
 
 _SAME = 1e-3  # of a posture [rad]
 _NEAR = 0.5  # from where the robot stands to where its path starts, at most [m]
-_EDGE = 0.01  # to be left around a sole that is set down on a known ground [m]
+_EDGE = 0.02  # to be left around a sole that is set down on a known ground [m]
 _READY = 1.0  # time to take the first posture from 45 deg away [s]
 
 
@@ -48,7 +48,7 @@ class Walk(LoopSection):
     """Where to go, by the pose of the root that it reads."""
     height_map: Boolean = False
     """Know how high the ground of the station is, seen from above, around where the pose that is read has the robot:
-    feet lift to it, and land where it is even, within 90 mm of where they would."""
+    feet lift to it, and land where it is even, within 60 mm of where they would."""
     strict: Boolean = False
     """Refuse commands that the legs cannot follow, as `max_speed` of the gait says; they are clipped otherwise."""
 
