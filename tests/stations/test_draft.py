@@ -30,7 +30,7 @@ def test_an_arm_follows_its_first_move(tmp_path):
     assert result.ending == "completed"
     moved = np.rad2deg(np.abs(result.axes("q")[-1] - result.axes("q")[0]))
     assert (moved > 15).all()
-    assert np.rad2deg(np.abs(result.axes("q_ref")[-1] - result.axes("q")[-1])).max() < 0.01  # gains alone allow a sag of 1 deg
+    assert np.rad2deg(np.abs(result.axes("q_ref")[-1] - result.axes("q")[-1])).max() < 0.01
 
 
 def test_a_floating_robot_stands_on_the_floor(tmp_path):

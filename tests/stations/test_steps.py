@@ -14,7 +14,11 @@ LINK = """
     <inertia ixx="2e-9" ixy="0" ixz="0" iyy="3e-9" iyz="0" izz="3e-9"/></inertial></link>
   <joint name="bend_{name}" type="revolute"><parent link="{parent}"/><child link="{name}"/><origin xyz="{x} 0 0"/>
     <axis xyz="0 -1 0"/><limit lower="{lower}" upper="1.7" effort="1" velocity="5"/></joint>"""
-CREEPING = {"solver": {"kind": "continuous", "scheme": "radau3"}, "servo.realization": "per_joint", "servo.feedforward": "none"}
+CREEPING = {
+    "solver": {"kind": "continuous", "scheme": "radau3"},
+    "servo.realization": "per_joint",
+    "servo.feedforward": "none",
+}
 
 
 def finger(lower: float) -> str:
