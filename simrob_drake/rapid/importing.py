@@ -168,7 +168,8 @@ class Interpreter(Expressions):
         self._called(routine, self._call_of(routine.name, name, arguments))
 
     def _call_by_var(self, call: Call) -> None:
-        self._run(self._procedure(f"{call.value(0, 'string')}{call.value(1, 'num'):g}"), [])
+        routine = self._procedure(f"{call.value(0, 'string')}{call.value(1, 'num'):g}")
+        self._called(routine, self._call_of(routine.name, call.node, None))
 
     def _procedure(self, name: str) -> Routine:
         routine = self._find(name)

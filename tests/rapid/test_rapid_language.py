@@ -265,3 +265,8 @@ def test_all_that_every_program_knows_is_as_its_types_say():
     ]
     assert {"v5", "v7000", "vmax", "fine", "z0", "z200", "tool0", "wobj0", "load0"} <= set(names)
     assert len(told("\n".join(f"Tell {name};" for name in names))) == len(names)
+
+
+def test_a_procedure_with_parameters_is_not_called_by_a_variable():
+    with pytest.raises(RapidError, match="Kind3 with 0 arguments, of 1 that it has"):
+        told('CallByVar "Kind",3;', "PROC Kind3(num x) Tell x; ENDPROC")
