@@ -159,8 +159,7 @@ class MoveRunner:
 
     def _run_tried(self, before: Taught) -> Future[Any]:
         """Run what of the tried moves is not done yet; where that cannot be, they are as ``before``."""
-        book, run = self._book, self._client.run
-        now = book.history.present
+        book, run, now = self._book, self._client.run, self._book.history.present
         again = now.pending == before.pending  # the last of them is run once more
         back, kept = run.moves.back_to(now.pending[:-1] if again else now.pending)
         moves = now.pending[kept:]
@@ -175,8 +174,7 @@ class MoveRunner:
             now = now.replaced(changes=kept_changes)
             book.record(now)
 
-        def undone() -> None:
-            run.moves.back_to(now.pending[:kept])
+        undone = partial(run.moves.back_to, now.pending[:kept])
 
         def fell() -> None:
             undone()
@@ -328,7 +326,6 @@ class MoveRunner:
         """Ask for a run; ``failed`` is called if it cannot be, ``fell`` if it came to nothing."""
         run, set_phase = self._client.run, self.commands.set_phase
         run.kind, run.rewound, run.lost, run.shown, self._fell = kind, False, False, None, fell
-        set_phase("running")
 
         def refused() -> None:
             failed()
@@ -339,7 +336,10 @@ class MoveRunner:
                 set_phase("idle")
             return True if ended is None else ended
 
-        return self._client.ask(method, ran, refused, **arguments)
+        answer = self._client.ask(method, ran, refused, **arguments)
+        if not answer.done():  # else refused at once; a way back that waits is asked for after this run
+            set_phase("running")
+        return answer
 
     # News
 

@@ -170,6 +170,28 @@ def test_a_test_that_takes_the_place_of_one_not_begun_runs_from_where_that_would
     session.close()
 
 
+def test_a_way_back_that_waited_comes_after_the_test_that_was_begun(tmp_path):
+    session = opened(tmp_path)
+    late(session)
+    session.test({"left_elbow": 1.0}, 1.0)
+    session.hear()
+    tick(session, 4)
+    session.hear()
+    session.test({"left_elbow": 2.0}, 1.0)  # stops the first, then goes back to its start
+    session.listen(lambda _: session.phase == "rewinding" and not asked and asked.append(session.rewind(0.1)))
+    asked = []
+    session.hear()
+    session.hear()
+    assert asked
+    assert [(name, how.get("time")) for name, how in late(session).asked("do", "rewind")] == [
+        ("do", None),
+        ("rewind", 0.0),
+        ("do", None),
+        ("rewind", 0.1),
+    ]
+    session.close()
+
+
 def test_nothing_is_shown_behind_what_was_run(tmp_path):
     session = opened(tmp_path)
     session.rewind(0.05)  # the least that a slider can be dragged
