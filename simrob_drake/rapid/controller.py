@@ -117,7 +117,7 @@ class Controller:
             return None
         return _numbers(frame)
 
-    def begins_with(self, call: Call, motion: Motion, target: Sequence[float]) -> bool:
+    def cannot_begin_with(self, call: Call, motion: Motion, target: Sequence[float]) -> bool:
         """Tell whether a move to a pose (6,) is the first, and cannot be made from where the arm stands in its file."""
         if self._group is not None or any(isinstance(move, ArmMotion) for move in self.moves):
             return False

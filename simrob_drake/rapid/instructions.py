@@ -64,7 +64,7 @@ def _move(kind: type[ArmMotion], *, signal: bool = False) -> Instruction:
 def _go(controller: Controller, call: Call, motion: Motion, target: RecordValue, near: float) -> None:
     here = transform_of(target)
     there, frame = (pose_from_transform(here) + 0.0).tolist(), controller.cell.frame(motion.wobj)
-    if motion.kind is MoveL and controller.begins_with(call, motion, there):
+    if motion.kind is MoveL and controller.cannot_begin_with(call, motion, there):
         motion = motion._replace(kind=MoveJ)
         call.remark("is the first move, and no module says from where: it goes by the axes", lost=False)
     more: dict[str, Any] = {"pose": (frame @ here).GetAsMatrix4()}
