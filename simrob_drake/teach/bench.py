@@ -17,7 +17,8 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.timeline import GRID, USER, Change, DriveNow, PushNow, Timeline
 from simrob_drake.programs.whole_program import perform
-from simrob_drake.results.animation.drawn import compared_ghost, ghosts
+from simrob_drake.results.animation.camera import PANE_ASPECT
+from simrob_drake.results.animation.drawn import Command, compared_ghost, ghosts
 from simrob_drake.results.animation.live import StationView
 from simrob_drake.results.animation.pictures import save_film_strip
 from simrob_drake.results.block_diagram.picture import loop_svg, station_svg
@@ -61,7 +62,7 @@ class Bench:
         News go to the inbox; ``serve`` does what is asked for at a tick.
         """
         self._inbox = inbox
-        self._view = StationView(lambda subject, commands: inbox.tell("view", subject=subject, commands=list(commands)))
+        self._view = StationView(self._tell_view, PANE_ASPECT)
         self.pacer = RunPacer(inbox, self._view.show, lambda: serve(self))
         self._cell: Workcell | None = None
         self._robot = ""
@@ -183,7 +184,7 @@ class Bench:
         """Show, as a ghost, all that moves at positions of the plant in a run that is over; None takes it away."""
         if self._view.scene is not None:
             shown = positions if positions is not None and self._fits(positions) else None
-            self._inbox.tell("view", subject="compared", commands=compared_ghost(self._view.scene, shown))
+            self._tell_view("compared", compared_ghost(self._view.scene, shown))
 
     def change(self, settings: dict[str, Any]) -> None:
         """Change settings of the running station by their keys, from the next tick on."""
@@ -236,13 +237,11 @@ class Bench:
         own, now = self.cell.robot(self._robot), self.posture()
         at = [np.array([*{**now, **posture}.values()]) * own.model.user_units for posture in postures]
         if self._view.scene is not None:
-            commands = ghosts(self._view.scene, self._robot, at, good, marked)
-            self._inbox.tell("view", subject="ghosts", commands=commands)
+            self._tell_view("ghosts", ghosts(self._view.scene, self._robot, at, good, marked))
 
     def handles(self, targets: dict[str, dict[str, Any]], near: dict[str, float]) -> None:
         """Tell the view what can be taken by hand, with some axes elsewhere [deg or m]."""
-        found = handles(self.cell, self._robot, targets, near)
-        self._inbox.tell("view", subject="handles", commands=[{"type": "handles", **found}])
+        self._tell_view("handles", [{"type": "handles", **handles(self.cell, self._robot, targets, near)}])
 
     def reach(self, limb: str, pose: Sequence[float], near: dict[str, float], *, turned: bool) -> dict[str, float]:
         """Tell the axes that bring the end of a limb to a pose; see :func:`~simrob_drake.teach.handles.reached`."""
@@ -288,6 +287,9 @@ class Bench:
             found: Callable[..., Any] = getattr(self, method)
             return found
         return partial(getattr(arm_questions, method), self.cell.arm(self._robot or None))
+
+    def _tell_view(self, subject: str, commands: Sequence[Command]) -> None:
+        self._inbox.tell("view", subject=subject, commands=list(commands))
 
     def _fits(self, positions: Vector) -> bool:
         """Tell whether positions are of this plant: what stands in the station may have been changed since."""

@@ -16,7 +16,8 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake import load_station, simulate
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.registry import load_gaits
-from simrob_drake.results.animation.camera import side, walked_way
+from simrob_drake.results.animation import live
+from simrob_drake.results.animation.camera import PANE_ASPECT, WINDOW_ASPECT, side, walked_way
 from simrob_drake.results.animation.pictures import Studio, save_film_strip
 from simrob_drake.results.animation.recording import save_recording
 from simrob_drake.results.animation.scene import (
@@ -51,6 +52,17 @@ def test_a_robot_that_stands_turned_is_seen_from_its_front_all_the_same():
     pose = [*station.robots["robot"].base]
     pose[3] = np.deg2rad(70)
     assert np.rad2deg(side(plant_of("roid1_dynamic", {"robot.base": pose}))) == pytest.approx(20)
+
+
+def test_a_narrow_view_of_a_wide_robot_is_from_farther_away(monkeypatch):
+    cameras = []
+    monkeypatch.setattr(live, "look", lambda _, camera: cameras.append(camera))
+    config = load_station("yobotics_dynamic")
+    for view in (live.StationView(lambda *_: None), live.StationView(lambda *_: None, PANE_ASPECT)):
+        view.draw(config)
+    wide, narrow = (float(np.linalg.norm(camera.eye - camera.target)) for camera in cameras)
+    assert narrow == pytest.approx(WINDOW_ASPECT / PANE_ASPECT * wide, rel=0.25)
+    assert narrow > 1.1 * wide
 
 
 def test_arms_are_seen_as_ever_and_do_not_move_the_camera():

@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.geometry import Meshcat, Role
 
 from simrob_drake.frames import Vector
-from simrob_drake.results.animation.camera import PANE_ASPECT, camera_on, side
+from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, side
 from simrob_drake.results.animation.drawn import Command, commands, draw_geometry, draw_tool_paths, look, pose_commands
 from simrob_drake.results.animation.scene import ViewedStation, draw_floor_lines, floor_under
 from simrob_drake.results.animation.window import Board, Control, Window
@@ -31,9 +31,12 @@ Tell = Callable[[str, Sequence[Command]], object]
 class StationView:
     """What a browser is told so that it shows a station."""
 
-    def __init__(self, tell: Tell) -> None:
-        """Show nothing yet; ``tell`` takes a subject, and the commands to Meshcat's page in place of its last ones."""
-        self._tell = tell
+    def __init__(self, tell: Tell, aspect: float = WINDOW_ASPECT) -> None:
+        """Show nothing yet in a view of an aspect, width over height.
+
+        ``tell`` takes a subject, and the commands to Meshcat's page in place of its last ones.
+        """
+        self._tell, self._aspect = tell, aspect
         self._looks: object = None
         self.scene: ViewedStation | None = None  # the station as it is shown
 
@@ -71,7 +74,7 @@ class StationView:
             draw_geometry(meshcat, scene.query(), _PREFIXES)
             if here and config.floor is not None:
                 draw_floor_lines(meshcat, scene, size=config.floor.size)
-            look(meshcat, camera_on(points, aspect=PANE_ASPECT, azimuth=azimuth))
+            look(meshcat, camera_on(points, aspect=self._aspect, azimuth=azimuth))
 
         self._tell("scene", [{"type": "delete", "path": "/drake/station"}, *commands(draw), *here])
 
