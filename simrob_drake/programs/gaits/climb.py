@@ -40,8 +40,8 @@ class Climb(SolvedGait):
     """Where the soles stand at first, by foot; side by side unless given. The lowest is at the height 0."""
     goals: Mapping[str, Place] | None = None
     """Where they go; `stride` ahead unless given."""
-    over: Mapping[str, NotNegative] | None = None
-    """The highest ground on the way of each, over the lowest sole at first [m]; what it goes to unless given."""
+    over: NotNegative = 0.0
+    """The highest ground on the way, over the lowest sole at first [m]."""
     turned: Number = 0.0
     """The turn of the trunk at first, to the left [rad]; it ends at 0."""
     stride: Positive = 0.1
@@ -91,13 +91,13 @@ class Climb(SolvedGait):
         phases.append(Phase(self.settle + self.rest, end, self.settle))
         way = gait_plan({name: place[[0, 1, 3]] for name, place in at.items()}, middle, phases)
         times = way.times
-        paths = {name: self._swung(_share(times, begins[name], swing), at[name], goals[name], name) for name in SIDES}
+        paths = {name: self._swung(_share(times, begins[name], swing), at[name], goals[name]) for name in SIDES}
         heading = self.turned * (1.0 - smooth(_share(times, 0.0, begins[SIDES[1]] + swing)))
         return replace(way, feet=paths, heading=heading, ground=self._ground(times, begins, swing, at, goals))
 
-    def _swung(self, share: Vector, start: Vector, goal: Vector, name: str) -> Vector:
+    def _swung(self, share: Vector, start: Vector, goal: Vector) -> Vector:
         """Return the places (m, 4) of a sole at shares (m,) of its swing: up, ahead, and down."""
-        top = max(start[2], goal[2], self.over[name] if self.over else 0.0) + self.lift
+        top = max(start[2], goal[2], self.over) + self.lift
         path = start + np.outer(smooth(_share(share, _AHEAD[0], _AHEAD[1] - _AHEAD[0])), goal - start)
         up, down = smooth(_share(share, 0.0, _UP)), smooth(_share(share, 1.0 - _DOWN, _DOWN))
         path[:, 2] = start[2] + (top - start[2]) * up - (top - goal[2]) * down

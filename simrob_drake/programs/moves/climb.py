@@ -136,7 +136,7 @@ class ClimbPath:
                 name: (place[0], place[1], start[name] - low, _within(place[2])) for name, place in places.items()
             },
             "goals": {name: (*goal[:2], stride.height - low, 0.0) for name, goal in goals.items()},
-            "over": dict.fromkeys(places, max(stride.over - low, 0.0)),
+            "over": max(stride.over - low, 0.0),
             "turned": _within(turned),
         }
 
@@ -146,7 +146,7 @@ class ClimbPath:
         while aim := self.aim(places, turned):
             start, goals = ({name: np.array(each) for name, each in aim[key].items()} for key in ("start", "goals"))
             change = [goals[name][axis] - start[name][axis] for name in SIDES for axis in (0, 2)]
-            kind = tuple(np.round([*change, aim["over"][SIDES[0]]], 3).tolist())
+            kind = tuple(np.round([*change, aim["over"]], 3).tolist())
             if kind not in seen:
                 found[float(places[SIDES[0]][0])] = aim
             seen.add(kind)
