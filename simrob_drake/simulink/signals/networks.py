@@ -20,7 +20,7 @@ import numpy as np
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.model.network import Connections
+from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, limited, table_of
 from simrob_drake.simulink.signals.descriptors import AT_ONCE, Reduced, reduced, without_fast
@@ -60,7 +60,6 @@ def elements() -> dict[str, NetworkBlock]:
 
 
 _OTHER_NAMES = {"L": ("l",), "K": ("Ki", "Kv")}  # other names of figures
-_ASIDE = ("PMIOPort", "Solver Configuration", "Connection Port", "ConnectionLabel", "SimscapeBus", "Two-Way Connection")
 _AS_IS = {
     "parameterization": ("circuit_param", "1"), "lam_param": ("damping", "2"), "mech_orient": ("positive", "1"),
     "friction_model": ("off",), "enable_backlash": ("false",), "mu_visc": ("[0, 0]", "[0 0]"),
@@ -225,18 +224,12 @@ def _figure(node: Node, name: str) -> float:
 
 def _members(network: Connections, start: Node) -> list[Node]:
     """Return the elements that hang together with one over conserving ports, and whatever else is on these."""
-    found = {start: None}
-    waiting = [start]
-    while waiting:
-        node = waiting.pop()
-        if node.kind in elements():
-            ports = ports_of(node)
-            for name in elements()[node.kind].branches.replace(",", "").split():
-                there = network.on(network.net(node, *ports[name])) if name in ports else []
-                new = [one for one in there if one not in found and one.kind not in _ASIDE and not one.children]
-                found |= dict.fromkeys(new)
-                waiting += new
-    return sorted(found, key=lambda one: one.path)
+
+    def conserving(node: Node) -> list[Place]:
+        branches, ports = (elements()[node.kind].branches, ports_of(node)) if node.kind in elements() else ("", {})
+        return [network.net(node, *ports[name]) for name in branches.replace(",", "").split() if name in ports]
+
+    return sorted(network.joined(start, conserving), key=lambda one: one.path)
 
 
 def _solved(reader: SignalReader, members: list[Node]) -> list[Signal]:
