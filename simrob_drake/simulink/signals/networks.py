@@ -22,20 +22,10 @@ from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, limited, table_of
+from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, limited, looked_up
 from simrob_drake.simulink.signals.descriptors import AT_ONCE, Reduced, reduced, without_fast
 from simrob_drake.simulink.signals.dynamics import rate_of
-from simrob_drake.simulink.signals.forms import (
-    Primitive,
-    Rule,
-    Signal,
-    SignalReader,
-    Value,
-    added,
-    computed,
-    flat,
-    signal,
-)
+from simrob_drake.simulink.signals.forms import Primitive, Rule, Signal, SignalReader, Value, added, flat, signal
 from simrob_drake.simulink.signals.translation import Translation, on_symbols
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import undefined
@@ -304,7 +294,7 @@ def _within(node: Node, torque: Value, speed: Value) -> Value:
             node.numbers(name, default) * node.in_si(node.text(f"{name}_unit", unit), name)
             for name, default, unit in (("w_t", "[0 3750 7500 8000]", "rpm"), ("T_t", "[.09 .08 .07 0]", "N*m"))
         )
-        bound = computed("lookup", speed, **table_of(speeds, most, clip=True))
+        bound = looked_up(speed, speeds, most, clip=True)
     else:
         power = node.quantity("power_max", default="30")
         bound = power / applied("max", speed, power / node.quantity("torque_max", default="0.1"))
