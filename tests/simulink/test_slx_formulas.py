@@ -5,7 +5,7 @@ import pytest
 from slx_files import Level, write_model
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.simulink.signals.forms import flat
+from simrob_drake.simulink.signals.forms import flat, mapped, signal
 from simrob_drake.simulink.simulink_model import read_simulink
 from simrob_drake.simulink.writing.references import over_time
 
@@ -116,6 +116,11 @@ def test_a_function_of_u_takes_its_first_element(tmp_path):
     model = read_simulink(write_model(tmp_path / "a.slx", level))
     (node,) = (node for node in model.expanded.nodes if node.block.name == "B")
     assert flat(model.tracer.output(node)) == [38.0]
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_no_number_is_comes_without_a_warning():
+    assert np.isnan(float(mapped(np.sqrt, signal([-1.0]))[0]))
 
 
 def test_vectors_are_multiplied_across(tmp_path):

@@ -166,8 +166,8 @@ def flat(values: Signal) -> list[Value]:
 
 def mapped(function: Callable[..., Value], *signals: Signal) -> Signal:
     """Apply a function of values element by element; scalars are spread."""
-    made = np.frompyfunc(function, len(signals), 1)(*signals)
-    return np.asarray(made, dtype=object)
+    with np.errstate(all="ignore"):  # of numbers that it divides, and flags that others left raised
+        return np.asarray(np.frompyfunc(function, len(signals), 1)(*signals), dtype=object)
 
 
 def scaled(values: Signal, factor: float) -> Signal:
