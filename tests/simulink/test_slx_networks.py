@@ -27,11 +27,17 @@ def hinge():
     return level, joint
 
 
-def motor_on_a_joint(level, torque, speed, *, swap=False, **figures):
-    """A voltage source, a DC motor and a gear box of 5 between a joint's speed and its torque; return the source."""
+def put_between(level, face, joint):
+    """Connect a multibody interface with what a joint takes, and tells of its speed."""
+    level.connect(f"{face}#lconn:1", f"{joint}#lconn:2")
+    level.connect(f"{face}#rconn:1", f"{joint}#rconn:2")
+
+
+def motor_on_a_joint(level, torque, speed, *, swap=False, kind="Voltage", **figures):
+    """A source of a kind, a DC motor and a gear box of 5 between a joint's speed and its torque; return the source."""
     ports = {"Left": [{"id": "C"}, {"id": "t"}], "Right": [{"id": "R"}, {"id": "w"}]}
     told = {"InternalSimscapePortConfiguration": json.dumps(ports)} if swap else {}
-    source = level.block("fl_lib/Electrical/Electrical Sources/Controlled Voltage Source", "Source")
+    source = level.block(f"fl_lib/Electrical/Electrical Sources/Controlled {kind} Source", "Source")
     ground = level.block(f"{ELECTRICAL}Electrical Reference", "Ground")
     held = level.block("fl_lib/Mechanical/Rotational Elements/Mechanical Rotational Reference", "Held")
     figures = {"Ra": "2", "La": "0.02", "Kv": "7", "Ki": "0.3", "J": "40", "J_unit": "g*cm^2", "lam": "0.001",
@@ -76,6 +82,15 @@ def test_a_motor_turns_a_joint(tmp_path, swap):
     assert imported.fidelity == "mechanics complete"
     result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
     np.testing.assert_allclose(result["v.J"], speeds(result.times), atol=2e-5)
+
+
+def test_a_source_pushes_current_out_at_its_positive_pin(tmp_path):
+    """As one of voltage does: 12 A through the motor, (I + 25 J) w' = 5 (K i - b 5 w), whatever its resistance is."""
+    imported = driven(tmp_path, kind="Current")
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
+    expected = 18 / 0.025 * -np.expm1(-0.025 / (0.5 + 25 * 4e-6) * result.times)
+    np.testing.assert_allclose(result["v.J"], expected, rtol=1e-4, atol=1e-5)
 
 
 def test_a_rotor_is_felt_as_inertia(tmp_path):
@@ -127,8 +142,7 @@ def test_a_simple_gear_turns_a_joint(tmp_path, sense, sign):
                        rotation_direction=f"sdl.enum.shaftOutputDirection.{sense}", mu_visc="[0, 0]")  # fmt: skip
     level.wire(f"{torque}#out:1", f"{into}#in:1")
     level.connect(f"{into}#rconn:1", f"{source}#rconn:1")
-    level.connect(f"{face}#lconn:1", f"{joint}#lconn:2")
-    level.connect(f"{face}#rconn:1", f"{joint}#rconn:2")
+    put_between(level, face, joint)
     level.connect(f"{source}#lconn:1", f"{gear}#lconn:1")
     level.connect(f"{gear}#rconn:1", f"{face}#rconn:2")
     level.connect(f"{source}#rconn:2", f"{held}#lconn:1", f"{face}#lconn:2")
@@ -194,8 +208,7 @@ def stopped(tmp_path, *, pull="3", model="3", friction=True):
     held, again = (level.block(f"{ELEMENTS}Mechanical Rotational Reference", name) for name in ("Held", "Again"))
     face = level.block("fl_lib/Mechanical/Multibody Interfaces/Rotational Multibody Interface", "Face")
     level.connect(f"{into}#rconn:1", f"{source}#rconn:1")
-    level.connect(f"{face}#lconn:1", f"{joint}#lconn:2")
-    level.connect(f"{face}#rconn:1", f"{joint}#rconn:2")
+    put_between(level, face, joint)
     stop = level.block(
         f"{ELEMENTS}Rotational Hard Stop", "Stop", upper_bnd="20", upper_bnd_unit="deg", lower_bnd="-0.1",
         lower_bnd_unit="rad", stiff_up="200", stiff_low="300", D_up="1.5", D_low="2", model=model, transition="0.05",
@@ -282,8 +295,7 @@ def test_friction_along_a_line_stops_a_slider(tmp_path):
     )
     port = json.dumps({"Left": [{"id": "V"}], "Right": []})
     held = level.block(f"{parts}Mechanical Translational Reference", "Held", InternalSimscapePortConfiguration=port)
-    level.connect(f"{face}#lconn:1", f"{joint}#lconn:2")
-    level.connect(f"{face}#rconn:1", f"{joint}#rconn:2")
+    put_between(level, face, joint)
     level.connect(f"{face}#rconn:2", f"{rub}#lconn:1")
     level.connect(f"{face}#lconn:2", f"{rub}#rconn:1", f"{held}#lconn:1")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
