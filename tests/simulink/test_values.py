@@ -316,6 +316,10 @@ def test_units_that_do_not_fit(unit):
         ("a = [1 2 4]; x = diff(a) * circshift(a, 1)(1:2)' + polyval([1 0 2], 3);", "x", 4 + 2 + 11),
         ("arm.mass = 1; arm.mass = unknowable(1); arm.length = 2; x = arm.length;", "x", 2),
         ("x = counted(1, 5, 6);", "x", 2),
+        ("n = 5; x = linspace(0, 1, n/2);", "x", [[0.0, 1.0]]),  # of a number that is not whole the floor
+        ("[a, b] = max([3 9 2]); [c, d] = min([4 1; 0 7]); x = [a b c d];", "x", [[9, 2, 0, 1, 2, 1]]),
+        ("[c, i, k] = unique([5 3 5]); x = [c i' k'];", "x", [[3, 5, 2, 1, 2, 1, 2]]),
+        ("x = [isscalar(2) isscalar([1 2]) isinf([1 -Inf]) atan2d(1, 1) asind(0.5)];", "x", [[1, 0, 0, 1, 45, 30]]),
         ("x = interp1([1 2 4], [5 6 0], [3 2]);", "x", [[3.0, 6.0]]),
         ("y = 2;", "twice(3) + twice(y, 1)", 9 + 4),  # an expression of a block
         ("x = 1; c = {}; if nargs(c) > 0 && c{1} > 2, x = 5; end, if true || c{1}, x = x + 1; end", "x", 2),

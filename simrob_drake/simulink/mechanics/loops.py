@@ -142,7 +142,7 @@ def _turned(pose: RigidTransform) -> Vector:
 _CLOSED, _LOOSE = 1e-6, 4e-4  # m and rad: what is no gap, and what a station takes of one that rounded figures leave
 PRESCRIBED = 1.0  # how much a start counts that a motion gives: nothing moves it
 _NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
-_FAR, _MOST_STARTS = 0.03, 20  # rad or m: what a target is missed by for which other starts are tried, and how many
+_FAR, _MOST_STARTS = 0.2, 20  # rad or m: what a target is missed by for which other starts are tried, and how many
 _BOUND = 1e-7  # how much staying counts beside closing
 _CHANGES = 1e-3  # by so much of its largest factor a gear's factors may change with the posture
 _CUT: dict[str, Literal["hinge", "ball"]] = {"Revolute Joint": "hinge", "Spherical Joint": "ball"}
