@@ -327,7 +327,8 @@ class CodeRun:
             return several[0] if len(several) == 1 and isinstance(value, dict) else several
         array = np.zeros((0, 0)) if known is None else matrix(known)
         sizes = [array.size] if len(index) == 1 else list(array.shape)
-        places = [self._places(node, size) for node, size in zip(index, sizes, strict=True)]
+        ways = zip(zip(index, sizes, strict=True), matrix(value).shape, strict=False)
+        places = [self._places(node, size or (node.kind == "colon") * own) for (node, size), own in ways]  # as it gets
         both = np.result_type(array, matrix(value))
         if len(places) == 1:
             flat = array.reshape(-1, order="F")

@@ -139,11 +139,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "ones": lambda *sizes: np.ones(_shape(sizes)),
     "eye": lambda *sizes: np.eye(*_shape(sizes)),
     "diag": _diag,
-    "sum": partial(_along, np.sum),
-    "prod": partial(_along, np.prod),
-    "mean": partial(_along, np.mean),
-    "any": partial(_along, np.any),
-    "all": partial(_along, np.all),
+    **{name: partial(_along, getattr(np, name)) for name in ("sum", "prod", "mean", "any", "all")},
     "min": partial(_extreme, np.minimum),
     "max": partial(_extreme, np.maximum),
     "diff": lambda value: np.diff(matrix(value), axis=_way(value)),
@@ -174,6 +170,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
         name: lambda value, kind=kind: float(isinstance(value, kind))
         for name, kind in (("ischar", str), ("isstruct", dict), ("iscell", list))
     },
+    "rot90": lambda value, times=1: np.rot90(matrix(value), int(matrix(times)[0, 0])),
+    "find": lambda value: np.flatnonzero(matrix(value).T).reshape((1, -1) if _way(value) else (-1, 1)) + 1,
     "fliplr": lambda value: matrix(value)[:, ::-1],
     "flipud": lambda value: matrix(value)[::-1],
     "horzcat": partial(_joined, 1),
