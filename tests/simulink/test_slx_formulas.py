@@ -32,6 +32,9 @@ def outputs(tmp_path, kind, inputs, parameters):
 @pytest.mark.parametrize(
     ("kind", "inputs", "parameters", "function"),
     [
+        ("DigitalClock", 0, {"SampleTime": "0.25"}, lambda t: 0.25 * np.floor(t / 0.25 + 1e-9)),
+        ("fl_lib/PS/PS Switch", 1, {"Threshold": "-1"}, lambda t: -t),
+        ("fl_lib/PS/PS Switch", 1, {}, lambda t: 0 * t),
         ("Math", 1, {"Operator": "10^u"}, lambda t: 10**t),
         ("Math", 1, {"Operator": "reciprocal"}, lambda t: 1 / t),
         ("Math", 1, {}, np.exp),

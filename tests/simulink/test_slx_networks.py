@@ -35,11 +35,11 @@ def faced(level, joint, what="Rotational"):
     return face
 
 
-def motor_on_a_joint(level, torque, speed, *, swap=False, **figures):
-    """A voltage source, a DC motor and a gear box of 5 between a joint's speed and its torque; return the source."""
+def motor_on_a_joint(level, torque, speed, *, swap=False, kind="Voltage", **figures):
+    """A source of a kind, a DC motor and a gear box of 5 between a joint's speed and its torque; return the source."""
     ports = {"Left": [{"id": "C"}, {"id": "t"}], "Right": [{"id": "R"}, {"id": "w"}]}
     told = {"InternalSimscapePortConfiguration": json.dumps(ports)} if swap else {}
-    source = level.block("fl_lib/Electrical/Electrical Sources/Controlled Voltage Source", "Source")
+    source = level.block(f"fl_lib/Electrical/Electrical Sources/Controlled {kind} Source", "Source")
     ground = level.block(f"{ELECTRICAL}Electrical Reference", "Ground")
     held = level.block("fl_lib/Mechanical/Rotational Elements/Mechanical Rotational Reference", "Held")
     figures = {"Ra": "2", "La": "0.02", "Kv": "7", "Ki": "0.3", "J": "40", "J_unit": "g*cm^2", "lam": "0.001",
@@ -84,6 +84,15 @@ def test_a_motor_turns_a_joint(tmp_path, swap):
     assert imported.fidelity == "mechanics complete"
     result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
     np.testing.assert_allclose(result["v.J"], speeds(result.times), atol=2e-5)
+
+
+def test_a_source_pushes_current_out_at_its_positive_pin(tmp_path):
+    """As one of voltage does: 12 A through the motor, (I + 25 J) w' = 5 (K i - b 5 w), whatever its resistance is."""
+    imported = driven(tmp_path, kind="Current")
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
+    expected = 18 / 0.025 * -np.expm1(-0.025 / (0.5 + 25 * 4e-6) * result.times)
+    np.testing.assert_allclose(result["v.J"], expected, rtol=1e-4, atol=1e-5)
 
 
 def test_a_rotor_is_felt_as_inertia(tmp_path):

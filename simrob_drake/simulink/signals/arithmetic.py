@@ -320,18 +320,6 @@ def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
     return switched(node, yes, by, no, operator, threshold)
 
 
-def _polynomial(node: Node) -> Callable[[Value], Value]:
-    coefficients = node.numbers("coefs", "[0]")
-
-    def value_at(u: Value) -> Value:
-        total: Value = 0.0
-        for coefficient in coefficients:
-            total = total * u + float(coefficient)
-        return total
-
-    return value_at
-
-
 ARITHMETIC: dict[str, Rule] = {
     **dict.fromkeys(("Gain", "Slider Gain"), _gain),
     "DataTypeConversion": of_parameters(_converted),
@@ -341,5 +329,4 @@ ARITHMETIC: dict[str, Rule] = {
     **dict.fromkeys(("Lookup_n-D", "Lookup"), _lookup),
     "Logic": _logic,
     "Switch": _switch,
-    "Polyval": of_parameters(_polynomial),
 }

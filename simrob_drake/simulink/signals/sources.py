@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up, of_parameters, switched
+from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up, of_parameters
 from simrob_drake.simulink.signals.dynamics import filtered, with_states
 from simrob_drake.simulink.signals.forms import (
     TIME,
@@ -91,17 +91,11 @@ def _workspace(_: SignalReader, node: Node, __: int) -> Signal:
     return signal(found)
 
 
-def _digital_clock(_: SignalReader, node: Node, __: int) -> Signal:
-    period = node.number("SampleTime", "1")
-    return signal([period * applied("floor", TIME / period + 1e-9) if period > 0 else TIME])
-
-
 SOURCES: dict[str, Rule] = {
     "Constant": _constant,
     "Ground": lambda *_: signal([0.0]),
     **dict.fromkeys(("Repeating Sequence", "Repeating Sequence Interpolated", "Repeating Sequence Stair"), _repeating),
     "FromWorkspace": _workspace,
-    "DigitalClock": _digital_clock,
 }
 
 
@@ -131,11 +125,6 @@ def _into_physics(reader: SignalReader, node: Node, _: int) -> Signal:
     return mapped(lambda value: filtered(node, value, [1.0], denominator), values)
 
 
-def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
-    yes, by, no = (reader.input(node, number) for number in (1, 2, 3))
-    return switched(node, yes, by, no, ">=", node.quantity("Threshold", "threshold", default="0.5"))
-
-
 def _lookup(node: Node) -> Callable[[Value], Value]:
     table = node.numbers("x_t", "[1 2 3]"), node.numbers("y_t", "[1 2 3]")
     return lambda u: looked_up(u, *table, clip=node.text("extrap_method", "") not in ("1", "linear"))
@@ -145,7 +134,6 @@ PHYSICAL: dict[str, Rule] = {
     "Simulink-PS Converter": _into_physics,
     **{kind: rule for kind, rule in FORMULAS.items() if kind.startswith("PS ")},
     "PS Lookup Table (1D)": of_parameters(_lookup),
-    "PS Switch": _switch,
     "PS Integrator": lambda reader, node, _: with_states(
         reader, node, "integrator", {"initial": node.quantity("x0", "x")}
     ),
