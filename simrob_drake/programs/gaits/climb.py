@@ -2,7 +2,7 @@
 
 Strides take a robot over stairs, gaps and thresholds, one after the other, each planned from where its feet have come
 to stand. Soles with edges may stand over an edge of the ground by a part of their length, as on stairs; so a stride
-over an edge is shorter than the sole.
+over an edge is shorter than the sole. On four legs the weight is over the other three feet.
 """
 
 from collections.abc import Mapping
@@ -19,6 +19,7 @@ from simrob_drake.programs.gaits.feet import Foot
 from simrob_drake.programs.gaits.gait import Pace, SolvedGait
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import GaitPlan, Phase, gait_plan
+from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, moved_inside
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 from simrob_drake.sections import NotNegative, Number, Positive
@@ -31,7 +32,7 @@ _CARRIED = (0.1, 0.9)  # from when to when of a swing the trunk goes up
 
 
 class Climb(SolvedGait):
-    """Both feet a stride ahead, one after the other, on ground that may rise and fall between them."""
+    """All feet a stride ahead, one after the other, on ground that may rise and fall between them."""
 
     section: ClassVar[str] = "climbs"
     usual: ClassVar[str] = "climb"
@@ -51,49 +52,67 @@ class Climb(SolvedGait):
     step_time: Pace = 1.2
     """From one footfall to the next [s]."""
     double_support: Positive = 0.4
-    """Part of a step in which both feet stand."""
+    """Part of a step in which all feet stand."""
     settle: Pace = 0.8
-    """Time to shift the weight to the first foot that stands, and to both again [s]."""
+    """Time to shift the weight from the foot that goes first, and to all of them again [s]."""
     zmp_inward: Number = 0.0
-    """How far inside of the middle of the standing foot the zero-moment point goes [m]."""
+    """How far inside of the middle of a standing foot the zero-moment point goes, on two legs [m]."""
+    inside: Positive = 0.04
+    """How far inside of the triangle of three standing feet it stays, on four [m]."""
     margin: NotNegative = 0.02
     """What toes keep from a riser, and heels from one that they have come down [m]."""
     overhang: NotNegative = 0.035
     """By how much a sole with edges may stand over an edge below which the ground is lower [m]."""
+    rise: Positive = 0.06
+    """How far a foot of four steps up or down at most [m]."""
     rest: NotNegative = 0.0
     """Time to stand at the end [s]."""
 
     def plan(self, walker: Walker, steps: int = 0, amplitude: float = 1.0) -> JointMotion:
-        """Return its motion; raises InvalidParameter: a robot that has not two feet, or whose feet cannot be level."""
+        """Return its motion; raises InvalidParameter: a robot of other legs, or whose feet cannot be level."""
         feet = {foot.name: foot for foot in walker.feet(self.feet)}
-        if sorted(feet) != sorted(SIDES) or any(len(foot.axes) < 6 for foot in feet.values()):
-            expected = "one with two legs of six joints, to climb so"
+        two = sorted(feet) == sorted(SIDES) and all(len(foot.axes) == 6 for foot in feet.values())
+        if not two and sorted(feet) != sorted(CRAWL_ORDER):
+            expected = "one with two legs of six joints, or with four legs, to climb so"
             raise InvalidParameter(f"robot {walker.model.name}", f"one with {len(feet)} feet", expected)
         return WholeBody(walker, self, self._gait_plan(feet)).solve()[0]
 
     def _gait_plan(self, feet: Mapping[str, Foot]) -> GaitPlan:
         """Return what feet, trunk and zero-moment point do."""
-        home = {name: (0.0, foot.home[1] + foot.side * self.widen, 0.0, 0.0) for name, foot in feet.items()}
-        at = {name: np.array((self.start or home)[name]) for name in SIDES}
+        order = SIDES if len(feet) == len(SIDES) else CRAWL_ORDER
+        at = {name: np.array(self.start[name] if self.start else self._home(feet[name])) for name in order}
         goals = {
-            name: np.array(self.goals[name]) if self.goals else at[name] + [self.stride, 0, 0, 0] for name in SIDES
+            name: np.array(self.goals[name]) if self.goals else at[name] + [self.stride, 0, 0, 0] for name in order
         }
-        swing, both = (1 - self.double_support) * self.step_time, self.double_support * self.step_time
-        middle = np.mean([at[name][:2] for name in SIDES], axis=0)
-        begins = {SIDES[0]: self.settle, SIDES[1]: self.settle + swing + both}
-        stands = {SIDES[0]: at[SIDES[1]], SIDES[1]: goals[SIDES[0]]}
-        phases = []
-        for name, shift in zip(SIDES, (self.settle, both), strict=True):
-            (other,) = (foot for foot in feet.values() if foot.name != name)
-            under = stands[name][:2] - [0.0, other.side * self.zmp_inward]
+        swing, all_stand = (1 - self.double_support) * self.step_time, self.double_support * self.step_time
+        phases, begins, now = list[Phase](), dict[str, float](), dict(at)
+        for name in order:
+            shift = all_stand if phases else self.settle
+            begins[name] = sum(phase.duration for phase in phases) + shift
+            under = self._under({foot: now[foot][:2] for foot in order if foot != name}, now, feet)
             phases += [Phase(shift, under, shift), Phase(swing, under, 0.0)]
-        end = np.mean([goals[name][:2] for name in SIDES], axis=0)
-        phases.append(Phase(self.settle + self.rest, end, self.settle))
-        way = gait_plan({name: place[[0, 1, 3]] for name, place in at.items()}, middle, phases)
+            now[name] = goals[name]
+        phases.append(Phase(self.settle + self.rest, _middle(goals), self.settle))
+        way = gait_plan({name: place[[0, 1, 3]] for name, place in at.items()}, _middle(at), phases)
         times = way.times
-        paths = {name: self._swung(_share(times, begins[name], swing), at[name], goals[name]) for name in SIDES}
-        heading = self.turned * (1.0 - smooth(_share(times, 0.0, begins[SIDES[1]] + swing)))
-        return replace(way, feet=paths, heading=heading, ground=self._ground(times, begins, swing, at, goals))
+        shares = {name: _share(times, begins[name], swing) for name in order}
+        paths = {name: self._swung(shares[name], at[name], goals[name]) for name in order}
+        standing = {name: (share <= 0) | (share >= 1) for name, share in shares.items()}
+        heading = self.turned * (1.0 - smooth(_share(times, 0.0, begins[order[-1]] + swing)))
+        ground = self._ground(times, begins, swing, at, goals)
+        return replace(way, feet=paths, heading=heading, ground=ground, standing=standing)
+
+    def _home(self, foot: Foot) -> Place:
+        """Return where a foot stands unless a start is given; those of two are side by side."""
+        ahead = 0.0 if foot.name in SIDES else float(foot.home[0])
+        return ahead, float(foot.home[1]) + foot.side * self.widen, 0.0, 0.0
+
+    def _under(self, standing: Mapping[str, Vector], now: Mapping[str, Vector], feet: Mapping[str, Foot]) -> Vector:
+        """Return where the weight is while those feet stand, shape (2,) [m]."""
+        if len(standing) == 1:
+            ((name, place),) = standing.items()
+            return place - [0.0, feet[name].side * self.zmp_inward]
+        return moved_inside(_middle(now), np.array(list(standing.values())), self.inside)
 
     def _swung(self, share: Vector, start: Vector, goal: Vector) -> Vector:
         """Return the places (m, 4) of a sole at shares (m,) of its swing: up, ahead, and down."""
@@ -107,19 +126,32 @@ class Climb(SolvedGait):
         self, times: Vector, begins: Mapping[str, float], swing: float, at: Mapping[str, Vector],
         goals: Mapping[str, Vector],
     ) -> Vector:  # fmt: skip
-        """Return heights (m,) over which the trunk is carried: it sinks before a foot does, and rises with the last."""
-        heights, low = np.zeros(len(times)), 0.0
+        """Return heights (m,) over which the trunk is carried: it sinks before a foot does, and rises with the last.
+
+        On two feet it is the lower one, on four their mean.
+        """
+        level = min if len(at) == len(SIDES) else np.mean
         now = {name: place[2] for name, place in at.items()}
-        for name in SIDES:
+        last = float(level(list(now.values())))
+        heights, before = np.full(len(times), last), self.settle
+        for name, begin in begins.items():
             now[name] = goals[name][2]
-            change = min(now.values()) - low
+            change = float(level(list(now.values()))) - last
             if change > 0:
-                share = _share(times, begins[name] + _CARRIED[0] * swing, (_CARRIED[1] - _CARRIED[0]) * swing)
+                share = _share(times, begin + _CARRIED[0] * swing, (_CARRIED[1] - _CARRIED[0]) * swing)
             else:
-                before = self.settle if name == SIDES[0] else self.double_support * self.step_time
-                share = _share(times, begins[name] - before, before)
-            heights, low = heights + change * smooth(share), low + change
+                share = _share(times, begin - before, before)
+            heights, last, before = (
+                heights + change * smooth(share),
+                last + change,
+                self.double_support * self.step_time,
+            )
         return heights
+
+
+def _middle(places: Mapping[str, Vector]) -> Vector:
+    """Return the middle of feet, shape (2,) [m]."""
+    return np.asarray(np.mean([place[:2] for place in places.values()], axis=0))
 
 
 def _share(times: Vector, begin: float, length: float) -> Vector:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from simrob_drake.arguments import whole
 from simrob_drake.blocks.references import smooth
@@ -47,6 +48,12 @@ class GaitPlan:
     zmp: Vector  # shape (m, 2) [m]
     heading: Vector  # of the trunk, shape (m,) [rad]
     ground: Vector | float = 0.0  # height over which the trunk is carried, shape (m,) [m]
+    # when feet stand, by foot, shape (m,); where they are at the height 0, unless it is given
+    standing: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
+
+    def stands(self, foot: str) -> npt.NDArray[np.bool_]:
+        """Return when a foot stands, shape (m,)."""
+        return self.standing[foot] if self.standing else self.feet[foot][:, 2] <= 0
 
 
 def gait_plan(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> GaitPlan:

@@ -109,8 +109,8 @@ class WholeBody:
         """Find how far feet that are balls roll in a motion."""
         for foot in self.feet:
             if not foot.half.any():
-                standing = self.plan.feet[foot.name][:, 2] <= 0
-                self._rolled[foot.name] = rolled(foot.poses(angles, root)[:, :3, :3], standing, foot.over)
+                turned = foot.poses(angles, root)[:, :3, :3]
+                self._rolled[foot.name] = rolled(turned, self.plan.stands(foot.name), foot.over)
 
     def _with_arms(self, part: slice, angles: Vector, lean: Vector) -> Vector:
         """Return the angles with the axes that are in no leg set: posture, counterweight of a lean, and swing."""

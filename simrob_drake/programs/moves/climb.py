@@ -12,7 +12,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.biped import SIDES
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.feet import UP, Foot, rotations_about
-from simrob_drake.programs.gaits.treads import GroundProfile, SoleMargins, StridePlan, profile_ahead
+from simrob_drake.programs.gaits.footholds import BallFootholds, Footholds, Places, SoleFootholds
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait
@@ -23,7 +23,6 @@ from simrob_drake.sections import Positive
 from simrob_drake.stations.resolve import resolve
 
 _FARTHEST = 100.0  # m
-_ASIDE = 0.02  # m that a stride makes good, at most, of what the last ones went aside
 
 
 class ClimbMove(Move):
@@ -55,7 +54,7 @@ class ClimbMove(Move):
         planned_gait(robot, self.gait, own, station=outlook.station)
         worn = robot.worn_feet
         assert robot.model.feet is not None  # or it had no gait
-        if not robot.model.feet.kind(worn).boxes:
+        if len(robot.model.feet.kind(worn).links) == len(SIDES) and not robot.model.feet.kind(worn).boxes:
             expected = "soles with edges (boxes), which may stand over those of stairs: robot.feet"
             raise InvalidParameter(f"feet of {robot.model.name}", str(worn), expected)
         outlook.changed = True
@@ -76,9 +75,6 @@ class ClimbMove(Move):
         return go
 
 
-Places = Mapping[str, Vector]  # of the soles, by foot: ahead, left [m] and turn [rad], in the frame of the way
-
-
 @dataclass(frozen=True)
 class ClimbPath:
     """The way of a climb: where it begins, where it leads, and the ground there."""
@@ -88,8 +84,7 @@ class ClimbPath:
     facing: float  # of the root, where it is not turned, from the world's x [rad]
     origin: Vector  # between the feet in the world, shape (2,) [m]
     heading: float  # from the world's x [rad]
-    profile: GroundProfile
-    distance: float  # [m]
+    footholds: Footholds
 
     @classmethod
     def of(cls, robot: LeggedGeometry, gait: Climb, distance: float) -> "ClimbPath":
@@ -105,11 +100,9 @@ class ClimbPath:
         def height(places: Vector) -> Vector:
             return ground.beneath(np.column_stack([origin + places @ turn.T, np.full(len(places), high)]))
 
-        across = [
-            foot.home[1] + foot.side * gait.widen + part * foot.half[1] for foot in feet.values() for part in (-1, 0, 1)
-        ]
         facing = np.deg2rad(walker.gaits.facing_deg)
-        return cls(gait, feet, facing, origin, heading, profile_ahead(height, distance, np.array(across)), distance)
+        kind = SoleFootholds if len(feet) == len(SIDES) else BallFootholds
+        return cls(gait, feet, facing, origin, heading, kind(gait, feet, height, distance))
 
     def seen(self, robot: LeggedGeometry) -> tuple[Places, float]:
         """Return where the soles stand, and how the trunk is turned [rad]."""
@@ -123,19 +116,14 @@ class ClimbPath:
 
     def aim(self, places: Places, turned: float = 0.0) -> dict[str, Any]:
         """Return the parameters of the stride from places of the soles and a turn of the trunk; none at the goal."""
-        stride = self._stride(places)
+        stride = self.footholds.next(places)
         if stride is None:
             return {}
-        start = {name: self._height(place[0]) for name, place in places.items()}
-        aside = np.mean([place[1] for place in places.values()])
-        aside -= np.clip(aside, -_ASIDE, _ASIDE)
+        start = {name: self.footholds.height(name, place) for name, place in places.items()}
         low = min(start.values())
-        goals = {name: self._goal(self.feet[name], stride, aside) for name in places}
         return {
-            "start": {
-                name: (place[0], place[1], start[name] - low, _within(place[2])) for name, place in places.items()
-            },
-            "goals": {name: (*goal[:2], stride.height - low, 0.0) for name, goal in goals.items()},
+            "start": {name: (*place[:2], start[name] - low, _within(place[2])) for name, place in places.items()},
+            "goals": {name: (*goal[:2], stride.heights[name] - low, 0.0) for name, goal in stride.goals.items()},
             "over": max(stride.over - low, 0.0),
             "turned": _within(turned),
         }
@@ -145,35 +133,13 @@ class ClimbPath:
         (places, turned), seen, found = self.seen(robot), set[tuple[float, ...]](), dict[float, dict[str, Any]]()
         while aim := self.aim(places, turned):
             start, goals = ({name: np.array(each) for name, each in aim[key].items()} for key in ("start", "goals"))
-            change = [goals[name][axis] - start[name][axis] for name in SIDES for axis in (0, 2)]
+            change = [goals[name][axis] - start[name][axis] for name in goals for axis in (0, 2)]
             kind = tuple(np.round([*change, aim["over"]], 3).tolist())
             if kind not in seen:
-                found[float(places[SIDES[0]][0])] = aim
+                found[float(np.mean([place[0] for place in places.values()]))] = aim
             seen.add(kind)
             places, turned = {name: goal[[0, 1, 3]] for name, goal in goals.items()}, 0.0
         return found
-
-    def _stride(self, places: Places) -> StridePlan | None:
-        """Return the next stride; raises InvalidParameter: there is none, and the goal is farther on."""
-        place = max(float(each[0]) for each in places.values())
-        half = max(float(foot.half[0]) for foot in self.feet.values())
-        sole = SoleMargins(half, self.gait.margin, self.gait.overhang)
-        stride = self.profile.next_stride(place, sole, self.gait.stride, self.distance)
-        if stride is None and not self.profile.reaches(place, self.distance):
-            expected = (
-                f"at most {place:.2f} m: the ground beyond has no level place as long as a sole ({2 * half:.3g} m)"
-            )
-            raise InvalidParameter("distance", f"{self.distance:g} m", expected)
-        return stride
-
-    def _height(self, place: float) -> float:
-        tread = self.profile.tread(place)
-        if tread is None:
-            raise InvalidParameter("place of a foot", f"{place:.2f} m ahead", "on level ground")
-        return tread.height
-
-    def _goal(self, foot: Foot, stride: StridePlan, aside: float) -> Vector:
-        return np.array([stride.place, aside + foot.home[1] + foot.side * self.gait.widen, 0.0])
 
 
 def _root(robot: LeggedGeometry) -> Vector:
