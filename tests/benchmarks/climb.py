@@ -1,9 +1,9 @@
 """Robots over stairs and gaps, stride by stride: a table of docs/results/walking.md.
 
-Run it with ``python -m tests.benchmarks.climb [yobotics] [WHAT[:DRAWS] | FILE]...``; a draw takes some 12 s. WHAT is for
-zjudancer ``stairs`` (6 of 25 mm up and 5 down, treads of 0.25 m, for which the gait was made), ``others`` (each draw has
-a rise of 10 to 25 mm and treads of 0.22 to 0.35 m of its own) or ``gaps`` (eight of 60 mm), and for yobotics one of the
-fields of :mod:`tests.benchmarks.trot`. Each draws joints at the start, masses and friction.
+Run it with ``python -m tests.benchmarks.climb [yobotics] [WHAT[:DRAWS] | FILE]...``. WHAT is for zjudancer ``stairs``
+(6 of 25 mm up and 5 down, treads of 0.25 m, for which the gait was made), ``others`` (each draw has a rise of 10 to 25
+mm and treads of 0.22 to 0.35 m of its own) or ``gaps`` (eight of 60 mm), and for yobotics one of the fields of
+:mod:`tests.benchmarks.trot`. Each draws joints at the start, masses and friction.
 """
 
 import sys
@@ -49,7 +49,7 @@ def climbed(robot: str, what: str, seed: int, changes: dict[str, Any]) -> tuple[
     settings = {**STATIONS[robot], **changes, "floor.terrain": field}
     climber = LeggedRobot(load_station(station, {**settings, **drawn(load_station(station, settings), seed)}))
     distance = BEYOND if robot == "yobotics" else START + field["length"] + 0.2
-    begin = climber.base_pose.translation()
+    begin = np.array(climber.base_pose.translation())
     try:
         result = climber.do({"climb": {"distance": round(distance, 3)}})
     except SimrobError as problem:

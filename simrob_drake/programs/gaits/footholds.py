@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
@@ -12,6 +13,7 @@ from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.feet import Foot
 from simrob_drake.programs.gaits.treads import SAMPLE, SoleMargins, profile_ahead
 from simrob_drake.walking.height_map import CELL, HeightMap
+from simrob_drake.walking.height_map import Places as Shifts
 
 Places = Mapping[str, Vector]
 """Of feet, by name: ahead, left [m] and turn [rad], in the frame of the way."""
@@ -103,14 +105,19 @@ class BallFootholds:
         return Stride(goals, heights, float(self._height(np.concatenate(ways)).max()))
 
     def _foothold(self, name: str, wish: Vector, now: Vector) -> Vector:
-        level, rise, place = self.height(name, now), self._gait.rise, complex(*wish)
-        place += self._map.shift([place], 0j, lambda shifts: np.ones(shifts.shape, bool), level, rise)
-        found = np.array([place.real, place.imag, 0.0])
-        side = (_ROUND - CELL / 2) * np.array([-1, 0, 1])  # the map has rounded the place
-        under = self._height(found[:2] + np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2))
-        if np.ptp(under) > _EVEN or np.abs(under - level).max() > rise + _EVEN:
+        level, rise = self.height(name, now), self._gait.rise
+        square = (_ROUND - CELL / 2) * np.array([-1, 0, 1])  # the map has rounded the place
+        under = np.stack(np.meshgrid(square, square), axis=-1).reshape(-1, 2)
+
+        def holds(shifts: Shifts) -> npt.NDArray[np.bool_]:
+            places = wish + np.stack([shifts.real, shifts.imag], axis=-1)[..., np.newaxis, :] + under
+            heights = self._height(places.reshape(-1, 2)).reshape(*shifts.shape, len(under))
+            return (np.ptp(heights, axis=-1) <= _EVEN) & (np.abs(heights - level).max(axis=-1) <= rise)
+
+        shift = self._map.shift([complex(*wish)], 0j, holds, level, rise)
+        if not holds(np.array([shift])).all():
             raise _ends(self._distance, float(now[0]), f"even place for {name} within {rise:g} m of height (rise)")
-        return found
+        return np.array([wish[0] + shift.real, wish[1] + shift.imag, 0.0])
 
 
 def _kept_aside(aside: float) -> float:
