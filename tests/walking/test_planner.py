@@ -343,6 +343,9 @@ class TestFootfalls:
         assert answers.step.transfer == going.step.time
         assert answers.trunk.zmp == made.steps.rest_points[int(going.step.standing)]
         assert sampled(made, settling, 0.03j)[0].step.transfer == settling.step.transfer  # between two feet it waits
+        pairs = planner(FOUR_FEET)
+        trots = later(pairs, at_rest(pairs), 40 + 30 + 30 + 3)
+        assert sampled(pairs, trots, 0.03j)[0].step.transfer == trots.step.transfer
 
     def test_an_error_hurries_the_next_step(self, landing: Stride) -> None:
         for limit, transfer in ((0.03, 0.0), (0.05, 0.06)):  # s; 0.05 m are 0.04 m beyond the deadband
