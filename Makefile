@@ -63,6 +63,8 @@ pictures: $(TOOLS)  ## renew the block pictures beside the stations, the schemas
 	$(BIN)/simrob run zjudancer_walking --set examples/loops/get_up.yaml --set duration=25 \
 	  --set 'forces.push={kind: push, start: 3, force: [0, 120, 0]}' --frames 12 --out runs/get_up --force
 	cp runs/get_up/film_strip.png docs/zjudancer_get_up.png
+	$(BIN)/simrob run examples/stations/zjudancer_stairs.yaml --frames 6 --out runs/stairs --force
+	cp runs/stairs/film_strip.png docs/zjudancer_stairs.png
 	rm -rf runs/pushes && $(BIN)/simrob pushes zjudancer_dynamic --set gait.name=walk --out runs/pushes
 	cp runs/pushes/pushes.png docs/zjudancer_pushes.png
 	rm -rf runs/gains && $(BIN)/simrob sweep irb120_dynamic --vary servo.kp=log:100:10000:9 --vary pieces.load.mass=0.5,1,2 --out runs/gains

@@ -15,7 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 from deep import layers
+from onnx import numpy_helper
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecNormalize
@@ -24,6 +26,7 @@ from torch import nn, set_num_threads
 from simrob_drake.frames import Vector
 from simrob_drake.learning.vector import StationVectorEnvironment
 from simrob_drake.learning.writing import write_network
+from simrob_drake.parts.controllers.policy import Network
 
 SETTINGS: dict[str, Any] = {
     "n_steps": 48,
@@ -36,6 +39,7 @@ SETTINGS: dict[str, Any] = {
     "max_grad_norm": 1.0,
     "policy_kwargs": {"net_arch": {"pi": [128, 64], "vf": [128, 64]}, "activation_fn": nn.ELU},
 }
+LOOKED_AT = 150  # steps of robots that begin as another network [control periods]
 
 
 class Robots(VecEnv):
@@ -118,6 +122,21 @@ def save(model: Any, folder: Path) -> Path:
     return write_network(folder / "policy.onnx", [first, *others], activation=activation, last=last)
 
 
+def begin_as(model: Any, file: Path) -> None:
+    """Give a model the mean action of a network that :func:`save` wrote; what that observes is looked at first."""
+    network, robots = Network(file, "policy"), model.get_vec_normalize_env()
+    robots.reset()
+    for _ in range(LOOKED_AT):
+        robots.step(np.array([network(seen) for seen in robots.get_original_obs().astype(np.float32)]))
+    stored = [numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer]
+    (weights, biases), *others = zip(stored[::2], stored[1::2], strict=True)
+    normal = robots.obs_rms
+    first = weights * np.sqrt(normal.var + robots.epsilon), biases + weights @ normal.mean
+    for own, other in zip(layers(model)[0], [first, *others], strict=True):
+        for array, values in zip(own, other, strict=True):
+            array[:] = values  # of the model itself
+
+
 def main() -> None:
     """Learn, and write the policy after each round."""
     options = argparse.ArgumentParser(description=__doc__)
@@ -128,6 +147,7 @@ def main() -> None:
     options.add_argument("--deviation", type=float, default=0.13, help="of actions at the start, of their reach")
     options.add_argument("--minutes", type=float, default=120)
     options.add_argument("--seed", type=int, default=1)
+    options.add_argument("--start", type=Path, help="a policy.onnx to begin as")
     options.add_argument("--out", type=Path, default=Path("runs/learnt"))
     given = options.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
@@ -138,6 +158,8 @@ def main() -> None:
     SETTINGS["policy_kwargs"]["log_std_init"] = float(np.log(given.deviation))
     board = str(given.out) if find_spec("tensorboard") else None
     model = PPO("MlpPolicy", robots, seed=given.seed, device="cpu", tensorboard_log=board, **SETTINGS)
+    if given.start is not None:
+        begin_as(model, given.start)
     model.learn(given.steps, Curve(given.out, given.minutes))
     print(f"learnt: {save(model, given.out)}")
 

@@ -85,7 +85,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         begun = beginning(task, draw, robot=episode.robot, forces=self.config.forces, period=episode.period)
         if begun.goal is not None:
             self._goal = begun.goal
-        self._return = 0.0
+        self._return, self._means = 0.0, np.zeros(2)
         return self._observed(episode.begin(seeds=seeds, start=begun.start, goal=begun.goal, forces=begun.pushes)), {}
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
@@ -93,6 +93,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         episode, task = self.episode, self._curriculum.of(self.task)
         seen = episode.advance(np.asarray(action, dtype=float))
         now = episode.moment(goal=self._goal, **task.targets)
+        now, self._means = now.averaged(self._means, episode.period, task.averaged)
         parts = {name: float(part) for name, part in rewards(task.rewards, now, episode.period).items()}
         reward = sum(parts.values())
         info = {"rewards": parts, "place": now.place, "time": episode.time}

@@ -6,7 +6,7 @@ its torso turns (thesis p. 122).
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,19 @@ class RewardSample:
     astray: float = 0.4  # by how much speeds differ from the goal where tracking gives 1/e of its most [m/s]
     yields: float = 0.0  # how fast the tool is to go for a force on it [m/s per N]
     ended: bool | npt.NDArray[np.bool_] = False  # whether a monitor ended the episode
+    means: Vector | None = None  # of the pace, shape (2,) [m/s]; None: it counts as it is now
+
+    @property
+    def pace(self) -> Vector:
+        """Speeds ahead and to the left as the robot faces now, shape (2,) [m/s]."""
+        cos, sin = np.cos(self.turned[..., 2]), np.sin(self.turned[..., 2])
+        x, y = self.speed[..., 0], self.speed[..., 1]
+        return np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)
+
+    def averaged(self, before: Vector, period: float, over: float) -> "tuple[RewardSample, Vector]":
+        """Return it with the means of its pace over a time constant [s], by those a period [s] before; and these."""
+        means = before + (1.0 - np.exp(-period / over) if over > 0 else 1.0) * (self.pace - before)
+        return replace(self, means=means), means
 
 
 @dataclass(frozen=True)
@@ -67,10 +80,8 @@ def _square(values: Vector) -> Vector:
 
 
 def _astray(now: RewardSample) -> Vector:
-    """Return the square of how far the speeds ahead and to the left, as the robot faces now, are from the goal."""
-    cos, sin = np.cos(now.turned[..., 2]), np.sin(now.turned[..., 2])
-    x, y = now.speed[..., 0], now.speed[..., 1]
-    return _square(np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1) - now.goal[..., :2])
+    """Return the square of how far the pace, or its means, are from the goal."""
+    return _square((now.pace if now.means is None else now.means) - now.goal[..., :2])
 
 
 def _heading_error(now: RewardSample) -> Vector:

@@ -110,6 +110,8 @@ class Task(Strict):
     """How fast ahead is fast enough [m/s]; the faster the better unless given."""
     astray: Positive = 0.4
     """How far speeds are from the goal where `tracking` gives 1/e of its most [m/s]."""
+    averaged: NotNegative = 0.0
+    """Time constant over which these speeds are averaged, so that the sway of steps counts less [s]."""
     yields: NotNegative = 0.0
     """How fast a tool is to go for a force on it [m/s per N]."""
     noise_deg: NotNegative = 0.0

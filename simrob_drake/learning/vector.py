@@ -50,6 +50,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     _ticks: Places
     _still: Still | None = None
     _action: Vector
+    _means: Vector
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012  # as Gymnasium declares it
 
     def __init__(
@@ -147,6 +148,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         )
         ended = self._look(sensed[:, -1])
         now = self._now(last, sensed[:, -1], ended != "")
+        now, self._means = now.averaged(self._means, self.period, self.task.averaged)
         parts = rewards(self._curriculum.of(self.task).rewards, now, self.period)
         total = np.sum([np.zeros(self.num_envs), *parts.values()], axis=0)
         self._returns += total
@@ -250,7 +252,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Make room for all that changes, and keep what each episode begins with."""
         k = self.num_envs
         self._state = np.tile(self._built.state(*self._home), (k, 1))
-        self._ticks, self._returns = np.zeros(k, np.intp), np.zeros(k)
+        self._ticks, self._returns, self._means = np.zeros(k, np.intp), np.zeros(k), np.zeros((k, 2))
         self._own = [self._built.model] * k
         self._ends = np.asarray(self._built.step * np.arange(1, len(self._rows) + 1), dtype=float)
         self._action = np.zeros((k, len(self._moved)))
@@ -279,7 +281,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
                 self._own[place] = self._models[draw.integers(len(self._models))]
             self._state[place, 1 : 1 + model.nq + model.nv] = self._built.coordinates.to_mujoco(np.append(q, v))
         self._state[places, 0] = self._ticks[places] = 0
-        self._action[places], self._returns[places] = 0.0, 0.0
+        self._action[places] = self._returns[places] = self._means[places] = 0.0
         for onsets in self._onsets.values():
             onsets[places] = NOT_YET
         self._sensors.begin(places, self._motion_of(self._state[places]))

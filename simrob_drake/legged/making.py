@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,9 +19,22 @@ from simrob_drake.importer.importing import write_robot
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import robot_file
 from simrob_drake.legged.anatomy import Anatomy, anatomy_of
-from simrob_drake.legged.report import REPORT, TRIALS, Attempt, Made, attempt, attempt_kick, save_report
-from simrob_drake.legged.scaling import EXAMPLES, LAG, Build, Example, asked_speed, build_of, gains, kick_of, walk_of
+from simrob_drake.legged.report import REPORT, TRIALS, Attempt, Made, attempt, attempt_climb, attempt_kick, save_report
+from simrob_drake.legged.scaling import (
+    EXAMPLES,
+    LAG,
+    Build,
+    Example,
+    asked_speed,
+    build_of,
+    climb_of,
+    gains,
+    kick_of,
+    walk_of,
+)
 from simrob_drake.legged.soles import FootSole, feet_section, soles_of, write_soles
+from simrob_drake.programs.gaits.climb import Climb
+from simrob_drake.programs.gaits.gait import Gait
 from simrob_drake.programs.gaits.kick import Kick
 from simrob_drake.programs.gaits.legs import ROWS
 from simrob_drake.robots.catalog import RobotModel
@@ -153,17 +167,21 @@ class _Making:
         if not walks.done:
             raise SimrobError(f"{name} does not walk: {walks.outcome}")
         if count == 2 and len(anatomy.legs[0].leg.axes) in ROWS:
-            made.attempts.append(self._kicks(choice))
+            build, walk = choice.way.build, read_yaml(self._work / GAITS_FILE)[REACTING]
+            kicks = (kick_of(build, walk, inward, part) for part, inward in product(_PARTS[:2], _INWARD))
+            made.attempts.append(self._adds(Kick, kicks, attempt_kick))
+            if len(anatomy.legs[0].leg.axes) == 6 and choice.way.soles[0].flat:
+                step = partial(attempt_climb, height=build.height, facing_deg=float(np.rad2deg(anatomy.facing)))
+                made.attempts.append(self._adds(Climb, (climb_of(build, walk, part) for part in _PARTS), step))
 
-    def _kicks(self, choice: _Choice) -> Attempt:
-        """Add the first kick that the robot stands to its gaits; return what became of that, or of the last one."""
-        gaits = read_yaml(self._work / GAITS_FILE)
-        for part, inward in product(_PARTS[:2], _INWARD):
-            kick = kick_of(choice.way.build, gaits[REACTING], inward, part)
-            self._yaml(GAITS_FILE, {**gaits, Kick.section: {Kick.usual: kick}})
-            if (found := attempt_kick(self._work / STAND)).done:
+    def _adds(self, kind: type[Gait], gaits: Iterable[dict[str, Any]], tried: Callable[[Path], Attempt]) -> Attempt:
+        """Add the first gait of a kind that the robot can do to its file; return what became of it, or of the last."""
+        known = read_yaml(self._work / GAITS_FILE)
+        for gait in gaits:
+            self._yaml(GAITS_FILE, {**known, kind.section: {kind.usual: gait}})
+            if (found := tried(self._work / STAND)).done:
                 return found
-        self._yaml(GAITS_FILE, gaits)
+        self._yaml(GAITS_FILE, known)
         return found
 
     def _standing(self, part: float) -> _Standing | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.errors import SimrobError
+from simrob_drake.legged.soles import EDGED
 from simrob_drake.programs.legged_robot import LeggedRobot
+from simrob_drake.programs.moves.climb import ClimbMove
 from simrob_drake.programs.moves.kick import KickMove
+from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.programs.program import Program
 from simrob_drake.results.animation.pictures import save_film_strip
@@ -85,19 +88,40 @@ def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
     return Attempt(trial, trial != TRIALS[0] or bool(lean < _LEANS), outcome, found.ahead, result)
 
 
-KICKS = "kicks"
+KICKS, CLIMBS = "kicks", "climbs"
+_STEP = {"rise": 0.05, "tread": 0.5, "start": 0.25, "way": 1.1}  # of the step, in heights of the centre of mass
 
 
 def attempt_kick(station: Path) -> Attempt:
     """Return what becomes of a robot that stands in a station, and kicks through the air."""
+    return _attempt_move(KICKS, station, KickMove(), {}, "stands on both feet again")
+
+
+def attempt_climb(station: Path, height: float, facing_deg: float) -> Attempt:
+    """Return what becomes of a robot that stands in a station, and climbs a step and comes down again.
+
+    Its centre of mass is at a height [m], and it looks in a direction from the world's x [deg].
+    """
+    rise, tread, start, way = (round(part * height, 4) for part in _STEP.values())
+    step = {"kind": "stairs", "height": rise, "size": tread, "length": tread, "start": start, "heading_deg": facing_deg}
+    ground = {
+        "robot.feet": EDGED,
+        "contact": {"model": "hydroelastic_with_fallback"},
+        "floor": {"size": max(8.0, 8 * way), "terrain": {**step, "width": max(1.6, 2 * tread)}},
+    }
+    return _attempt_move(CLIMBS, station, ClimbMove(distance=way), ground, f"comes over a step of {1e3 * rise:.0f} mm")
+
+
+def _attempt_move(trial: str, station: Path, move: Move, overrides: Mapping[str, Any], did: str) -> Attempt:
+    """Return what becomes of a robot in a changed station that does a move, and then stands."""
     try:
-        result = LeggedRobot(station).run(Program(moves=(KickMove(), WaitMove(duration=_RESTS))))
+        result = LeggedRobot(load_station(station, overrides)).run(Program(moves=(move, WaitMove(duration=_RESTS))))
     except SimrobError as problem:
-        return Attempt(KICKS, False, str(problem))
+        return Attempt(trial, False, str(problem))
     if result.ending != "completed":
-        return Attempt(KICKS, False, f"fell at {result.stop_time:.1f} s", result=result)
+        return Attempt(trial, False, f"fell at {result.stop_time:.1f} s", result=result)
     lean = np.rad2deg(locomotion(result).tilt)
-    return Attempt(KICKS, True, f"stands on both feet again, leans by {lean:.0f} deg at most", result=result)
+    return Attempt(trial, True, f"{did}, leans by {lean:.0f} deg at most", result=result)
 
 
 REPORT, PICTURE = "legged.md", "legged.png"
@@ -106,6 +130,7 @@ _TUNE = {
     "shifts its weight": "`zmp_inward` and `step_time` in gaits.yaml",
     "steps": "`lift`, `widen` and `double_support` in gaits.yaml",
     KICKS: "`speed` and `zmp_inward` of the kick in gaits.yaml",
+    CLIMBS: "`bearing.height`, `lift` and `overhang` of the climb in gaits.yaml",
     "walks": "`step_time`, `bearing.height` and `zmp_inward` in gaits.yaml",
 }
 """What to change first where a trial fails."""

@@ -16,6 +16,7 @@ import numpy as np
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.legged.anatomy import Anatomy
 from simrob_drake.legged.soles import FootSole
+from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.kick import Kick
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.gaits_file import gaits_file
@@ -157,6 +158,25 @@ def kick_of(build: Build, walk: Mapping[str, Any], inward: float, part: float = 
         **{key: _short(getattr(known, key) * part * length) for key in ("swing", "lift")},
         **{key: _short(getattr(known, key) * time) for key in ("settle", "raising")},
         "speed": _short(known.speed * length / time),
+    }
+
+
+def climb_of(build: Build, walk: Mapping[str, Any], part: float = 1.0) -> dict[str, Any]:
+    """Return a climb of a robot's ``gaits.yaml``, scaled likewise, with a part of how low it goes and lifts feet."""
+    model = EXAMPLES[2][0]
+    file = gaits_file(load_robot(model.name))
+    known = Climb(**file.section(Climb.section)[Climb.usual])
+    length, time = build.height / model.build.height, build.time / model.build.time
+    lower = known.bearing.height / file.section(REACTING)["bearing"]["height"]
+    longer, wider = np.array(build.sole) / model.build.sole
+    return {
+        "feet": known.feet,
+        "bearing": {**walk["bearing"], "height": _short((1 - part * (1 - lower)) * walk["bearing"]["height"])},
+        "zmp_inward": _short(known.zmp_inward * wider),
+        "overhang": _short(known.overhang * longer),
+        "lift": _short(part * known.lift * length),
+        **{key: _short(getattr(known, key) * length) for key in ("stride", "margin")},
+        **{key: _short(getattr(known, key) * time) for key in ("step_time", "settle")},
     }
 
 

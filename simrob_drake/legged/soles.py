@@ -21,6 +21,7 @@ from simrob_drake.stations.stances import Stance, put_upright
 _NEAR = 0.02  # part of the height of the root within which points over the lowest one are of the sole
 _SMALL = 0.05  # part of it that a sole measures at least either way; less is a ball
 _ROUND = 0.01, 0.1  # radius of spheres under a sole, and the largest of a ball, as parts of it
+EDGED = "soles"  # kind of feet whose edges touch, too
 _BALL = 0.06  # part of it within which points about a tip tell its roundness
 
 
@@ -126,7 +127,9 @@ def write_soles(urdf: Path, anatomy: Anatomy, soles: list[FootSole]) -> list[str
 
 
 def feet_section(soles: list[FootSole], names: list[str], load: float) -> dict[str, object]:
-    """Return the key ``feet`` of a ``robot.yaml``; contacts give way by a 500th of its height under the robot.
+    """Return the key ``feet`` of a ``robot.yaml``: spheres, and of flat ones soles with edges, which may be worn, too.
+
+    Contacts give way by a 500th of its height under the robot.
 
     The ``load`` is its weight over that height, of the centre of mass [N/m].
     """
@@ -136,4 +139,13 @@ def feet_section(soles: list[FootSole], names: list[str], load: float) -> dict[s
     }
     radius = round(float(np.mean([sole.radius for sole in soles])), 5)
     stiffness = float(f"{max(1e5, 500 * load):.2g}")
-    return {"default": "spheres", "contacts": {"spheres": {"radius": radius, "stiffness": stiffness, "points": points}}}
+    contacts: dict[str, object] = {"spheres": {"radius": radius, "stiffness": stiffness, "points": points}}
+    if all(sole.flat for sole in soles):
+        contacts[EDGED] = {"boxes": {name: _box(sole) for name, sole in zip(names, soles, strict=True)}}
+    return {"default": "spheres", "contacts": contacts}
+
+
+def _box(sole: FootSole) -> dict[str, list[float]]:
+    """Return the box around the spheres of a sole."""
+    low, high = sole.points.min(axis=0) - sole.radius, sole.points.max(axis=0) + sole.radius
+    return {"size": (high - low).round(5).tolist(), "centre": ((low + high) / 2).round(5).tolist()}

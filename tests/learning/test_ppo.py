@@ -17,17 +17,19 @@ def test_a_round_of_learning_writes_a_policy_and_its_curve(tmp_path):
     for package in ("stable_baselines3", "onnxruntime", "gymnasium", "mujoco"):
         if importlib.util.find_spec(package) is None:
             pytest.skip(f"needs {package}")
-    asked = ["--robots", "32", "--steps", "1536", "--out", str(tmp_path)]
-    done = subprocess.run(
-        [sys.executable, __file__, str(FOLDER / "learn_yobotics.yaml"), *asked],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(FOLDER), *sys.path])},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    rows = (tmp_path / "curve.csv").read_text().splitlines()
-    assert rows[0] == "wall_minutes,processor_minutes,steps,return,seconds"
+    for start in ([], ["--start", str(tmp_path / "policy.onnx")]):  # the second one goes on from the first
+        asked = ["--robots", "32", "--steps", "1536", "--out", str(tmp_path), *start]
+        done = subprocess.run(
+            [sys.executable, __file__, str(FOLDER / "learn_yobotics.yaml"), *asked],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(FOLDER), *sys.path])},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert ("begins as it" in done.stdout) == bool(start)
+        rows = (tmp_path / "curve.csv").read_text().splitlines()
+        assert rows[0] == "wall_minutes,processor_minutes,steps,return,seconds"
 
 
 if __name__ == "__main__":
@@ -35,16 +37,24 @@ if __name__ == "__main__":
 
     from simrob_drake.parts.controllers.policy import Network
 
-    saved = ppo.save
+    saved, begun = ppo.save, ppo.begin_as
 
     def checked(model, folder):
-        """Hold the file against the model, with what it observes normalised."""
-        file = saved(model, folder)
+        """Save, and hold the file against the model."""
+        return compared(model, saved(model, folder))
+
+    def begins(model, file):
+        """Begin as a file, and hold that against the model."""
+        begun(model, file)
+        print(f"begins as it: {compared(model, file)}")
+
+    def compared(model, file):
+        """Hold a file against a model, with what that observes normalised."""
         network, normal = Network(file, "policy"), model.get_vec_normalize_env()
-        for seen in np.random.default_rng(1).normal(size=(5, network.inputs)).astype(np.float32):
+        for seen in normal.get_original_obs()[:5].astype(np.float32):  # nothing that is clipped
             expected, _ = model.predict(normal.normalize_obs(seen), deterministic=True)
             np.testing.assert_allclose(np.clip(network(seen), -1, 1), expected, atol=1e-4)
         return file
 
-    ppo.save = checked
+    ppo.save, ppo.begin_as = checked, begins
     ppo.main()

@@ -58,6 +58,18 @@ def test_tracking_is_of_the_speed_as_the_robot_faces_now():
     assert TERMS["tracking"](replace(facing, goal=np.array([0.3, 0.0]), astray=0.2)) == pytest.approx(np.exp(-1))
 
 
+def test_averaged_speeds_come_after_those_that_are():
+    """From rest at 0.5 m/s ahead, the mean over a second is 0.5 (1 - exp(-t)) after t, whichever way it faces."""
+    facing = replace(NOW, turned=np.array([0.0, 0.0, np.pi / 2]), speed=np.array([0.0, 0.5, 0.0]))
+    means = np.zeros(2)
+    for _ in range(30):
+        _, means = facing.averaged(means, 0.02, 1.0)
+    np.testing.assert_allclose(means, [0.5 * (1 - np.exp(-0.6)), 0.0], atol=1e-12)
+    np.testing.assert_allclose(facing.averaged(means, 0.02, 0.0)[1], [0.5, 0.0], atol=1e-12)
+    at_goal = replace(facing.averaged(means, 0.02, 1e9)[0], goal=means)
+    assert TERMS["tracking"](at_goal) == pytest.approx(1.0)
+
+
 def test_weights_count_by_the_time_but_the_end_counts_once():
     assert rewards({"ahead": 2.0, "lateral": -3.0, "ended": -5.0}, NOW, 0.02) == pytest.approx(
         {"ahead": 0.012, "lateral": -3 * 0.04 * 0.02, "ended": -5.0}

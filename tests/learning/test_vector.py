@@ -8,6 +8,7 @@ gymnasium = pytest.importorskip("gymnasium")
 
 import simrob_drake.learning  # noqa: E402, F401  # registers the environments
 from simrob_drake.errors import SimrobError  # noqa: E402
+from simrob_drake.learning.vector import StationVectorEnvironment  # noqa: E402
 
 EXACT = {f"sensors.encoders.{key}": 0 for key in ("noise_deg", "resolution_deg")}
 STILL = {**EXACT, "sensors.imu.gyroscope_noise": 0, "sensors.imu.gyroscope_bias": 0}
@@ -147,6 +148,36 @@ def test_each_episode_is_in_a_station_that_was_drawn(tmp_path):
     kps = [(one.reset(seed=seed), one.unwrapped.episode.robot.gains.kp[0])[1] for seed in (1, 2, 1)]
     assert kps[0] == kps[2] != kps[1]
     assert 50 <= min(kps) < max(kps) <= 90
+
+
+def test_averaged_speeds_begin_anew_with_each_episode(tmp_path):
+    """In both environments, by the pace of each moment: the eleventh step of a vector is the first of an episode."""
+    file, over = task(tmp_path, "averaged: 0.1\nastray: 0.2"), 0.1
+    robots, one = many("Walk", 2, task=file).unwrapped, gymnasium.make("simrob/Walk-v0", task=file).unwrapped
+    for environment, steps in ((robots, 13), (one, 10)):
+        environment.reset(seed=1)
+        mean, goal = np.zeros(2), np.array([0.3, 0.0])
+        for step in range(steps):
+            action = np.full(environment.action_space.shape, 0.5)
+            *_, info = environment.step(action)
+            if step == 9 and environment is robots:  # it has begun anew already
+                mean = np.zeros(2)
+                continue
+            turn, speed = pace_of(environment)
+            ahead = np.exp(-1j * turn) * complex(*speed)
+            mean += (1 - np.exp(-0.02 / over)) * (np.array([ahead.real, ahead.imag]) - mean)
+            expected = 0.02 * np.exp(-np.sum((mean - goal) ** 2) / 0.2**2)
+            assert np.ravel(info["rewards"]["tracking"])[0] == pytest.approx(expected, rel=1e-6), step
+
+
+def pace_of(environment):
+    """Return how the first robot of an environment faces [rad] and its speed in the world's plane [m/s]."""
+    if isinstance(environment, StationVectorEnvironment):
+        pose, velocity = (environment._value(name, environment._motion)[0] for name in ("base_pose", "base_velocity"))
+    else:
+        pose, velocity = (environment.episode._value(name) for name in ("base_pose", "base_velocity"))
+    w, x, y, z = pose[3:]
+    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)), velocity[:2]
 
 
 def now(robots):

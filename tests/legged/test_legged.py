@@ -14,8 +14,9 @@ from simrob_drake.importer.options import ImportOptions
 from simrob_drake.legged import tuning
 from simrob_drake.legged.anatomy import Anatomy, anatomy_of
 from simrob_drake.legged.making import STAND, WALK, make_legged
-from simrob_drake.legged.scaling import EXAMPLES, Build, asked_speed, gains, walk_of
+from simrob_drake.legged.scaling import EXAMPLES, Build, asked_speed, climb_of, gains, walk_of
 from simrob_drake.legged.soles import soles_of
+from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.robots.catalog import load_robot, load_robot_file
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.stations.checks import check_station
@@ -120,6 +121,11 @@ def test_a_walk_scales_as_pendulums_do():
     assert walk["max_speed"]["ahead"] == pytest.approx(half * known["max_speed"]["ahead"], rel=0.01)
     assert walk["feedback"]["com_rate"] == pytest.approx(known["feedback"]["com_rate"] / half, rel=0.01)
     assert gains(small, model)["kp"] == pytest.approx(four * gains(build, model)["kp"], rel=0.01)
+    climb, stairs = climb_of(small, walk, 0.5), gaits_file(load_robot(model.name)).section("climbs")["climb"]
+    assert climb["step_time"] == pytest.approx(half * Climb(**stairs).step_time, rel=0.01)
+    assert climb["lift"] == pytest.approx(0.5 * four * Climb(**stairs).lift, rel=0.01)
+    assert climb["overhang"] == pytest.approx(four * Climb(**stairs).overhang, rel=0.02)
+    assert 0.94 * 0.1 < climb["bearing"]["height"] < 0.1
     assert asked_speed(walk, 0.5) == pytest.approx(asked_speed(walk) / 2, rel=0.01)
 
 
@@ -171,8 +177,8 @@ def test_a_root_that_the_urdf_has_not_is_told(tmp_path):
 def test_a_robot_walks_from_its_tree_alone(tmp_path, tree):
     made = make_legged(tree().write(tmp_path), tmp_path / "out")
     assert made.problem == ""
-    kicks = ["kicks"] if tree is biped else []
-    trials = ["stands", "shifts its weight", "steps", "walks", *kicks]
+    on_two_legs = ["kicks", "climbs"] if tree is biped else []
+    trials = ["stands", "shifts its weight", "steps", "walks", *on_two_legs]
     assert [attempt.trial for attempt in made.attempts if attempt.done] == trials
     assert made.attempts[3].ahead > 1.0
     assert (tmp_path / "out" / "legged.png").is_file()

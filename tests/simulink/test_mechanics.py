@@ -13,6 +13,7 @@ from simrob_drake.simulink.importing import import_simulink
 from simrob_drake.simulink.mechanics.joints import rigid_transform
 from simrob_drake.simulink.mechanics.shapes import MeshFiles
 from simrob_drake.simulink.mechanics.solids import moved, read_solid, together
+from simrob_drake.simulink.mechanics.trees import body_poses
 from simrob_drake.simulink.model.nodes import Findings, Node
 from simrob_drake.simulink.reading.graph import SimulinkBlock
 from simrob_drake.simulink.simulink_model import read_simulink
@@ -286,8 +287,9 @@ def test_a_joint_the_other_way_round_turns_the_other_way(tmp_path):
     np.testing.assert_allclose(result.pose("tcp")[0, :3], [np.cos(angle), np.sin(angle), 0], atol=1e-12)
 
 
-def four_bar(closing=REVOLUTE, start="80", bars=3, **parameters):
-    """Bars of 1 m between hinges 1.2 m apart, the last hinge closing the loop."""
+def four_bar(closing=REVOLUTE, start="80", bars=3, asked=None, **parameters):
+    """Bars of 1 m between hinges 1.2 m apart, the last hinge closing the loop; ``asked`` starts of others [deg]."""
+    starts = {1: start, **(asked or {})}
     level = Level()
     world = level.block(WORLD, "World")
     ground = level.block(TRANSFORM, "Ground", TranslationMethod="Cartesian", TranslationCartesianOffset="[1.2 0 0]")
@@ -299,8 +301,9 @@ def four_bar(closing=REVOLUTE, start="80", bars=3, **parameters):
     before = f"{stand}#rconn:1"
     level.connect(f"{stand}#rconn:1", f"{ground}#lconn:1")
     for number in range(1, bars + 1):
-        given = {"PositionTargetSpecify": "on", "PositionTargetValue": start, "PositionTargetValueUnits": "deg"}
-        joint = level.block(REVOLUTE, f"Joint{number}", **(given if number == 1 else {}))
+        given = {"PositionTargetSpecify": "on", "PositionTargetValueUnits": "deg"}
+        given["PositionTargetValue"] = str(starts.get(number))
+        joint = level.block(REVOLUTE, f"Joint{number}", **(given if number in starts else {}))
         rod = level.block(INERTIA, f"Rod{number}", Mass="1", MomentsOfInertia="[0.1 0.1 0.1]", CenterOfMass="[0.5 0 0]")
         end = level.block(
             TRANSFORM, f"End{number}", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0 0]"
@@ -312,6 +315,21 @@ def four_bar(closing=REVOLUTE, start="80", bars=3, **parameters):
     level.connect(before, f"{last}#rconn:1")
     level.connect(f"{ground}#rconn:1", f"{last}#lconn:1")
     return level
+
+
+@pytest.mark.parametrize(("first", "way"), [(80, 1), (80, -1), (-60, 1), (-60, -1), (100, 1), (100, -1)])
+def test_a_loop_starts_on_the_side_that_its_joints_ask_for(tmp_path, first, way):
+    """The second hinge, which asks for nothing, stands far from 0: bars 2 and 3 are equal sides over the rest."""
+    rest = np.hypot(1.2 - np.cos(np.deg2rad(first)), np.sin(np.deg2rad(first)))
+    bend = way * 2 * np.rad2deg(np.arccos(rest / 2))
+    level = four_bar(start=str(first), asked={3: bend})
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert not [entry.text for entry in imported.report.entries if "so its loop closes" in entry.text]
+    (robot,) = imported.files.robots.values()
+    starts = {axis: freedom.start for freedom, axis in robot.axes.items()}
+    assert np.rad2deg(starts["Joint3"]) == pytest.approx(bend, abs=1e-3)
+    poses = body_poses(robot.tree, np.array(list(starts.values())))
+    assert max(np.abs(closing.gap(poses)).max() for closing in robot.tree.closings) < 1e-6
 
 
 def test_a_loop_is_cut_at_a_hinge_and_not_at_its_slider(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 from slx_files import Level, write_model
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.simulink.signals.forms import flat
+from simrob_drake.simulink.signals.forms import flat, mapped, signal
 from simrob_drake.simulink.simulink_model import read_simulink
 from simrob_drake.simulink.writing.references import over_time
 
@@ -32,6 +32,9 @@ def outputs(tmp_path, kind, inputs, parameters):
 @pytest.mark.parametrize(
     ("kind", "inputs", "parameters", "function"),
     [
+        ("DigitalClock", 0, {"SampleTime": "0.25"}, lambda t: 0.25 * np.floor(t / 0.25 + 1e-9)),
+        ("fl_lib/PS/PS Switch", 1, {"Threshold": "-1"}, lambda t: -t),
+        ("fl_lib/PS/PS Switch", 1, {}, lambda t: 0 * t),
         ("Math", 1, {"Operator": "10^u"}, lambda t: 10**t),
         ("Math", 1, {"Operator": "reciprocal"}, lambda t: 1 / t),
         ("Math", 1, {}, np.exp),
@@ -116,6 +119,11 @@ def test_a_function_of_u_takes_its_first_element(tmp_path):
     model = read_simulink(write_model(tmp_path / "a.slx", level))
     (node,) = (node for node in model.expanded.nodes if node.block.name == "B")
     assert flat(model.tracer.output(node)) == [38.0]
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_no_number_is_comes_without_a_warning():
+    assert np.isnan(float(mapped(np.sqrt, signal([-1.0]))[0]))
 
 
 def test_vectors_are_multiplied_across(tmp_path):

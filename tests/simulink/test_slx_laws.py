@@ -270,18 +270,22 @@ PIDS = [
     {},
     {"LimitOutput": "on", "UpperSaturationLimit": "2", "LowerSaturationLimit": "-2",
      "AntiWindupMode": "back-calculation", "Kb": "3"},
+    {"ControllerParametersSource": "external"},
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("limited", PIDS)
+@pytest.mark.parametrize("limited", PIDS, ids=["as it is", "limited", "its gains from outside"])
 def test_a_pid_with_a_filter_is_as_simulink_has_it(tmp_path, limited):
     """A step of 0.2 for an inertia of 1, whose derivative is of the filtered error: within 1e-4 of the step."""
     plant = Plant()
     error = plant.chain(
         "Sum", "e", plant.chain("Step", "Wanted", Time="0.1", After="0.2"), plant.positions[0], Inputs="+-"
     )
-    gains = {"P": "40", "I": "20", "D": "9", "N": "60", "Controller": "PID"}
-    held = plant.chain("slpidlib/PID Controller", "PID", error, **gains, **limited)
+    gains, inputs = {"P": "40", "I": "20", "D": "9", "N": "60"}, [error]
+    if "ControllerParametersSource" in limited:
+        inputs += [plant.chain("Constant", name, Value=value) for name, value in gains.items()]
+        gains = {}
+    held = plant.chain("slpidlib/PID Controller", "PID", *inputs, Controller="PID", **gains, **limited)
     plant.drive(held, plant.chain("Constant", "None", Value="0"))
     result, *_ = run(plant, tmp_path)
 
@@ -290,7 +294,7 @@ def test_a_pid_with_a_filter_is_as_simulink_has_it(tmp_path, limited):
         error = 0.2 * (t >= 0.1) - q
         derivative = 60 * (9 * error - x)
         free = 40 * error + integral + derivative
-        torque = float(np.clip(free, -2, 2)) if limited else free
+        torque = float(np.clip(free, -2, 2)) if "LimitOutput" in limited else free
         return w, torque, 20 * error + 3 * (torque - free), derivative
 
     parts = [solve_ivp(motion, (0, 0.1), np.zeros(4), method="Radau", rtol=1e-10, atol=1e-12)]

@@ -27,11 +27,19 @@ def hinge():
     return level, joint
 
 
-def motor_on_a_joint(level, torque, speed, *, swap=False, **figures):
-    """A voltage source, a DC motor and a gear box of 5 between a joint's speed and its torque; return the source."""
+def faced(level, joint, what="Rotational"):
+    """An interface of a network on a joint, which takes what drives it and gives its speed."""
+    face = level.block(f"fl_lib/Mechanical/Multibody Interfaces/{what} Multibody Interface", "Face")
+    level.connect(f"{face}#lconn:1", f"{joint}#lconn:2")
+    level.connect(f"{face}#rconn:1", f"{joint}#rconn:2")
+    return face
+
+
+def motor_on_a_joint(level, torque, speed, *, swap=False, kind="Voltage", **figures):
+    """A source of a kind, a DC motor and a gear box of 5 between a joint's speed and its torque; return the source."""
     ports = {"Left": [{"id": "C"}, {"id": "t"}], "Right": [{"id": "R"}, {"id": "w"}]}
     told = {"InternalSimscapePortConfiguration": json.dumps(ports)} if swap else {}
-    source = level.block("fl_lib/Electrical/Electrical Sources/Controlled Voltage Source", "Source")
+    source = level.block(f"fl_lib/Electrical/Electrical Sources/Controlled {kind} Source", "Source")
     ground = level.block(f"{ELECTRICAL}Electrical Reference", "Ground")
     held = level.block("fl_lib/Mechanical/Rotational Elements/Mechanical Rotational Reference", "Held")
     figures = {"Ra": "2", "La": "0.02", "Kv": "7", "Ki": "0.3", "J": "40", "J_unit": "g*cm^2", "lam": "0.001",
@@ -78,6 +86,15 @@ def test_a_motor_turns_a_joint(tmp_path, swap):
     np.testing.assert_allclose(result["v.J"], speeds(result.times), atol=2e-5)
 
 
+def test_a_source_pushes_current_out_at_its_positive_pin(tmp_path):
+    """As one of voltage does: 12 A through the motor, (I + 25 J) w' = 5 (K i - b 5 w), whatever its resistance is."""
+    imported = driven(tmp_path, kind="Current")
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
+    expected = 18 / 0.025 * -np.expm1(-0.025 / (0.5 + 25 * 4e-6) * result.times)
+    np.testing.assert_allclose(result["v.J"], expected, rtol=1e-4, atol=1e-5)
+
+
 def test_a_rotor_is_felt_as_inertia(tmp_path):
     """40 g cm² behind a gear of 5 are 1e-4 kg m² at the joint, exactly: no filtered acceleration."""
     imported = driven(tmp_path)
@@ -97,7 +114,7 @@ def test_a_network_that_is_joined_with_no_body_is_no_loss(tmp_path):
     """What a scope alone shows; where a joint takes it, what is not read of it is lost as before."""
     for lost, taken in enumerate((False, True)):
         level, joint = hinge()
-        battery = level.block("ee_lib/Sources/Battery", "Battery")
+        battery = level.block("ee_lib/Sources/Supercapacitor", "Battery")
         ground = level.block(f"{ELECTRICAL}Electrical Reference", "Ground")
         sensor = level.block("fl_lib/Electrical/Electrical Sensors/Voltage Sensor", "Sensor")
         level.connect(f"{battery}#lconn:1", f"{sensor}#lconn:1")
@@ -110,7 +127,7 @@ def test_a_network_that_is_joined_with_no_body_is_no_loss(tmp_path):
         imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out", force=True)
         fates = {one.path: one.fate for one in imported.outcomes}
         assert {fates[name] for name in ("Battery", "Ground", "Sensor")} == {("ignored", "lost")[lost]}
-        assert ("Battery" in imported.fidelity) == bool(lost)
+        assert ("Supercapacitor" in imported.fidelity) == bool(lost)
         assert (imported.fidelity == "mechanics complete; 3 network blocks joined with no body") != bool(lost)
 
 
@@ -121,14 +138,12 @@ def test_a_simple_gear_turns_a_joint(tmp_path, sense, sign):
     torque, into = level.block("Constant", "Torque", Value="2"), level.block(TO_PHYSICS, "In", Unit="1")
     source = level.block("fl_lib/Mechanical/Mechanical Sources/Ideal Torque Source", "Source")
     held = level.block("fl_lib/Mechanical/Rotational Elements/Mechanical Rotational Reference", "Held")
-    face = level.block("fl_lib/Mechanical/Multibody Interfaces/Rotational Multibody Interface", "Face")
+    face = faced(level, joint)
     gear = level.block("sdl_lib/Gears/Simple Gear", "Gear", ratio="3", enable_backlash="false",
                        friction_model="sdl.enum.gear_efficiencies_load.off",
                        rotation_direction=f"sdl.enum.shaftOutputDirection.{sense}", mu_visc="[0, 0]")  # fmt: skip
     level.wire(f"{torque}#out:1", f"{into}#in:1")
     level.connect(f"{into}#rconn:1", f"{source}#rconn:1")
-    level.connect(f"{face}#lconn:1", f"{joint}#lconn:2")
-    level.connect(f"{face}#rconn:1", f"{joint}#rconn:2")
     level.connect(f"{source}#lconn:1", f"{gear}#lconn:1")
     level.connect(f"{gear}#rconn:1", f"{face}#rconn:2")
     level.connect(f"{source}#rconn:2", f"{held}#lconn:1", f"{face}#lconn:2")
@@ -136,6 +151,58 @@ def test_a_simple_gear_turns_a_joint(tmp_path, sense, sign):
     assert imported.fidelity == "mechanics complete"
     result = simulate(load_station(imported.station, TIGHT), duration=0.5, progress=False)
     np.testing.assert_allclose(result["v.J"], sign * 2 * 3 / 0.5 * result.times, atol=1e-5)
+
+
+@pytest.mark.parametrize("bound", [
+    {"torque_speed_param": "ee.enum.electromech.envelope.torque_power", "torque_max": "0.3", "power_max": "6"},
+    {"torque_speed_param": "1", "T_t": "[0.3 0.2 0]", "w_t": "[0 200 400]", "w_t_unit": "rpm"},
+], ids=["power", "table"])  # fmt: skip
+def test_a_motor_with_its_drive_follows_its_torque_within_its_bounds(tmp_path, bound):
+    """0.5 N·m are asked for 1 s and -0.1 N·m then, by a gear of 8, of a motor that a battery feeds."""
+    level, joint = hinge()
+    asked = level.block("Step", "Asked", Time="1", Before="0.5", After="-0.1")
+    into = level.block(TO_PHYSICS, "In", Unit="1")
+    motor = level.block("ee_lib/Electromechanical/Motor & Drive\n(System Level)", "Motor", Tc="0.05", J="3e-5",
+                        lam="1e-4", **bound)  # fmt: skip
+    battery = level.block("batteryecm_lib/Battery", "Battery", Vnom="12", R1="2")
+    ground = level.block(f"{ELECTRICAL}Electrical Reference", "Ground")
+    held = level.block("fl_lib/Mechanical/Rotational Elements/Mechanical Rotational Reference", "Held")
+    gear, face = level.block("fl_lib/Mechanical/Mechanisms/Gear Box", "Gear", ratio="8"), faced(level, joint)
+    level.wire(f"{asked}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{motor}#lconn:2")
+    level.connect(f"{battery}#lconn:1", f"{motor}#lconn:1")
+    level.connect(f"{battery}#rconn:1", f"{motor}#rconn:1", f"{ground}#lconn:1")
+    level.connect(f"{motor}#lconn:3", f"{gear}#lconn:1")
+    level.connect(f"{gear}#rconn:1", f"{face}#rconn:2")
+    level.connect(f"{motor}#rconn:3", f"{held}#lconn:1", f"{face}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(load_station(imported.station, TIGHT), duration=2.0, progress=False)
+
+    def rates(time, state):
+        torque, speed = state
+        turns = abs(8 * speed)
+        most = (np.interp(turns, np.array([0, 200, 400]) * np.pi / 30, [0.3, 0.2, 0.0]) if "T_t" in bound
+                else min(0.3, 6 / max(turns, 1e-9)))  # fmt: skip
+        return [(np.clip(0.5 if time < 1 else -0.1, -most, most) - torque) / 0.05,
+                8 * (torque - 1e-4 * 8 * speed) / (0.5 + 64 * 3e-5)]  # fmt: skip
+
+    first = solve_ivp(rates, (0, 1), [0, 0], rtol=1e-9, atol=1e-11, max_step=1e-3, dense_output=True)
+    second = solve_ivp(rates, (1, 2), first.y[:, -1], rtol=1e-9, atol=1e-11, max_step=1e-3, dense_output=True)
+    expected = np.where(result.times < 1, first.sol(result.times)[1], second.sol(result.times)[1])
+    assert np.ptp(expected) > 2
+    np.testing.assert_allclose(result["v.J"], expected, atol=2e-3)
+
+
+def test_a_law_without_its_figures_or_signal_is_lost_by_name(tmp_path):
+    for kind, lacking in (("Motor & Drive (System Level)", "Tr"), ("Rotational Friction", "brkwy_trq")):
+        level, joint = hinge()
+        part, face = level.block(f"ee_lib/Some/{kind}", "Part", J="1", lam="0", Tc="1"), faced(level, joint)
+        number = 3 if lacking == "Tr" else 1
+        level.connect(f"{part}#lconn:{number}", f"{face}#rconn:2")
+        level.connect(f"{part}#rconn:{number}", f"{face}#lconn:2")
+        lost = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out", force=True).report.of("lost")
+        assert any(f"Part: {lacking} is neither a figure of it" in entry.text for entry in lost)
 
 
 def test_a_network_with_what_is_not_linear_is_lost_by_name(tmp_path):
@@ -192,10 +259,8 @@ def stopped(tmp_path, *, pull="3", model="3", friction=True):
     level.wire(f"{torque}#out:1", f"{into}#in:1")
     source = level.block("fl_lib/Mechanical/Mechanical Sources/Ideal Torque Source", "Source")
     held, again = (level.block(f"{ELEMENTS}Mechanical Rotational Reference", name) for name in ("Held", "Again"))
-    face = level.block("fl_lib/Mechanical/Multibody Interfaces/Rotational Multibody Interface", "Face")
+    face = faced(level, joint)
     level.connect(f"{into}#rconn:1", f"{source}#rconn:1")
-    level.connect(f"{face}#lconn:1", f"{joint}#lconn:2")
-    level.connect(f"{face}#rconn:1", f"{joint}#rconn:2")
     stop = level.block(
         f"{ELEMENTS}Rotational Hard Stop", "Stop", upper_bnd="20", upper_bnd_unit="deg", lower_bnd="-0.1",
         lower_bnd_unit="rad", stiff_up="200", stiff_low="300", D_up="1.5", D_low="2", model=model, transition="0.05",
@@ -276,14 +341,12 @@ def test_friction_along_a_line_stops_a_slider(tmp_path):
                         VelocityTargetSpecify="on", VelocityTargetValue="1")  # fmt: skip
     level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
     level.connect(f"{joint}#rconn:1", f"{body}#rconn:1")
-    face = level.block("fl_lib/Mechanical/Multibody Interfaces/Translational Multibody Interface", "Face")
+    face = faced(level, joint, "Translational")
     rub = level.block(
         f"{parts}Translational Friction", "Rub", brkwy_frc="3", Col_frc="2", brkwy_vel="0.1", visc_coef="0.5"
     )
     port = json.dumps({"Left": [{"id": "V"}], "Right": []})
     held = level.block(f"{parts}Mechanical Translational Reference", "Held", InternalSimscapePortConfiguration=port)
-    level.connect(f"{face}#lconn:1", f"{joint}#lconn:2")
-    level.connect(f"{face}#rconn:1", f"{joint}#rconn:2")
     level.connect(f"{face}#rconn:2", f"{rub}#lconn:1")
     level.connect(f"{face}#lconn:2", f"{rub}#rconn:1", f"{held}#lconn:1")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")

@@ -13,6 +13,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.simulink.reading.model_file import Libraries
 from simrob_drake.simulink.simulink_model import read_simulink
 from simrob_drake.simulink.values import mat
+from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
 from simrob_drake.simulink.values.mat import variables_of_mat
 from simrob_drake.simulink.values.syntax import NotUnderstood
@@ -316,6 +317,17 @@ def test_units_that_do_not_fit(unit):
         ("a = [1 2 4]; x = diff(a) * circshift(a, 1)(1:2)' + polyval([1 0 2], 3);", "x", 4 + 2 + 11),
         ("arm.mass = 1; arm.mass = unknowable(1); arm.length = 2; x = arm.length;", "x", 2),
         ("x = counted(1, 5, 6);", "x", 2),
+        ("for i = 1:2, p(2*i-1,:) = [i 1]; p(2*i,:) = [0 i]; end, x = p;", "x", [[1, 1], [0, 1], [2, 1], [0, 2]]),
+        ("p = []; p(end+1,:) = [1 2]; p(end+1,:) = [3 4]; x = p;", "x", [[1, 2], [3, 4]]),
+        (
+            "x = [rot90([1 2; 3 4]) rot90([1 2; 3 4], -1); find([0 3 5]) find([0; 1; 1])'];",
+            "x",
+            [[2, 4, 3, 1], [1, 3, 4, 2], [2, 3, 2, 3]],
+        ),
+        ("n = 5; x = linspace(0, 1, n/2);", "x", [[0.0, 1.0]]),  # of a number that is not whole the floor
+        ("[a, b] = max([3 9 2]); [c, d] = min([4 1; 0 7]); x = [a b c d];", "x", [[9, 2, 0, 1, 2, 1]]),
+        ("[c, i, k] = unique([5 3 5]); x = [c i' k'];", "x", [[3, 5, 2, 1, 2, 1, 2]]),
+        ("x = [isscalar(2) isscalar([1 2]) isinf([1 -Inf]) atan2d(1, 1) asind(0.5)];", "x", [[1, 0, 0, 1, 45, 30]]),
         ("x = interp1([1 2 4], [5 6 0], [3 2]);", "x", [[3.0, 6.0]]),
         ("y = 2;", "twice(3) + twice(y, 1)", 9 + 4),  # an expression of a block
         ("x = 1; c = {}; if nargs(c) > 0 && c{1} > 2, x = 5; end, if true || c{1}, x = x + 1; end", "x", 2),
@@ -385,3 +397,10 @@ def test_a_model_takes_variables_from_where_it_keeps_them(tmp_path):
     assert value("k", stored=bytes(data[124:128]) + bytes(4) + bytes(data[128:])) == (5.0, [])
     assert value("k", stored=b"damaged", callbacks={"InitFcn": "k = 2; load('gone.mat')"}) == (
         2.0, ["takes variables from gone.mat, which lies in none of the folders"])  # fmt: skip
+
+
+def test_what_an_index_of_three_dimensions_sets_is_not_known():
+    run = CodeRun({})
+    run.run("a = [1 2]; a(1, 1, 2) = 5; b = [1 2]; b(2, :) = [3 4];")
+    assert run.unknown == {"a"}
+    np.testing.assert_array_equal(run.variables["b"], [[1, 2], [3, 4]])

@@ -46,6 +46,7 @@ class GaitPlan:
     feet: dict[str, Vector]  # places of the soles by foot, ahead, left, up and turn, shape (m, 4) [m, rad]
     zmp: Vector  # shape (m, 2) [m]
     heading: Vector  # of the trunk, shape (m,) [rad]
+    ground: Vector | float = 0.0  # height over which the trunk is carried, shape (m,) [m]
 
 
 def gait_plan(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> GaitPlan:

@@ -12,6 +12,7 @@ from pydantic import Field, create_model
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.biped import BipedWalk
+from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.gait import Gait
 from simrob_drake.programs.gaits.kick import Kick
 from simrob_drake.programs.gaits.quadruped import Crawl, Stand, Trot
@@ -22,7 +23,7 @@ from simrob_drake.sections import Number, Strict, validated
 from simrob_drake.walking.getting_up import GettingUp
 from simrob_drake.walking.parameters import WalkingParameters
 
-KINDS: tuple[type[Gait], ...] = (BipedWalk, Trot, Crawl, March, Stand, Posing, Kick)
+KINDS: tuple[type[Gait], ...] = (BipedWalk, Trot, Crawl, March, Stand, Posing, Kick, Climb)
 """Kinds of gaits that are planned before they begin."""
 _AS_LARGE = 0.8
 """Part of the length and of the width of a gait's own feet that others have at least: what gaits leave as margin."""

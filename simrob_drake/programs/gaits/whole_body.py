@@ -90,7 +90,8 @@ class WholeBody:
             turned @ rotations_about(LEFT, np.full(count, np.deg2rad(bearing.pitch_deg))) @ rotations_about(AHEAD, lean)
         )
         rotation = self._upright @ rotation @ facing_rotation(self.facing_deg)
-        root = stacked(np.column_stack([place, np.full(count, bearing.height)]), rotation)
+        height = bearing.height + np.broadcast_to(plan.ground, len(plan.times))[part]
+        root = stacked(np.column_stack([place, height]), rotation)
         angles = self._with_arms(part, angles, lean)
         apart = np.zeros(count)
         for foot in self.feet:

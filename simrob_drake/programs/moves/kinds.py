@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted
 from simrob_drake.programs.moves.act import ActMove
 from simrob_drake.programs.moves.attach import AttachMove
+from simrob_drake.programs.moves.climb import ClimbMove
 from simrob_drake.programs.moves.get_up import GetUpMove
 from simrob_drake.programs.moves.go import GoMove
 from simrob_drake.programs.moves.grip import GripMove, OpenMove
@@ -27,6 +28,7 @@ _ALL: tuple[type[Move], ...] = (
     GoMove,
     ActMove,
     KickMove,
+    ClimbMove,
     GetUpMove,
     AttachMove,
     ReleaseMove,

@@ -142,6 +142,8 @@ def _turned(pose: RigidTransform) -> Vector:
 _CLOSED, _LOOSE = 1e-6, 4e-4  # m and rad: what is no gap, and what a station takes of one that rounded figures leave
 PRESCRIBED = 1.0  # how much a start counts that a motion gives: nothing moves it
 _NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
+_FAR, _MOST_STARTS = 0.2, 20  # rad or m: what a target is missed by for which other starts are tried, and how many
+_BOUND = 1e-7  # how much staying counts beside closing
 _CHANGES = 1e-3  # by so much of its largest factor a gear's factors may change with the posture
 _CUT: dict[str, Literal["hinge", "ball"]] = {"Revolute Joint": "hinge", "Spherical Joint": "ball"}
 
@@ -209,6 +211,25 @@ def _gaps(tree: Tree, positions: Vector) -> Vector:
     return np.concatenate([np.zeros(0), *(closing.gap(poses) for closing in tree.closings)])
 
 
+def _nearest(tree: Tree, open_by: Callable[[Vector], Vector]) -> Vector:
+    """Return the positions (n,) at which loops are open, and wishes missed, by least.
+
+    Where wishes are missed, what nobody asks for is tried on other sides of its loop.
+    """
+    from scipy.optimize import least_squares
+
+    desired, asked = _desired(tree), np.array([freedom.start is not None for freedom in tree.freedoms])
+    loose = ~asked & np.array([freedom.turns for freedom in tree.freedoms])
+    found, rng = least_squares(open_by, desired), np.random.default_rng(0)
+    for _ in range(_MOST_STARTS if loose.any() else 0):
+        far = np.any(asked & (np.abs(found.x - desired) > _FAR))
+        if not far and np.abs(_gaps(tree, found.x)).max(initial=0.0) < _LOOSE:
+            break
+        other = desired + loose * rng.uniform(-np.pi, np.pi, desired.size)
+        found = min(found, least_squares(open_by, other), key=lambda one: float(one.cost))
+    return np.asarray(found.x)
+
+
 def _settle(tree: Tree, screws: Vector) -> None:
     """Start a tree where its loops are closed, and sums of its positions (k, n) are 0; else its loops are lost."""
     from scipy.optimize import least_squares
@@ -221,12 +242,13 @@ def _settle(tree: Tree, screws: Vector) -> None:
     def gaps_and_wishes(positions: Vector) -> Vector:
         return np.concatenate([gaps(positions), held * (positions - desired)])
 
-    found, moves = least_squares(gaps_and_wishes, desired).x, held < PRESCRIBED
+    nearest = _nearest(tree, gaps_and_wishes)
+    found, moves = nearest.copy(), held < PRESCRIBED
     found[~moves] = desired[~moves]
 
     def left(moving: Vector) -> Vector:
         found[moves] = moving
-        return gaps(found)
+        return np.concatenate([gaps(found), _BOUND * (found - nearest)])  # where a way is free it stays there
 
     if moves.any():
         found[moves] = least_squares(left, found[moves], xtol=1e-15, ftol=1e-15, gtol=1e-15).x

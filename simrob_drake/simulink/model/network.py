@@ -1,6 +1,6 @@
 """What is connected with what: physical nodes over all levels, and where each signal comes from."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
 
 from simrob_drake.simulink.model.nodes import Expanded, Node, chosen_variant
@@ -10,6 +10,7 @@ Place = tuple[int, str, int]  # a port of a node: the node's identity, side and 
 
 _CONDITIONS = ("enable", "ifaction")
 _LONGEST_WAY = 1000  # through subsystems and tags
+_ASIDE = ("PMIOPort", "Solver Configuration", "Connection Port", "ConnectionLabel", "SimscapeBus", "Two-Way Connection")
 _NESTED = 3  # physical buses in buses
 
 
@@ -50,12 +51,13 @@ class Connections:
                 found.setdefault(place, []).append(node)
         return found
 
-    def joined(self, start: Node) -> set[Node]:
-        """Return the blocks that physical lines join with one, over any number of others; subsystems are no blocks."""
+    def joined(self, start: Node, ends: Callable[[Node], Iterable[Place]] | None = None) -> set[Node]:
+        """Return the blocks that physical lines join with one, over any number of others, at their ``ends``, or all."""
         found, waiting = {start}, [start]
         while waiting:
-            new = {one for place in self._wired.get(waiting.pop(), ()) for one in self.on(place)} - found
-            new = {one for one in new if not one.children and one.kind != "PMIOPort"}
+            places = (self._wired.get if ends is None else ends)(waiting.pop()) or ()
+            new = {one for place in places for one in self.on(place) if not one.children} - found
+            new = {one for one in new if one.kind not in _ASIDE}
             found |= new
             waiting += new
         return found

@@ -278,11 +278,11 @@ def _extreme(reader: SignalReader, node: Node, _: int) -> Signal:
     return found
 
 
-def table_of(points: Any, values: Any, *, clip: bool) -> dict[str, Any]:
-    """Return the parameters of a lookup table."""
-    listed = {name: [float(one) for one in np.asarray(column).reshape(-1)] for name, column in
-              (("points", points), ("values", values))}  # fmt: skip
-    return {**listed, "clip": True} if clip else listed
+def looked_up(value: Value, points: Any, values: Any, *, clip: bool) -> Value:
+    """Return what a table, whose points rise, holds at a value; beyond its ends what they are, or go on to be."""
+    columns = {name: np.asarray(column, dtype=float).reshape(-1).tolist() for name, column in
+               (("points", points), ("values", values))}  # fmt: skip
+    return computed("lookup", value, **columns, **({"clip": True} if clip else {}))
 
 
 def _lookup(reader: SignalReader, node: Node, _: int) -> Signal | None:
@@ -290,14 +290,14 @@ def _lookup(reader: SignalReader, node: Node, _: int) -> Signal | None:
         return None
     points = "BreakpointsForDimension1" if "BreakpointsForDimension1" in node.block.parameters else "InputValues"
     values = "Table" if "Table" in node.block.parameters else "OutputValues"
+    heights = node.numbers(values, "tanh([-5:5])")
     clip = "Clip" in node.text("ExtrapMethod") or "Use End Values" in node.text("LookUpMeth")
     if node.text("BreakpointsSpecification", "Explicit values") == "Explicit values":
-        parameters = table_of(node.numbers(points, "[-5:5]"), node.numbers(values, "tanh([-5:5])"), clip=clip)
+        places = node.numbers(points, "[-5:5]")
     else:
-        heights = node.numbers(values, "tanh([-5:5])")
         first, step = (node.number(f"BreakpointsForDimension1{what}", "1") for what in ("FirstPoint", "Spacing"))
-        parameters = table_of(first + step * np.arange(heights.size), heights, clip=clip)
-    return mapped(lambda value: computed("lookup", value, **parameters), reader.input(node))
+        places = np.asarray(first + step * np.arange(heights.size))
+    return mapped(lambda value: looked_up(value, places, heights, clip=clip), reader.input(node))
 
 
 def _logic(reader: SignalReader, node: Node, _: int) -> Signal | None:
@@ -320,18 +320,6 @@ def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
     return switched(node, yes, by, no, operator, threshold)
 
 
-def _polynomial(node: Node) -> Callable[[Value], Value]:
-    coefficients = node.numbers("coefs", "[0]")
-
-    def value_at(u: Value) -> Value:
-        total: Value = 0.0
-        for coefficient in coefficients:
-            total = total * u + float(coefficient)
-        return total
-
-    return value_at
-
-
 ARITHMETIC: dict[str, Rule] = {
     **dict.fromkeys(("Gain", "Slider Gain"), _gain),
     "DataTypeConversion": of_parameters(_converted),
@@ -341,5 +329,4 @@ ARITHMETIC: dict[str, Rule] = {
     **dict.fromkeys(("Lookup_n-D", "Lookup"), _lookup),
     "Logic": _logic,
     "Switch": _switch,
-    "Polyval": of_parameters(_polynomial),
 }

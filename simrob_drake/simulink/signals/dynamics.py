@@ -278,21 +278,20 @@ _METHODS = {"Forward Euler": 0.0, "Backward Euler": 1.0, "Trapezoidal": 0.5}
 
 
 def _pid(reader: SignalReader, node: Node, _: int) -> Signal | None:
-    if node.text("ControllerParametersSource", "internal") != "internal":
+    letters, both = node.text("Controller", "PID"), "2" in node.kind or "2DOF" in node.text("SourceType")
+    gains = _gains(reader, node, letters, both)
+    if gains is None:
         return None
-    letters = node.text("Controller", "PID")
-    gains = {name: node.numbers(name, "1" if name in "PI" else "0") for name in "PID" if name in letters}
-    both = "2" in node.kind or "2DOF" in node.text("SourceType")
     errors = [reader.input(node)]
     if both:
         setpoint, measured = fitted(node, errors[0], reader.input(node, 2))
         weights = node.numbers("b", "1"), np.ones(1), node.numbers("c", "1")
         errors = [mapped(lambda r, y, b: b * r - y, setpoint, measured, one.astype(object)) for one in weights]
-    errors = fitted(node, *errors, *(gain.astype(object) for gain in gains.values()))[: len(errors)]
+    errors = fitted(node, *errors, *(gains[name].astype(object) for name in gains.keys() - {"N"}))[: len(errors)]
     for what, name, default in (("reset", "ExternalReset", "none"), ("tracking input", "TrackingMode", "off")):
         if node.text(name, default) != default:
             node.note("approximated", f"its {what} is left out")
-    parameters = _pid_parameters(reader, node, letters)
+    parameters = _pid_parameters(reader, node, letters, gains.pop("N", None))
     if parameters is None:
         return None
     found = []
@@ -311,6 +310,18 @@ def _pid(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return signal(found).reshape(errors[0].shape, order="F")
 
 
+def _gains(reader: SignalReader, node: Node, letters: str, both: bool) -> dict[str, Vector] | None:
+    """Return a controller's gains, and N where inputs have them; None where these change, or weight a setpoint."""
+    names = [name for name in "PID" if name in letters]
+    if node.text("ControllerParametersSource", "internal") == "internal":
+        return {name: node.numbers(name, "1" if name in "PI" else "0") for name in names}
+    names += ["N"] if "D" in letters and node.text("UseFilter", "on") == "on" else []
+    values = {name: flat(reader.input(node, place)) for place, name in enumerate(names, start=2)}
+    if both or any(isinstance(one, Form) for gain in values.values() for one in gain):
+        return None
+    return {name: np.array(gain, dtype=float) for name, gain in values.items()}
+
+
 def _unfiltered(node: Node, error: Value, gain: float, parameters: Parameters) -> tuple[Value, Parameters]:
     """Return what a derivative without a filter adds to a controller, and its parameters: none, or a fast filter."""
     measured = all(term.kind in (*_FOLLOWING, "one", "time") for term in terms_of(error))
@@ -320,7 +331,7 @@ def _unfiltered(node: Node, error: Value, gain: float, parameters: Parameters) -
     return 0.0, {"filter": 1 / LAG}
 
 
-def _pid_parameters(reader: SignalReader, node: Node, letters: str) -> Parameters | None:
+def _pid_parameters(reader: SignalReader, node: Node, letters: str, rate: Vector | None) -> Parameters | None:
     """Return what a controller has beyond its gains; None where nothing says its period."""
     parameters: Parameters = {}
     discrete = node.text("TimeDomain", "Continuous-time").startswith("Discrete")
@@ -330,7 +341,7 @@ def _pid_parameters(reader: SignalReader, node: Node, letters: str) -> Parameter
             return None
         parameters["period"] = period
     if "D" in letters and (not discrete or node.text("UseFilter", "on") == "on"):
-        parameters["filter"] = max(node.number("N", "100"), 1e-3)
+        parameters["filter"] = max(node.number("N", "100") if rate is None else float(rate[0]), 1e-3)
     for part, name, key in (("I", "Integrator", "integration"), ("D", "Filter", "filtering")):
         if part in letters:
             start = node.number(f"InitialConditionFor{name}", "0")

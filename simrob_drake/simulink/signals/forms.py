@@ -164,10 +164,10 @@ def flat(values: Signal) -> list[Value]:
     return list(values.ravel(order="F"))
 
 
+@np.errstate(all="ignore")  # of numbers that it divides, and flags that others left raised
 def mapped(function: Callable[..., Value], *signals: Signal) -> Signal:
     """Apply a function of values element by element; scalars are spread."""
-    made = np.frompyfunc(function, len(signals), 1)(*signals)
-    return np.asarray(made, dtype=object)
+    return np.asarray(np.frompyfunc(function, len(signals), 1)(*signals), dtype=object)
 
 
 def scaled(values: Signal, factor: float) -> Signal:

@@ -22,7 +22,7 @@ from simrob_drake.simulink.mechanics.bodies import (
 from simrob_drake.simulink.mechanics.joints import Freedom, Joint
 from simrob_drake.simulink.mechanics.loops import PRESCRIBED
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import applied, limited, table_of
+from simrob_drake.simulink.signals.arithmetic import applied, limited, looked_up
 from simrob_drake.simulink.signals.forms import (
     PARTS,
     Form,
@@ -32,7 +32,6 @@ from simrob_drake.simulink.signals.forms import (
     Value,
     added,
     closure,
-    computed,
     evaluated,
     signal,
     terms_of,
@@ -355,7 +354,7 @@ def _wrench(node: Node, surface: ContactParameters, radius: float) -> tuple[list
     speed = applied("sqrt", sliding[0] * sliding[0] + sliding[1] * sliding[1])
     across: list[Value] = [0.0, 0.0]
     if surface.static:
-        coefficient = computed("lookup", speed, **_friction(surface))
+        coefficient = _friction(surface, speed)
         grip = coefficient * normal / applied("max", speed, _SLOWEST)
         across = [-1.0 * (grip * one) for one in sliding]
     turn = orientation(node).T
@@ -363,9 +362,9 @@ def _wrench(node: Node, surface: ContactParameters, radius: float) -> tuple[list
     return list(turn.dot(force)), list(turn.dot(torque))
 
 
-def _friction(surface: ContactParameters) -> dict[str, object]:
+def _friction(surface: ContactParameters, speed: Value) -> Value:
     part = np.linspace(0.0, 1.0, 11)
     smooth = part * part * (3.0 - 2.0 * part)
     speeds = surface.speed * np.concatenate([part, 1.0 + 0.5 * part[1:]])
     values = [surface.static * smooth, surface.static + (surface.dynamic - surface.static) * smooth[1:]]
-    return table_of(speeds, np.concatenate(values), clip=True)
+    return looked_up(speed, speeds, np.concatenate(values), clip=True)

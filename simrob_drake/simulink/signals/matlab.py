@@ -12,7 +12,7 @@ import numpy as np
 from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.model_file import SCRIPT
-from simrob_drake.simulink.signals.arithmetic import limited
+from simrob_drake.simulink.signals.arithmetic import chosen, limited
 from simrob_drake.simulink.signals.dynamics import period_of
 from simrob_drake.simulink.signals.forms import TIME, Rule, Signal, SignalReader, Value, computed, fitted, flat, signal
 from simrob_drake.simulink.signals.translation import Translation, on_symbols
@@ -97,6 +97,7 @@ def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
 
 _BLOCKS: dict[str, Callable[..., Value]] = {
     **{kind: partial(limited, kind=kind) for kind in ("saturation", "dead_zone")},
+    "choose": chosen,
     "step": lambda time, before, after: computed("step", time=float(time), before=float(before), after=float(after)),
 }
 """Functions of formulas that are blocks of a flow."""
@@ -110,10 +111,10 @@ def _formula(reader: SignalReader, node: Node, _: int) -> Signal | None:
     row = dict(table("formulas")[node.kind])
     text, choices = row.pop("is"), row.pop("choices", None)
     while choice := _CHOICE.search(text):
-        chosen = node.text(choice[1], node.text(choice[2] or "")) or choice[3]
-        if (chosen := chosen if choices is None else choices.get(chosen.lower().rpartition(".")[2], "")) == "":
+        taken = node.text(choice[1], node.text(choice[2] or "")) or choice[3]
+        if (taken := taken if choices is None else choices.get(taken.lower().rpartition(".")[2], "")) == "":
             return None
-        text = text[: choice.start()] + chosen + text[choice.end() :]
+        text = text[: choice.start()] + taken + text[choice.end() :]
     if note := row.pop("note", ""):
         node.note("approximated", note)
     words = set(re.findall(r"[A-Za-z]\w*", text))

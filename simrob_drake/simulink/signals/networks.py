@@ -11,24 +11,25 @@ from __future__ import annotations
 import itertools
 import json
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.model.network import Connections
+from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import chosen, compared, limited
+from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, limited, looked_up
 from simrob_drake.simulink.signals.descriptors import AT_ONCE, Reduced, reduced, without_fast
 from simrob_drake.simulink.signals.dynamics import rate_of
 from simrob_drake.simulink.signals.forms import Primitive, Rule, Signal, SignalReader, Value, added, flat, signal
 from simrob_drake.simulink.signals.translation import Translation, on_symbols
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import undefined
-from simrob_drake.simulink.values.evaluate import evaluate, matrix
+from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
 
@@ -49,7 +50,6 @@ def elements() -> dict[str, NetworkBlock]:
 
 
 _OTHER_NAMES = {"L": ("l",), "K": ("Ki", "Kv")}  # other names of figures
-_ASIDE = ("PMIOPort", "Solver Configuration", "Connection Port", "ConnectionLabel", "SimscapeBus", "Two-Way Connection")
 _AS_IS = {
     "parameterization": ("circuit_param", "1"), "lam_param": ("damping", "2"), "mech_orient": ("positive", "1"),
     "friction_model": ("off",), "enable_backlash": ("false",), "mu_visc": ("[0, 0]", "[0 0]"),
@@ -88,6 +88,7 @@ class _Law(NamedTuple):
     node: Node
     place: int
     takes: dict[str, dict[int, float]]
+    driven: dict[str, Value]  # by signals, which come from elsewhere
 
 
 Known = dict[str, list[tuple[int, int, float]]]
@@ -112,15 +113,17 @@ class _Equations:
         """Add what an element says."""
         element, ports = elements()[node.kind], ports_of(node)
         known = self._branches(node, element, {name: reader.network.net(node, *port) for name, port in ports.items()})
+        driven: dict[str, Value] = {}
         for name, port in ports.items():
             driver = reader.physical(node, *port) if name in _driving(element) else None
             if driver is not None and driver.size:
-                known[name] = self._signal(driver.ravel()[0])
+                driven[name] = driver.ravel()[0]
         if element.law:
             words = re.findall(r"\w+", element.law)
             takes = {name: {place: often for _, place, often in known[name]} for name in known if name in words}
-            self.laws.append(_Law(node, len(self.signals), takes))
+            self.laws.append(_Law(node, len(self.signals), takes, driven))
             known["f"] = self._signal(0.0)
+        known |= {name: self._signal(value) for name, value in driven.items()}
         for part in element.equations.split(";"):
             name, _, text = part.rpartition("=")
             if name.strip() in ports:
@@ -166,7 +169,8 @@ class _Equations:
 
 
 def _driving(element: NetworkBlock) -> list[str]:
-    return [word for part in element.equations.split(";") if "=" not in part for word in part.split()]
+    sums = [part for part in element.equations.split(";") if "=" not in part]
+    return re.findall(r"\w+", " ".join([*sums, element.law]))
 
 
 def _factors(node: Node, text: str, known: Known) -> Factors:
@@ -189,6 +193,7 @@ def _factors(node: Node, text: str, known: Known) -> Factors:
     return found
 
 
+_NEITHER = "is neither a figure of it, nor a signal that drives it"
 _SENSES = {"same": 1.0, "opposite": -1.0}
 """Choices that are figures."""
 
@@ -198,7 +203,7 @@ def _figure(node: Node, name: str) -> float:
     if len(names) > 1 and node.text("emf_or_torque").rpartition(".")[2] not in ("ki", "2"):
         names.reverse()
     if not names:
-        raise node.refusal(f"{name} is neither a figure of it, nor a signal that drives it")
+        raise node.refusal(f"{name} {_NEITHER}")
     for choice, known in _AS_IS.items():
         if (chosen := node.text(choice, known[0]).rpartition(".")[2]) not in known:
             raise node.refusal(f"its {choice} is {chosen}; {known[0]} is read")
@@ -209,18 +214,12 @@ def _figure(node: Node, name: str) -> float:
 
 def _members(network: Connections, start: Node) -> list[Node]:
     """Return the elements that hang together with one over conserving ports, and whatever else is on these."""
-    found = {start: None}
-    waiting = [start]
-    while waiting:
-        node = waiting.pop()
-        if node.kind in elements():
-            ports = ports_of(node)
-            for name in elements()[node.kind].branches.replace(",", "").split():
-                there = network.on(network.net(node, *ports[name])) if name in ports else []
-                new = [one for one in there if one not in found and one.kind not in _ASIDE and not one.children]
-                found |= dict.fromkeys(new)
-                waiting += new
-    return sorted(found, key=lambda one: one.path)
+
+    def conserving(node: Node) -> list[Place]:
+        branches, ports = (elements()[node.kind].branches, ports_of(node)) if node.kind in elements() else ("", {})
+        return [network.net(node, *ports[name]) for name in branches.replace(",", "").split() if name in ports]
+
+    return sorted(network.joined(start, conserving), key=lambda one: one.path)
 
 
 def _solved(reader: SignalReader, members: list[Node]) -> list[Signal]:
@@ -258,19 +257,23 @@ def _acts_at_once(found: Reduced, equations: _Equations) -> bool:
 
 def _law_of(node: Node, values: dict[str, Value]) -> Value:
     start = next((name for name in ("x", "phi") if node.is_on(f"{name}_specify")), None)
-    own = {"start": node.quantity(start) if start else 0.0}
+    begun = {"start": node.quantity(start) if start else 0.0}
     if "model" in elements()[node.kind].law:
-        own["model"] = node.number("model", "3")
-        if own["model"] not in (1, 2, 3):
+        begun["model"] = node.number("model", "3")
+        if begun["model"] not in (1, 2, 3):
             raise node.refusal("its model is by a coefficient of restitution; stiffness and damping are read")
-    known = {name: signal([value]).reshape(1, 1) for name, value in {**values, **own}.items()}
+    known = {name: signal([value]).reshape(1, 1) for name, value in {**values, **begun}.items()}
 
     def figure(name: str) -> Any:
         return undefined(name) if name not in node.block.parameters else matrix(_figure(node, name))
 
     run = Translation(known, figure)
-    run._algebra.functions["stop"] = on_symbols(None, _stop)
-    return flat(run.value(elements()[node.kind].law))[0]
+    own: dict[str, Callable[..., Value]] = {"stop": _stop, "within": partial(_within, node)}
+    run._algebra.functions.update({name: on_symbols(None, function) for name, function in own.items()})
+    try:
+        return flat(run.value(elements()[node.kind].law))[0]
+    except UndefinedVariable as problem:
+        raise node.refusal(f"{problem.name} {_NEITHER}") from problem
 
 
 def _stop(depth: Value, speed: Value, stiffness: float, damping: float, model: float, width: float) -> Value:
@@ -281,6 +284,21 @@ def _stop(depth: Value, speed: Value, stiffness: float, damping: float, model: f
         share = limited(depth / width, 0.0, 1.0)
         force = force * (share * share * (3.0 - 2.0 * share))
     return chosen(compared(">=", depth, 0.0), force, 0.0)
+
+
+def _within(node: Node, torque: Value, speed: Value) -> Value:
+    """Return what a motor gives of a torque at a speed: by a table, or by its greatest torque and power."""
+    speed = applied("abs", speed)
+    if node.text("torque_speed_param", "tabulated").rpartition(".")[2] in ("tabulated", "1"):
+        speeds, most = (
+            node.numbers(name, default) * node.in_si(node.text(f"{name}_unit", unit), name)
+            for name, default, unit in (("w_t", "[0 3750 7500 8000]", "rpm"), ("T_t", "[.09 .08 .07 0]", "N*m"))
+        )
+        bound = looked_up(speed, speeds, most, clip=True)
+    else:
+        power = node.quantity("power_max", default="30")
+        bound = power / applied("max", speed, power / node.quantity("torque_max", default="0.1"))
+    return applied("max", applied("min", torque, bound), -1.0 * bound)
 
 
 def _outputs(node: Node, found: Reduced, equations: _Equations) -> list[Value]:
@@ -300,7 +318,7 @@ def _outputs(node: Node, found: Reduced, equations: _Equations) -> list[Value]:
 
     rows = itertools.count(len(equations.outputs))
     for law in equations.laws:
-        inputs[law.place] = _law_of(law.node, {name: output(next(rows)) for name in law.takes})
+        inputs[law.place] = _law_of(law.node, law.driven | {name: output(next(rows)) for name in law.takes})
     return [output(row) for row in range(len(equations.outputs))]
 
 

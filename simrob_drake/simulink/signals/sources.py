@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, of_parameters, switched, table_of
+from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up, of_parameters
 from simrob_drake.simulink.signals.dynamics import filtered, with_states
 from simrob_drake.simulink.signals.forms import (
     TIME,
@@ -16,7 +16,6 @@ from simrob_drake.simulink.signals.forms import (
     Signal,
     SignalReader,
     Value,
-    computed,
     flat,
     mapped,
     scaled,
@@ -37,7 +36,7 @@ def repeated(times: Any, values: Any, time: Value = TIME, *, stairs: bool = Fals
     begin, period = float(times[0]), float(times[-1] - times[0])
     turns = (time - begin) / period
     phase = begin + period * (turns - applied("floor", turns))
-    return _stairs(times, values, phase) if stairs else computed("lookup", phase, **table_of(times, values, clip=True))
+    return _stairs(times, values, phase) if stairs else looked_up(phase, times, values, clip=True)
 
 
 def _stairs(times: Any, values: Any, time: Value) -> Value:
@@ -45,7 +44,7 @@ def _stairs(times: Any, values: Any, time: Value) -> Value:
     instants, steps = np.asarray(times, dtype=float), np.diff(np.asarray(times, dtype=float))
     points = np.concatenate([instants[:1], np.column_stack([instants[1:] - 1e-9 * steps, instants[1:]]).reshape(-1)])
     held = np.repeat(np.asarray(values, dtype=float), 2)[:-1]
-    return computed("lookup", time, **table_of(points, held, clip=True))
+    return looked_up(time, points, held, clip=True)
 
 
 def _repeating(_: SignalReader, node: Node, __: int) -> Signal:
@@ -86,15 +85,10 @@ def _workspace(_: SignalReader, node: Node, __: int) -> Signal:
         elif stairs:
             value = _stairs(times, column, TIME)
         else:
-            value = computed("lookup", TIME, **table_of(times, column, clip=after != "Extrapolation"))
+            value = looked_up(TIME, times, column, clip=after != "Extrapolation")
         zero_after = after == "Setting to zero"
         found.append(chosen(compared("<=", TIME, float(times[-1])), value, 0.0) if zero_after else value)
     return signal(found)
-
-
-def _digital_clock(_: SignalReader, node: Node, __: int) -> Signal:
-    period = node.number("SampleTime", "1")
-    return signal([period * applied("floor", TIME / period + 1e-9) if period > 0 else TIME])
 
 
 SOURCES: dict[str, Rule] = {
@@ -102,7 +96,6 @@ SOURCES: dict[str, Rule] = {
     "Ground": lambda *_: signal([0.0]),
     **dict.fromkeys(("Repeating Sequence", "Repeating Sequence Interpolated", "Repeating Sequence Stair"), _repeating),
     "FromWorkspace": _workspace,
-    "DigitalClock": _digital_clock,
 }
 
 
@@ -132,22 +125,15 @@ def _into_physics(reader: SignalReader, node: Node, _: int) -> Signal:
     return mapped(lambda value: filtered(node, value, [1.0], denominator), values)
 
 
-def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
-    yes, by, no = (reader.input(node, number) for number in (1, 2, 3))
-    return switched(node, yes, by, no, ">=", node.quantity("Threshold", "threshold", default="0.5"))
-
-
 def _lookup(node: Node) -> Callable[[Value], Value]:
-    parameters = table_of(node.numbers("x_t", "[1 2 3]"), node.numbers("y_t", "[1 2 3]"),
-                       clip=node.text("extrap_method", "") not in ("1", "linear"))  # fmt: skip
-    return lambda u: computed("lookup", u, **parameters)
+    table = node.numbers("x_t", "[1 2 3]"), node.numbers("y_t", "[1 2 3]")
+    return lambda u: looked_up(u, *table, clip=node.text("extrap_method", "") not in ("1", "linear"))
 
 
 PHYSICAL: dict[str, Rule] = {
     "Simulink-PS Converter": _into_physics,
     **{kind: rule for kind, rule in FORMULAS.items() if kind.startswith("PS ")},
     "PS Lookup Table (1D)": of_parameters(_lookup),
-    "PS Switch": _switch,
     "PS Integrator": lambda reader, node, _: with_states(
         reader, node, "integrator", {"initial": node.quantity("x0", "x")}
     ),

@@ -18,7 +18,7 @@ from simrob_drake.simulink.signals.arithmetic import (
     compared,
     inverse,
     joined,
-    table_of,
+    looked_up,
     whole,
 )
 from simrob_drake.simulink.signals.forms import Form, Primitive, Value, computed, flat, mapped, signal
@@ -272,8 +272,7 @@ def _extreme(name: str, first: Any, second: Any = None, axis: Any = None) -> Any
 def _table(points: Any, values: Any, at: Any, method: Any = "linear", *_: Any) -> Any:
     if matrix(points).dtype == object or matrix(values).dtype == object or method != "linear":
         raise NotUnderstood(f"interp1 by {method}, or of a table that changes")
-    parameters = table_of(matrix(points), matrix(values), clip=False)
-    return mapped(lambda u: computed("lookup", u, **parameters), matrix(at).astype(object))
+    return mapped(lambda u: looked_up(u, matrix(points), matrix(values), clip=False), matrix(at).astype(object))
 
 
 def _merged(condition: Value, yes: Any, no: Any) -> Any:

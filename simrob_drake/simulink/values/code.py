@@ -13,7 +13,7 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
-from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, evaluate, matrix
+from simrob_drake.simulink.values.evaluate import NUMBERS, SEVERAL, Algebra, UndefinedVariable, evaluate, matrix
 from simrob_drake.simulink.values.script import (
     KEYWORD,
     ScriptFunction,
@@ -282,9 +282,9 @@ class CodeRun:
         name, values = target.parts[0], [self._value(argument) for argument in arguments]
         if name in self.functions or self.find(name):
             return self.called(name, values)
-        if name != "size":
+        if name not in SEVERAL:
             raise NotUnderstood(f"several outputs of {name}")
-        return [matrix(size) for size in matrix(*values).shape]
+        return SEVERAL[name](*values)
 
     def _store(self, target: Expression, value: Any) -> None:
         """Let a name be a value, or what a name, field or index leads to."""
@@ -327,7 +327,8 @@ class CodeRun:
             return several[0] if len(several) == 1 and isinstance(value, dict) else several
         array = np.zeros((0, 0)) if known is None else matrix(known)
         sizes = [array.size] if len(index) == 1 else list(array.shape)
-        places = [self._places(node, size) for node, size in zip(index, sizes, strict=True)]
+        ways = zip(zip(index, sizes, strict=True), matrix(value).shape, strict=False)
+        places = [self._places(node, size or (node.kind == "colon") * own) for (node, size), own in ways]  # as it gets
         both = np.result_type(array, matrix(value))
         if len(places) == 1:
             flat = array.reshape(-1, order="F")

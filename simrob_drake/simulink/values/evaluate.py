@@ -82,10 +82,9 @@ def _repmat(value: Any, *times: Any) -> Vector:
 
 
 def _unique(value: Any, rows: Any = None) -> Vector:
-    array = matrix(value)
     if rows == "rows":
-        return np.unique(array, axis=0)
-    return np.unique(array).reshape((1, -1) if _way(array) else (-1, 1))
+        return np.unique(matrix(value), axis=0)
+    return np.unique(matrix(value)).reshape((1, -1) if _way(value) else (-1, 1))
 
 
 def _joined(axis: int, *parts: Any) -> Vector:
@@ -105,14 +104,6 @@ INTEGERS = {f"{letter}int{bits}": (-(2.0 ** (bits - 1)) * (not letter), 2.0 ** (
 """Types of whole numbers: to the nearest of which, from the least to the largest, a number becomes."""
 
 
-def _of_degrees(function: Callable[[Vector], Vector], angle: Vector) -> Vector:
-    return function(np.deg2rad(angle))
-
-
-def _in_degrees(function: Callable[..., Vector], *values: Vector) -> Vector:
-    return np.rad2deg(function(*values))
-
-
 def _rounded(value: Vector) -> Vector:
     return np.asarray(np.sign(value) * np.floor(np.abs(value) + 0.5))
 
@@ -121,20 +112,19 @@ _EACH: dict[str, Callable[..., Any]] = {
     **{name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "sqrt", "log", "log10", "log2", "abs")},
     **{name: getattr(np, name) for name in ("floor", "ceil", "sign", "sinh", "cosh", "tanh", "deg2rad", "rad2deg")},
     **{f"a{name}": getattr(np, f"arc{name}") for name in ("sin", "cos", "tan", "tan2")},
-    **{f"{name}d": partial(_of_degrees, getattr(np, name)) for name in ("sin", "cos", "tan")},
-    **{f"a{name}d": partial(_in_degrees, getattr(np, f"arc{name}")) for name in ("sin", "cos", "tan", "tan2")},
+    **{f"{name}d": lambda u, name=name: getattr(np, name)(np.deg2rad(u)) for name in ("sin", "cos", "tan")},
+    **{f"a{name}d": lambda *u, name=name: np.rad2deg(getattr(np, f"arc{name}")(*u)) for name in ("sin", "cos", "tan")},
+    "atan2d": lambda y, x: np.rad2deg(np.arctan2(y, x)),
     "hypot": np.hypot,
     "round": _rounded,
-    **{
-        name: lambda value, ends=ends: np.clip(_rounded(np.nan_to_num(value)), *ends) for name, ends in INTEGERS.items()
-    },
+    **{name: lambda u, ends=ends: np.clip(_rounded(np.nan_to_num(u)), *ends) for name, ends in INTEGERS.items()},
     "fix": np.trunc,
     "mod": np.mod,
     "rem": np.fmod,
     **dict.fromkeys(("double", "single"), lambda value: value),
     "logical": lambda value: value != 0,
     "not": lambda value: value == 0,
-    "isnan": np.isnan,
+    **{f"is{name}": getattr(np, f"is{name}") for name in ("nan", "inf", "finite")},
 }
 
 _CONSTANTS = {
@@ -149,11 +139,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "ones": lambda *sizes: np.ones(_shape(sizes)),
     "eye": lambda *sizes: np.eye(*_shape(sizes)),
     "diag": _diag,
-    "sum": partial(_along, np.sum),
-    "prod": partial(_along, np.prod),
-    "mean": partial(_along, np.mean),
-    "any": partial(_along, np.any),
-    "all": partial(_along, np.all),
+    **{name: partial(_along, getattr(np, name)) for name in ("sum", "prod", "mean", "any", "all")},
     "min": partial(_extreme, np.minimum),
     "max": partial(_extreme, np.maximum),
     "diff": lambda value: np.diff(matrix(value), axis=_way(value)),
@@ -170,7 +156,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "interp1": lambda x, y, at: np.interp(matrix(at), matrix(x).ravel(), matrix(y).ravel(), np.nan, np.nan),
     "trace": lambda value: np.trace(matrix(value)),
     "transpose": lambda value: matrix(value).T,
-    "linspace": lambda start, stop, number=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(number)),
+    "linspace": lambda start, stop, n=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(np.floor(n))),
     "unique": _unique,
     "repmat": _repmat,
     "reshape": lambda a, *to: matrix(a).reshape(_shape(tuple(n if np.size(n) else np.size(a) for n in to)), order="F"),
@@ -178,11 +164,14 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "numel": lambda value: len(value) if isinstance(value, list) else matrix(value).size,
     "length": lambda value: len(value) if isinstance(value, list) else matrix(value).size and max(matrix(value).shape),
     "isempty": lambda value: float(not (len(value) if isinstance(value, str | dict | list) else matrix(value).size)),
+    "isscalar": lambda value: float(np.size(value) == 1),
     "isnumeric": lambda value: float(not isinstance(value, str | dict | list)),
     **{
         name: lambda value, kind=kind: float(isinstance(value, kind))
         for name, kind in (("ischar", str), ("isstruct", dict), ("iscell", list))
     },
+    "rot90": lambda value, times=1: np.rot90(matrix(value), int(matrix(times)[0, 0])),
+    "find": lambda value: np.flatnonzero(matrix(value).T).reshape((1, -1) if _way(value) else (-1, 1)) + 1,
     "fliplr": lambda value: matrix(value)[:, ::-1],
     "flipud": lambda value: matrix(value)[::-1],
     "horzcat": partial(_joined, 1),
@@ -191,13 +180,25 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "ss": lambda a, b, c, d: dict(zip("ABCD", map(matrix, (a, b, c, d)), strict=True)),
     "struct": lambda *parts: dict(zip(parts[::2], parts[1::2], strict=True)),
     "isfield": lambda value, name: float(isinstance(value, dict) and name in value),
-    "strcmp": lambda first, second: float(isinstance(first, str) and first == second),
+    "strcmp": lambda one, other: float(isinstance(one, str) and one == other),
     "num2str": lambda value: value if isinstance(value, str) else f"{float(matrix(value)[0, 0]):.5g}",
     "strcmpi": lambda first, second: float(str(first).lower() == str(second).lower()),
 }
 """By their names in MATLAB."""
 
 
+def _unique_places(value: Any) -> list[Any]:
+    _, first, which = np.unique(matrix(value), return_index=True, return_inverse=True)
+    return [_unique(value), first.reshape(-1, 1) + 1, which.reshape(-1, 1) + 1]
+
+
+SEVERAL: dict[str, Callable[..., list[Any]]] = {
+    "size": lambda *values: [matrix(size) for size in FUNCTIONS["size"](*values).reshape(-1)],
+    "unique": _unique_places,
+    "min": lambda u: [FUNCTIONS["min"](u), matrix(np.argmin(matrix(u), axis=_way(u)) + 1)],
+    "max": lambda u: [FUNCTIONS["max"](u), matrix(np.argmax(matrix(u), axis=_way(u)) + 1)],
+}
+"""Functions of several outputs."""
 Lookup = Callable[[str], Any]  # returns the value of a variable, or raises `UndefinedVariable`
 
 

@@ -1,0 +1,190 @@
+"""Over stairs, gaps and thresholds, stride by stride."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import ConfigDict
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.programs.gaits.biped import SIDES
+from simrob_drake.programs.gaits.climb import Climb
+from simrob_drake.programs.gaits.feet import UP, Foot, rotations_about
+from simrob_drake.programs.gaits.treads import GroundProfile, SoleMargins, StridePlan, profile_ahead
+from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.geometry import LeggedGeometry
+from simrob_drake.programs.legged_gait import perform, planned_gait
+from simrob_drake.programs.moves.move import Move, Outlook, Stage, naming
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.whole import joined
+from simrob_drake.sections import Positive
+from simrob_drake.stations.resolve import resolve
+
+_FARTHEST = 100.0  # m
+_ASIDE = 0.02  # m that a stride makes good, at most, of what the last ones went aside
+
+
+class ClimbMove(Move):
+    """Ahead over ground that rises and falls; keys beside these are parameters of the gait in place of its own.
+
+    Footholds are chosen on the ground as the station has it, and each stride is planned from where the feet stand.
+    """
+
+    model_config = ConfigDict(extra="allow")
+    key: ClassVar[str] = "climb"
+    title: ClassVar[str] = "Climb"
+    of_arms: ClassVar[bool] = False
+    form: ClassVar[Mapping[str, str | float | None]] = {"distance": 1.0}
+
+    distance: Positive
+    """How far ahead of where it stands [m]."""
+    gait: str = Climb.usual
+    """One of the climbs of the robot's `gaits.yaml`."""
+
+    def caption(self, *, robots: bool = False) -> str:
+        """Return how far."""
+        return f"climb {self.distance:g} m"
+
+    def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
+        """Check that the robot can stride so on level ground, and return the stage that looks for footholds then."""
+        own = self.model_extra or {}
+        if self.distance > _FARTHEST:
+            raise InvalidParameter("distance", f"{self.distance:g} m", f"at most {_FARTHEST:g} m at once")
+        planned_gait(robot, self.gait, own, station=outlook.station)
+        worn = robot.worn_feet
+        assert robot.model.feet is not None  # or it had no gait
+        if not robot.model.feet.kind(worn).boxes:
+            expected = "soles with edges (boxes), which may stand over those of stairs: robot.feet"
+            raise InvalidParameter(f"feet of {robot.model.name}", str(worn), expected)
+        outlook.changed = True
+
+        def go(robot: LeggedGeometry) -> SimulationResult | None:
+            with naming(name):
+                path = ClimbPath.of(robot, Climb.of(Walker.of(robot.model), self.gait, own), self.distance)
+                for place, aim in path.foreseen(robot).items():
+                    with naming(f"{place:.2f} m ahead"):
+                        planned_gait(robot, self.gait, {**own, **aim})
+            runs = list[SimulationResult]()
+            while not (runs and runs[-1].ending != "completed") and (aim := path.aim(*path.seen(robot))):
+                with naming(name):
+                    motion = planned_gait(robot, self.gait, {**own, **aim})
+                runs.append(perform(robot, motion))
+            return replace(joined(runs), did=self.caption()) if runs else None
+
+        return go
+
+
+Places = Mapping[str, Vector]  # of the soles, by foot: ahead, left [m] and turn [rad], in the frame of the way
+
+
+@dataclass(frozen=True)
+class ClimbPath:
+    """The way of a climb: where it begins, where it leads, and the ground there."""
+
+    gait: Climb
+    feet: Mapping[str, Foot]
+    facing: float  # of the root, where it is not turned, from the world's x [rad]
+    origin: Vector  # between the feet in the world, shape (2,) [m]
+    heading: float  # from the world's x [rad]
+    profile: GroundProfile
+    distance: float  # [m]
+
+    @classmethod
+    def of(cls, robot: LeggedGeometry, gait: Climb, distance: float) -> "ClimbPath":
+        """Return the way ahead of a robot that stands; raises InvalidParameter: it leads to no foothold."""
+        walker = Walker.of(robot.model)
+        feet = {foot.name: foot for foot in walker.feet(gait.feet)}
+        poses = [foot.poses(robot.position[np.newaxis], _root(robot))[0] for foot in feet.values()]
+        ahead = np.mean([pose[:2, 0] for pose in poses], axis=0)
+        origin, heading = np.mean([pose[:2, 3] for pose in poses], axis=0), float(np.arctan2(ahead[1], ahead[0]))
+        turn, ground = _turn(heading), resolve(robot.cell.config).ground
+        high = float(robot.base_pose.translation()[2])
+
+        def height(places: Vector) -> Vector:
+            return ground.beneath(np.column_stack([origin + places @ turn.T, np.full(len(places), high)]))
+
+        across = [
+            foot.home[1] + foot.side * gait.widen + part * foot.half[1] for foot in feet.values() for part in (-1, 0, 1)
+        ]
+        facing = np.deg2rad(walker.gaits.facing_deg)
+        return cls(gait, feet, facing, origin, heading, profile_ahead(height, distance, np.array(across)), distance)
+
+    def seen(self, robot: LeggedGeometry) -> tuple[Places, float]:
+        """Return where the soles stand, and how the trunk is turned [rad]."""
+        turn, places = _turn(self.heading), {}
+        for name, foot in self.feet.items():
+            pose = foot.poses(robot.position[np.newaxis], _root(robot))[0]
+            own = float(np.arctan2(pose[1, 0], pose[0, 0])) - self.heading
+            places[name] = np.array([*((pose[:2, 3] - self.origin) @ turn), own])
+        root = robot.base_pose.rotation().matrix()
+        return places, float(np.arctan2(root[1, 0], root[0, 0])) + self.facing - self.heading
+
+    def aim(self, places: Places, turned: float = 0.0) -> dict[str, Any]:
+        """Return the parameters of the stride from places of the soles and a turn of the trunk; none at the goal."""
+        stride = self._stride(places)
+        if stride is None:
+            return {}
+        start = {name: self._height(place[0]) for name, place in places.items()}
+        aside = np.mean([place[1] for place in places.values()])
+        aside -= np.clip(aside, -_ASIDE, _ASIDE)
+        low = min(start.values())
+        goals = {name: self._goal(self.feet[name], stride, aside) for name in places}
+        return {
+            "start": {
+                name: (place[0], place[1], start[name] - low, _within(place[2])) for name, place in places.items()
+            },
+            "goals": {name: (*goal[:2], stride.height - low, 0.0) for name, goal in goals.items()},
+            "over": max(stride.over - low, 0.0),
+            "turned": _within(turned),
+        }
+
+    def foreseen(self, robot: LeggedGeometry) -> dict[float, dict[str, Any]]:
+        """Return the strides to the goal if feet land where they shall, by where they begin [m], alike ones once."""
+        (places, turned), seen, found = self.seen(robot), set[tuple[float, ...]](), dict[float, dict[str, Any]]()
+        while aim := self.aim(places, turned):
+            start, goals = ({name: np.array(each) for name, each in aim[key].items()} for key in ("start", "goals"))
+            change = [goals[name][axis] - start[name][axis] for name in SIDES for axis in (0, 2)]
+            kind = tuple(np.round([*change, aim["over"]], 3).tolist())
+            if kind not in seen:
+                found[float(places[SIDES[0]][0])] = aim
+            seen.add(kind)
+            places, turned = {name: goal[[0, 1, 3]] for name, goal in goals.items()}, 0.0
+        return found
+
+    def _stride(self, places: Places) -> StridePlan | None:
+        """Return the next stride; raises InvalidParameter: there is none, and the goal is farther on."""
+        place = max(float(each[0]) for each in places.values())
+        half = max(float(foot.half[0]) for foot in self.feet.values())
+        sole = SoleMargins(half, self.gait.margin, self.gait.overhang)
+        stride = self.profile.next_stride(place, sole, self.gait.stride, self.distance)
+        if stride is None and not self.profile.reaches(place, self.distance):
+            expected = (
+                f"at most {place:.2f} m: the ground beyond has no level place as long as a sole ({2 * half:.3g} m)"
+            )
+            raise InvalidParameter("distance", f"{self.distance:g} m", expected)
+        return stride
+
+    def _height(self, place: float) -> float:
+        tread = self.profile.tread(place)
+        if tread is None:
+            raise InvalidParameter("place of a foot", f"{place:.2f} m ahead", "on level ground")
+        return tread.height
+
+    def _goal(self, foot: Foot, stride: StridePlan, aside: float) -> Vector:
+        return np.array([stride.place, aside + foot.home[1] + foot.side * self.gait.widen, 0.0])
+
+
+def _root(robot: LeggedGeometry) -> Vector:
+    return np.asarray(robot.base_pose.GetAsMatrix4())[np.newaxis]
+
+
+def _turn(heading: float) -> Vector:
+    """Return the rotation (2, 2) of the floor by a heading [rad]."""
+    return np.asarray(rotations_about(UP, np.array([heading]))[0, :2, :2])
+
+
+def _within(turn: float) -> float:
+    """Return a turn as one between half turns to both sides [rad]."""
+    return float(np.remainder(turn + np.pi, 2 * np.pi) - np.pi)
