@@ -132,6 +132,9 @@ class WalkPlanner:
             own = xi_for(landing.time, place)
             error = self._beyond(estimate.xi - own)
             if error:
+                alone = len(self._stance.groups[standing]) == 1  # a trot would only hasten
+                if alone and step.time < step.transfer <= steps.transfer:  # it lifts at once: its step is the answer
+                    step, zmp = step._replace(transfer=step.time), rest
                 held = _clipped(feedback.zmp_gain * error, feedback.zmp_limit)
                 now = Divergent(own + error, omega, step.time, step.transfer, zmp + held, rest + held)
                 planned = steps.adjusted(1 - standing, planned, now, swing.place, after)

@@ -334,6 +334,19 @@ class TestFootfalls:
         assert lowered[0] - lowered[1] == pytest.approx(-way * (1 - nearer(5.0)))
         assert sampled(planner(FOUR_FEET, late_touchdown=0), stride, hangs=(True, False))[0].ground.height == 0.0
 
+    def test_an_error_lets_the_foot_lift_before_the_weight_has_come_over(self) -> None:
+        made = planner()
+        going, settling = (later(made, at_rest(made), samples) for samples in (40 + 30 + 30 + 3, 20))
+        assert 0.0 < going.step.time < going.step.transfer == made.steps.transfer
+        calm, answers = (sampled(made, going, error)[0] for error in (0j, 0.03j))
+        assert calm.step.transfer == going.step.transfer
+        assert answers.step.transfer == going.step.time
+        assert answers.trunk.zmp == made.steps.rest_points[int(going.step.standing)]
+        assert sampled(made, settling, 0.03j)[0].step.transfer == settling.step.transfer  # between two feet it waits
+        pairs = planner(FOUR_FEET)
+        trots = later(pairs, at_rest(pairs), 40 + 30 + 30 + 3)
+        assert sampled(pairs, trots, 0.03j)[0].step.transfer == trots.step.transfer
+
     def test_an_error_hurries_the_next_step(self, landing: Stride) -> None:
         for limit, transfer in ((0.03, 0.0), (0.05, 0.06)):  # s; 0.05 m are 0.04 m beyond the deadband
             made = planner(hurry_threshold=limit)
