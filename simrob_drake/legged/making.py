@@ -166,13 +166,14 @@ class _Making:
         made.attempts.append(walks)
         if not walks.done:
             raise SimrobError(f"{name} does not walk: {walks.outcome}")
-        if count == 2 and len(anatomy.legs[0].leg.axes) in ROWS:
-            build, walk = choice.way.build, read_yaml(self._work / GAITS_FILE)[REACTING]
+        build, walk = choice.way.build, read_yaml(self._work / GAITS_FILE)[REACTING]
+        joints = len(anatomy.legs[0].leg.axes)
+        if count == 2 and joints in ROWS:
             kicks = (kick_of(build, walk, inward, part) for part, inward in product(_PARTS[:2], _INWARD))
             made.attempts.append(self._adds(Kick, kicks, attempt_kick))
-            if len(anatomy.legs[0].leg.axes) == 6 and choice.way.soles[0].flat:
-                step = partial(attempt_climb, height=build.height, facing_deg=float(np.rad2deg(anatomy.facing)))
-                made.attempts.append(self._adds(Climb, (climb_of(build, walk, part) for part in _PARTS), step))
+        if (count == 2 and joints == 6 and choice.way.soles[0].flat) or (count == 4 and joints in ROWS):
+            step = partial(attempt_climb, height=build.height, facing_deg=float(np.rad2deg(anatomy.facing)))
+            made.attempts.append(self._adds(Climb, (climb_of(build, walk, part) for part in _PARTS), step))
 
     def _adds(self, kind: type[Gait], gaits: Iterable[dict[str, Any]], tried: Callable[[Path], Attempt]) -> Attempt:
         """Add the first gait of a kind that the robot can do to its file; return what became of it, or of the last."""

@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.errors import SimrobError
+from simrob_drake.interpolation import stacked
 from simrob_drake.legged.soles import EDGED
+from simrob_drake.programs.gaits.feet import facing_rotation
+from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.legged_robot import LeggedRobot
 from simrob_drake.programs.moves.climb import ClimbMove
 from simrob_drake.programs.moves.kick import KickMove
@@ -89,7 +92,8 @@ def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
 
 
 KICKS, CLIMBS = "kicks", "climbs"
-_STEP = {"rise": 0.05, "tread": 0.5, "start": 0.25, "way": 1.1}  # of the step, in heights of the centre of mass
+_RISE = {2: 0.05, 4: 0.1}  # of the step, by the number of legs, in heights of the centre of mass
+_TREAD, _BEFORE, _BEHIND = 0.5, 0.05, 0.15  # of the step, and of the ground before and behind feet, likewise
 
 
 def attempt_kick(station: Path) -> Attempt:
@@ -102,14 +106,26 @@ def attempt_climb(station: Path, height: float, facing_deg: float) -> Attempt:
 
     Its centre of mass is at a height [m], and it looks in a direction from the world's x [deg].
     """
-    rise, tread, start, way = (round(part * height, 4) for part in _STEP.values())
+    front, legs = _front(station, facing_deg)
+    rise, tread = round(_RISE[legs] * height, 4), round(_TREAD * height, 4)
+    start = round(front + _BEFORE * height, 4)
+    way = round(start + tread + front + _BEHIND * height, 4)
     step = {"kind": "stairs", "height": rise, "size": tread, "length": tread, "start": start, "heading_deg": facing_deg}
-    ground = {
-        "robot.feet": EDGED,
-        "contact": {"model": "hydroelastic_with_fallback"},
-        "floor": {"size": max(8.0, 8 * way), "terrain": {**step, "width": max(1.6, 2 * tread)}},
+    ground: dict[str, Any] = {
+        "floor": {"size": max(8.0, 8 * way), "terrain": {**step, "width": max(1.6, 2 * tread, 2 * front)}}
     }
+    if legs == 2:
+        ground |= {"robot.feet": EDGED, "contact": {"model": "hydroelastic_with_fallback"}}
     return _attempt_move(CLIMBS, station, ClimbMove(distance=way), ground, f"comes over a step of {1e3 * rise:.0f} mm")
+
+
+def _front(station: Path, facing_deg: float) -> tuple[float, int]:
+    """Return how far its feet reach ahead of a robot's root [m], and their number."""
+    robot = LeggedRobot(load_station(station))
+    root = stacked(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])
+    feet = Walker.of(robot.model).feet(robot.worn_feet)
+    ahead = [foot.poses(robot.position[np.newaxis], root)[0, 0, 3] + max(foot.half[0], foot.over) for foot in feet]
+    return float(max(ahead)), len(feet)
 
 
 def _attempt_move(trial: str, station: Path, move: Move, overrides: Mapping[str, Any], did: str) -> Attempt:

@@ -163,20 +163,28 @@ def kick_of(build: Build, walk: Mapping[str, Any], inward: float, part: float = 
 
 def climb_of(build: Build, walk: Mapping[str, Any], part: float = 1.0) -> dict[str, Any]:
     """Return a climb of a robot's ``gaits.yaml``, scaled likewise, with a part of how low it goes and lifts feet."""
-    model = EXAMPLES[2][0]
+    legs = sum(len(group) for group in walk["groups"])
+    model = EXAMPLES[legs][0]
     file = gaits_file(load_robot(model.name))
     known = Climb(**file.section(Climb.section)[Climb.usual])
     length, time = build.height / model.build.height, build.time / model.build.time
     lower = known.bearing.height / file.section(REACTING)["bearing"]["height"]
-    longer, wider = np.array(build.sole) / model.build.sole
-    return {
-        "feet": known.feet,
+    climb: dict[str, Any] = {
         "bearing": {**walk["bearing"], "height": _short((1 - part * (1 - lower)) * walk["bearing"]["height"])},
+        "lift": _short(part * known.lift * length),
+        "stride": _short(known.stride * length),
+        "double_support": known.double_support,
+        **{key: _short(getattr(known, key) * time) for key in ("step_time", "settle")},
+    }
+    if legs > 2:
+        inside = known.inside * min(length, build.spread / model.build.spread)
+        return climb | {"rise": _short(known.rise * length), "inside": _short(inside)}
+    longer, wider = np.array(build.sole) / model.build.sole
+    return climb | {
+        "feet": known.feet,
         "zmp_inward": _short(known.zmp_inward * wider),
         "overhang": _short(known.overhang * longer),
-        "lift": _short(part * known.lift * length),
-        **{key: _short(getattr(known, key) * length) for key in ("stride", "margin")},
-        **{key: _short(getattr(known, key) * time) for key in ("step_time", "settle")},
+        "margin": _short(known.margin * length),
     }
 
 

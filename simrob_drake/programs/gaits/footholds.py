@@ -27,7 +27,7 @@ _ROUND = 0.02  # half of the square under a ball that has to be even [m]
 
 
 @dataclass(frozen=True)
-class Stride:
+class FootGoals:
     """Where feet go."""
 
     goals: Places
@@ -41,7 +41,7 @@ class Footholds(Protocol):
     def height(self, foot: str, place: Vector) -> float:
         """Return how high the ground under a foot is [m]; raises InvalidParameter: it cannot be told."""
 
-    def next(self, places: Places) -> Stride | None:
+    def next(self, places: Places) -> FootGoals | None:
         """Return the next stride; None at the goal; raises InvalidParameter: no foothold, and the goal is farther."""
 
 
@@ -64,7 +64,7 @@ class SoleFootholds:
             raise InvalidParameter("place of a foot", f"{place[0]:.2f} m ahead", "on level ground")
         return tread.height
 
-    def next(self, places: Places) -> Stride | None:
+    def next(self, places: Places) -> FootGoals | None:
         """Return a stride that brings both soles to one place along the way."""
         place = max(float(each[0]) for each in places.values())
         sole = SoleMargins(self._half, self._gait.margin, self._gait.overhang)
@@ -76,7 +76,7 @@ class SoleFootholds:
         aside, goals = _kept_aside(np.mean([each[1] for each in places.values()])), dict[str, Vector]()
         for name, foot in self._feet.items():
             goals[name] = np.array([stride.place, aside + foot.home[1] + foot.side * self._gait.widen, 0.0])
-        return Stride(goals, dict.fromkeys(places, stride.height), stride.over)
+        return FootGoals(goals, dict.fromkeys(places, stride.height), stride.over)
 
 
 class BallFootholds:
@@ -93,16 +93,20 @@ class BallFootholds:
         """Return that of the ground beneath."""
         return float(self._height(place[np.newaxis, :2])[0])
 
-    def next(self, places: Places) -> Stride | None:
+    def next(self, places: Places) -> FootGoals | None:
         """Return a stride that brings the middle of the feet ahead."""
         middle = np.mean([place[:2] for place in places.values()], axis=0)
         if middle[0] > self._distance - _AT_GOAL:
             return None
         aim = np.array([min(middle[0] + self._gait.stride, self._distance), _kept_aside(middle[1])])
         goals = {name: self._foothold(name, aim + home, places[name]) for name, home in self._homes.items()}
+        if np.mean([goal[0] for goal in goals.values()]) < middle[0] + _AT_GOAL:
+            if aim[0] < self._distance:
+                raise _ends(self._distance, float(middle[0]), "even places for the feet farther ahead")
+            return None  # the goal itself is uneven
         ways = [np.linspace(places[name][:2], goals[name][:2], 1 + round(self._gait.stride / SAMPLE)) for name in goals]
         heights = {name: self.height(name, goal) for name, goal in goals.items()}
-        return Stride(goals, heights, float(self._height(np.concatenate(ways)).max()))
+        return FootGoals(goals, heights, float(self._height(np.concatenate(ways)).max()))
 
     def _foothold(self, name: str, wish: Vector, now: Vector) -> Vector:
         level, rise = self.height(name, now), self._gait.rise

@@ -8,6 +8,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.interpolation import stacked
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.feet import facing_rotation
+from simrob_drake.programs.gaits.footholds import BallFootholds
 from simrob_drake.programs.gaits.treads import SoleMargins, profile_ahead
 from simrob_drake.programs.gaits.walker import Walker
 
@@ -127,6 +128,106 @@ def test_soles_clear_the_edge_and_the_weight_is_over_the_one_that_stands(rise):
         assert pose[-1, 2, 3] - pose[0, 2, 3] == pytest.approx(rise, abs=1e-6)
         assert pose[-1, 0, 3] - pose[0, 0, 3] == pytest.approx(ahead, abs=1e-6)
     assert motion.root[-1, 2, 3] - motion.root[0, 2, 3] == pytest.approx(rise, abs=2e-3)
+
+
+def test_four_feet_roll_on_their_heights_with_the_weight_between_the_three_that_stand():
+    walker, rises = Walker.of("yobotics"), {"front_left_foot": 0.04, "front_right_foot": 0.04}
+    feet = {foot.name: foot for foot in walker.feet(None)}
+    start = {name: (foot.home[0], foot.home[1], 0.04 * name.startswith("front"), 0.0) for name, foot in feet.items()}
+    goals = {name: (x + 0.12, y, z + rises.get(name, 0.04), 0.0) for name, (x, y, z, _) in start.items()}
+    motion = Climb.planned("yobotics", 0, "climb", start=start, goals=goals, over=0.08)
+    poses, _ = soles_of(motion, walker, None)
+    step, points = (
+        motion.times[1],
+        walker.skeleton.mass_points(walker.skeleton.frames(motion.positions, motion.root)),
+    )
+    com = np.einsum("k,mkx->mx", walker.skeleton.point_masses, points) / walker.skeleton.mass
+    assert motion.root[-1, 2, 3] - motion.root[0, 2, 3] == pytest.approx(0.04, abs=1e-6)
+    assert motion.root[0, 2, 3] == pytest.approx(0.30 + 0.02)
+    for name, pose in poses.items():
+        height = pose[:, 2, 3] - feet[name].over
+        low, high = start[name][2], goals[name][2]
+        assert (height[0], height[-1]) == pytest.approx((low, high), abs=1e-6)
+        assert height.max() == pytest.approx(0.08 + Climb.of(walker, "climb", {}).lift, abs=1e-3)
+        # while it stands, the point that touches is at rest: v + ω × (-r e_z) = 0
+        turned = pose[1:, :3, :3] @ pose[:-1, :3, :3].transpose(0, 2, 1)
+        spin = np.stack([turned[:, 2, 1] - turned[:, 1, 2], turned[:, 0, 2] - turned[:, 2, 0]], axis=1) / (2 * step)
+        touching = np.diff(pose[:, :2, 3], axis=0) / step - feet[name].over * np.column_stack([spin[:, 1], -spin[:, 0]])
+        up = (height > min(low, high) + 1e-9) & (abs(height - high) > 1e-9) & (abs(height - low) > 1e-9)
+        stands = ~up[1:] & ~up[:-1] & ~np.roll(up[1:], 2) & ~np.roll(up[1:], -2)
+        assert np.linalg.norm(touching[stands], axis=1).max() < 0.01
+        others = np.array([poses[each][:, :2, 3] for each in poses if each != name])[:, up]
+        for corners, weight in zip(others.transpose(1, 0, 2), com[up, :2], strict=True):
+            sides = np.roll(corners, -1, axis=0) - corners
+            turns = sides[:, 0] * (weight - corners)[:, 1] - sides[:, 1] * (weight - corners)[:, 0]
+            assert (turns > 0).all() or (turns < 0).all()
+
+
+def four_feet(height, **changes):
+    """Return the footholds of yobotics on a ground ``height(places)`` for 2 m, and where its feet stand at first."""
+    walker = Walker.of("yobotics")
+    feet = {foot.name: foot for foot in walker.feet(None)}
+    middle = np.mean([foot.home[:2] for foot in feet.values()], axis=0)
+    places = {name: np.array([*(foot.home[:2] - middle), 0.0]) for name, foot in feet.items()}
+    return BallFootholds(Climb.of(walker, "climb", changes), feet, height, 2.0), places
+
+
+def all_of(footholds, places):
+    """Return all strides from places on."""
+    found = []
+    while (stride := footholds.next(places)) is not None:
+        found.append(stride)
+        places = stride.goals
+    return found
+
+
+def test_each_of_four_feet_finds_even_ground_near_its_place():
+    def pits(at):  # of 60 mm, between 0.25 m
+        return np.where((at[:, 0] % 0.31 > 0.25) & (at[:, 0] > 0.25), -0.1, 0.0)
+
+    footholds, places = four_feet(pits)
+    found = all_of(footholds, places)
+    for stride in found:
+        for name, goal in stride.goals.items():
+            corners = goal[:2] + np.array([[x, y] for x in (-0.014, 0.014) for y in (-0.014, 0.014)])
+            assert (pits(corners) == 0.0).all(), name
+            assert np.hypot(*(goal - places[name])[:2]) < 0.12 + 2 * 0.06
+        assert set(stride.heights.values()) == {0.0}
+        places = stride.goals
+    middles = [np.mean([place[0] for place in stride.goals.values()]) for stride in found]
+    assert np.diff(middles).min() > 0.02
+    assert middles[-1] == pytest.approx(2.0, abs=0.03)
+
+    level, places = four_feet(lambda at: 0.0 * at[:, 0])
+    stride = level.next(places)
+    for name, goal in stride.goals.items():
+        assert goal - places[name] == pytest.approx([0.12, 0, 0], abs=1e-9)
+    for aside, left in ((0.015, 0.0), (-0.05, -0.03)):
+        stride = level.next({name: place + [0, aside, 0] for name, place in places.items()})
+        assert np.mean([goal[1] for goal in stride.goals.values()]) == pytest.approx(left)
+    with pytest.raises(SimrobError, match="no even place for"):
+        all_of(four_feet(lambda at: 0.7 * np.clip(at[:, 0] - 0.5, 0.0, 0.5))[0], places)
+    # pits as far apart as the feet: with short strides all come back to where they were
+    apart = places["front_left_foot"][0] - places["rear_left_foot"][0]
+    ditches = four_feet(
+        lambda at: np.where(((at[:, 0] - 0.25) % apart < 0.06) & (at[:, 0] > -0.15), -0.1, 0.0), stride=0.05
+    )
+    with pytest.raises(SimrobError, match="no even places for the feet farther ahead"):
+        all_of(ditches[0], places)
+    wall = four_feet(lambda at: np.where(at[:, 0] > 0.5, 0.1, 0.0))[0]
+    with pytest.raises(SimrobError, match=r"no even place for front_\w+_foot within 0.085 m of height"):
+        all_of(wall, places)
+    over = four_feet(lambda at: 0.03 * ((at[:, 0] > 0.24) & (at[:, 0] < 0.26)))
+    assert over[0].next(over[1]).over == 0.03
+
+
+def test_a_robot_on_four_legs_crosses_gaps():
+    gaps = {"kind": "gaps", "height": 0.1, "size": 0.25, "gap": 0.06, "length": 0.6, "start": 0.3, "seed": 4}
+    robot = LeggedRobot(load_station("yobotics_walking", {"controllers": {}, "floor.terrain": gaps}))
+    result = robot.do({"climb": {"distance": 1.2}})
+    assert result.ending == "completed"
+    assert robot.base_pose.translation() == pytest.approx([1.2, 0.0, 0.3], abs=0.02)
+    assert result["base.z"].min() > 0.28
 
 
 def test_a_robot_climbs_a_step_and_comes_down_again():
