@@ -127,6 +127,14 @@ def test_a_walk_scales_as_pendulums_do():
     assert climb["overhang"] == pytest.approx(four * Climb(**stairs).overhang, rel=0.02)
     assert 0.94 * 0.1 < climb["bearing"]["height"] < 0.1
     assert asked_speed(walk, 0.5) == pytest.approx(asked_speed(walk) / 2, rel=0.01)
+    (dogs,) = EXAMPLES[4]
+    large = Build(4.0 * dogs.build.height, 1.0, 2.0 * dogs.build.spread, (0.0, 0.0))
+    walk = {"groups": [["a", "b"], ["c", "d"]], "bearing": {"height": 1.2, "posture_deg": {}}}
+    climb, known = climb_of(large, walk), Climb(**gaits_file(load_robot(dogs.name)).section("climbs")["climb"])
+    assert climb["rise"] == pytest.approx(4.0 * known.rise, rel=0.01)
+    assert climb["inside"] == pytest.approx(2.0 * known.inside, rel=0.01)  # their feet are nearer together
+    assert climb["step_time"] == pytest.approx(2.0 * known.step_time, rel=0.01)
+    assert "feet" not in climb
 
 
 LESS = {
@@ -177,8 +185,8 @@ def test_a_root_that_the_urdf_has_not_is_told(tmp_path):
 def test_a_robot_walks_from_its_tree_alone(tmp_path, tree):
     made = make_legged(tree().write(tmp_path), tmp_path / "out")
     assert made.problem == ""
-    on_two_legs = ["kicks", "climbs"] if tree is biped else []
-    trials = ["stands", "shifts its weight", "steps", "walks", *on_two_legs]
+    kicks = ["kicks"] if tree is biped else []
+    trials = ["stands", "shifts its weight", "steps", "walks", *kicks, "climbs"]
     assert [attempt.trial for attempt in made.attempts if attempt.done] == trials
     assert made.attempts[3].ahead > 1.0
     assert (tmp_path / "out" / "legged.png").is_file()

@@ -203,7 +203,7 @@ def test_each_of_four_feet_finds_even_ground_near_its_place():
     for name, goal in stride.goals.items():
         assert goal - places[name] == pytest.approx([0.12, 0, 0], abs=1e-9)
     for aside, left in ((0.015, 0.0), (-0.05, -0.03)):
-        stride = level.next({name: place + [0, aside, 0] for name, place in places.items()})
+        stride = level.next({name: place + np.array([0, aside, 0]) for name, place in places.items()})
         assert np.mean([goal[1] for goal in stride.goals.values()]) == pytest.approx(left)
     with pytest.raises(SimrobError, match="no even place for"):
         all_of(four_feet(lambda at: 0.7 * np.clip(at[:, 0] - 0.5, 0.0, 0.5))[0], places)
