@@ -65,6 +65,8 @@ pictures: $(TOOLS)  ## renew the block pictures beside the stations, the schemas
 	cp runs/get_up/film_strip.png docs/zjudancer_get_up.png
 	$(BIN)/simrob run examples/stations/zjudancer_stairs.yaml --frames 6 --out runs/stairs --force
 	cp runs/stairs/film_strip.png docs/zjudancer_stairs.png
+	$(BIN)/simrob run examples/stations/yobotics_rubble.yaml --frames 3 --out runs/rubble --force
+	cp runs/rubble/film_strip.png docs/yobotics_rubble.png
 	rm -rf runs/pushes && $(BIN)/simrob pushes zjudancer_dynamic --set gait.name=walk --out runs/pushes
 	cp runs/pushes/pushes.png docs/zjudancer_pushes.png
 	rm -rf runs/gains && $(BIN)/simrob sweep irb120_dynamic --vary servo.kp=log:100:10000:9 --vary pieces.load.mass=0.5,1,2 --out runs/gains
