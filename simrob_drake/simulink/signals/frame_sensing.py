@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
-import numpy as np
-
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import applied
-from simrob_drake.simulink.signals.forms import MOST_ELEMENTS, PARTS, Form, Signal, Term, Value, signal
+from simrob_drake.simulink.signals.forms import MOST_ELEMENTS, PARTS, Form, Signal, Term, signal
+from simrob_drake.simulink.signals.translation import Translation, as_signal
+from simrob_drake.simulink.tables import table
+from simrob_drake.simulink.values.evaluate import matrix
 
 SENSOR = "Transform Sensor"
 _TURNS = ("X", "Y", "Z", "1", "2", "3")
@@ -29,30 +29,11 @@ def sensed(node: Node) -> dict[int, Callable[[], Signal]]:
     return {port: partial(_signal, node, name, port) for port, name in enumerate(asked, start=_FIRST_PORT)}
 
 
-def _signal(node: Node, name: str, port: int) -> Signal:
-    parts = [part_of(node, index) for index in range(len(PARTS))]
-    place, (qw, *turn), (vx, vy, vz) = parts[:3], parts[3:7], parts[7:10]
-    x, y, z = place
-    named = [*"XYZ", *[""] * 4, "XDot", "YDot", "ZDot", "OmegaX", "OmegaY", "OmegaZ"]
-    if name in named:
-        return signal([parts[named.index(name)]])
-    made: dict[str, Callable[[], list[Value]]] = {
-        "Q": lambda: [qw, *turn],
-        "Angle": lambda: [2.0 * applied("atan2", _length(turn), qw)],
-        "Axis": lambda: [part / _length(turn) for part in turn],
-        "Rad": lambda: [_length([x, y])],
-        "Azim": lambda: [applied("atan2", y, x)],
-        "Dist": lambda: [_length(place)],
-        "Inc": lambda: [applied("atan2", z, _length([x, y]))],
-        "RadDot": lambda: [(x * vx + y * vy) / _length([x, y])],
-        "AzimDot": lambda: [(x * vy - y * vx) / (x * x + y * y)],
-        "DistDot": lambda: [(x * vx + y * vy + z * vz) / _length(place)],
-    }
-    if name == "R":
-        return _rotation(qw, turn)
-    return (
-        signal(made[name]()) if name in made else signal([Form({Term("open", node, (port - 1) * MOST_ELEMENTS): 1.0})])
-    )
+def _signal(node: Node, name: str, port: int = 0) -> Signal:
+    if (formula := table("sensing").get(name)) is None:
+        return signal([Form({Term("open", node, (port - 1) * MOST_ELEMENTS): 1.0})])
+    parts = {part: matrix(signal([part_of(node, index)])) for index, part in enumerate(PARTS)}
+    return as_signal(Translation(parts).value(formula))
 
 
 def part_of(node: Node, index: int) -> Form:
@@ -62,19 +43,4 @@ def part_of(node: Node, index: int) -> Form:
 
 def orientation(node: Node) -> Signal:
     """Return the rotation matrix (3, 3) of a frame in the model's world, which a sensor of the block measures."""
-    qw, *turn = (part_of(node, index) for index in range(3, 7))
-    return _rotation(qw, turn)
-
-
-def _rotation(qw: Value, turn: Sequence[Form]) -> Signal:
-    qx, qy, qz = turn
-    rows: list[list[Value]] = [
-        [1.0 - 2.0 * (qy * qy + qz * qz), 2.0 * (qx * qy - qw * qz), 2.0 * (qx * qz + qw * qy)],
-        [2.0 * (qx * qy + qw * qz), 1.0 - 2.0 * (qx * qx + qz * qz), 2.0 * (qy * qz - qw * qx)],
-        [2.0 * (qx * qz - qw * qy), 2.0 * (qy * qz + qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)],
-    ]
-    return np.array(rows, dtype=object)
-
-
-def _length(vector: list[Form]) -> Value:
-    return applied("sqrt", sum((part * part for part in vector), start=0.0))
+    return _signal(node, "R")

@@ -15,21 +15,16 @@ from simrob_drake.simulink.reading.model_file import SCRIPT
 from simrob_drake.simulink.signals.arithmetic import chosen, limited
 from simrob_drake.simulink.signals.dynamics import period_of
 from simrob_drake.simulink.signals.forms import TIME, Rule, Signal, SignalReader, Value, computed, fitted, flat, signal
-from simrob_drake.simulink.signals.translation import Translation, on_symbols
+from simrob_drake.simulink.signals.translation import Translation, as_signal, on_symbols
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import Files, undefined
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
+from simrob_drake.simulink.values.evaluate import UndefinedVariable
 from simrob_drake.simulink.values.script import functions_of
 from simrob_drake.simulink.values.syntax import NotUnderstood
 
 
 def _columns(values: Signal) -> Any:
     return values.reshape(-1, 1) if values.ndim == 1 else values
-
-
-def _as_signal(value: Any) -> Signal:
-    array = matrix(value).astype(object)
-    return array.reshape(-1, order="F") if array.shape[1] == 1 else array
 
 
 def _matlab_function(reader: SignalReader, node: Node, number: int) -> Signal | None:
@@ -50,7 +45,7 @@ def _matlab_function(reader: SignalReader, node: Node, number: int) -> Signal | 
         ]
         files = reader.network.expanded.libraries
         run = Translation({}, undefined, files, functions, period=period_of(reader, block))
-        return [_as_signal(value) for value in run.called(main.name, arguments)]
+        return [as_signal(value) for value in run.called(main.name, arguments)]
 
     outputs = _understood(block, lambda: reader.once(node, translated))
     return outputs[number - 2] if 0 <= number - 2 < len(outputs) else None
@@ -92,7 +87,7 @@ def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
     run = _over(node, {"u": values}, reader.network.expanded.libraries)
     if text in FUNCTIONS or (text.isidentifier() and run.find(text)):
         text = f"{text}(u)"
-    return _understood(node, lambda: [_as_signal(run.value(text))])[0] if text else None
+    return _understood(node, lambda: [as_signal(run.value(text))])[0] if text else None
 
 
 _BLOCKS: dict[str, Callable[..., Value]] = {
@@ -125,7 +120,7 @@ def _formula(reader: SignalReader, node: Node, _: int) -> Signal | None:
     columns = map(_columns, fitted(node, *values.values()))
     run = Translation(dict(zip(values, columns, strict=True)))
     run._algebra.functions.update({name: on_symbols(None, function) for name, function in _BLOCKS.items()})
-    return _understood(node, lambda: [_as_signal(run.value(text))])[0]
+    return _understood(node, lambda: [as_signal(run.value(text))])[0]
 
 
 def _parameter(node: Node, default: str, names: list[str]) -> Signal:

@@ -21,7 +21,7 @@ from simrob_drake.simulink.signals.arithmetic import (
     looked_up,
     whole,
 )
-from simrob_drake.simulink.signals.forms import Form, Primitive, Value, computed, flat, mapped, signal
+from simrob_drake.simulink.signals.forms import Form, Primitive, Signal, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, count, matrix
 from simrob_drake.simulink.values.script import Statement, lines_of
@@ -204,6 +204,12 @@ class Translation(CodeRun):
         self._guards.append(condition)
         yield
         self._guards.pop()
+
+
+def as_signal(value: Any) -> Signal:
+    """Return a matrix as a signal: a column is a vector."""
+    array = matrix(value).astype(object)
+    return array.reshape(-1, order="F") if array.shape[1] == 1 else array
 
 
 def _both(operator: str, first: Value, second: Value) -> Value:
