@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
 
+from scipy.cluster.hierarchy import DisjointSet
+
 from simrob_drake.simulink.model.nodes import Expanded, Node, chosen_variant
 from simrob_drake.simulink.reading.graph import ELEMENT, Port
 
@@ -19,7 +21,7 @@ class Connections:
 
     def __init__(self, expanded: Expanded) -> None:
         self.expanded = expanded
-        self._parents: dict[Place, Place] = {}
+        self._nets: DisjointSet[Place] = DisjointSet()
         self._feeds: dict[Place, tuple[Node, int]] = {}
         self._gotos: dict[str, list[Node]] = {}
         self._read: set[Place] = set()
@@ -203,7 +205,7 @@ class Connections:
         labels: dict[str, Place] = {}
         for node in owner.children.values():
             if node.kind == "ConnectionLabel":
-                place = (id(node), "rconn", 1) if (id(node), "rconn", 1) in self._parents else (id(node), "lconn", 1)
+                place = (id(node), "rconn", 1) if (id(node), "rconn", 1) in self._nets else (id(node), "lconn", 1)
                 self._join(labels.setdefault(node.text("Label", "A"), place), place)
             if node.block.commented == "through":
                 self._join((id(node), "lconn", 1), (id(node), "rconn", 1))
@@ -230,17 +232,13 @@ class Connections:
             self._join((id(owner), side, number), (id(ports[name]), "conn", 1))
 
     def _find(self, place: Place) -> Place:
-        root = place
-        while (above := self._parents.get(root, root)) != root:
-            root = above
-        while (above := self._parents.get(place, place)) != root:
-            self._parents[place], place = root, above
-        return root
+        self._nets.add(place)
+        return self._nets[place]
 
     def _join(self, first: Place, second: Place) -> None:
-        one, other = self._find(first), self._find(second)
-        self._parents.setdefault(one, one)
-        self._parents[other] = one
+        self._nets.add(first)
+        self._nets.add(second)
+        self._nets.merge(first, second)
 
 
 def _present(owner: Node, ports: list[Port]) -> Iterator[tuple[Node, Port]]:

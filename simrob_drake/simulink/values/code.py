@@ -308,13 +308,9 @@ class CodeRun:
                     return self._lookup(name)
             case ("name", (name,)):
                 return self.variables.get(name)
-            case ("field", (owner, field)):
-                known = self._known(owner, outside=True)
-                return known.get(field) if isinstance(known, dict) else None
-            case ("call", (owner, index)):
-                several = _listed(self._known(owner))
-                place = int(self._places(index[-1], len(several))[0])
-                return several[place] if place < len(several) else None
+            case _:
+                with suppress(NotUnderstood, UndefinedVariable):
+                    return self._value(target)
         return None
 
     def _changed(self, known: Any, index: tuple[Expression, ...], value: Any) -> Any:

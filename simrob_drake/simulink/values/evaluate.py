@@ -64,6 +64,10 @@ def _way(value: Any) -> int:
     return int(matrix(value).shape[0] == 1)
 
 
+def _on_way(function: Callable[..., Vector], value: Any) -> Vector:
+    return function(matrix(value), axis=_way(value))
+
+
 def _extreme(pairwise: np.ufunc, first: Any, second: Any = None) -> Vector:
     return _along(pairwise.reduce, first) if second is None else matrix(pairwise(matrix(first), matrix(second)))
 
@@ -91,7 +95,7 @@ def _joined(axis: int, *parts: Any) -> Vector:
     return np.concatenate([matrix(part) for part in parts if matrix(part).size], axis=axis)
 
 
-def _elementwise(function: Callable[..., Any]) -> Callable[..., Vector]:
+def _of_matrices(function: Callable[..., Any]) -> Callable[..., Vector]:
     def applied(*values: Any) -> Vector:
         with np.errstate(all="ignore"):
             return matrix(function(*(matrix(value) for value in values)))
@@ -133,7 +137,7 @@ _CONSTANTS = {
 }  # fmt: skip
 ELEMENTARY = _EACH.keys() | _CONSTANTS.keys()  # names that nobody gives a variable
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    **{name: _elementwise(function) for name, function in _EACH.items()},
+    **{name: _of_matrices(function) for name, function in _EACH.items()},
     **{name: lambda value=value: value for name, value in _CONSTANTS.items()},
     "zeros": lambda *sizes: np.zeros(_shape(sizes)),
     "ones": lambda *sizes: np.ones(_shape(sizes)),
@@ -142,20 +146,15 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: partial(_along, getattr(np, name)) for name in ("sum", "prod", "mean", "any", "all")},
     "min": partial(_extreme, np.minimum),
     "max": partial(_extreme, np.maximum),
-    "diff": lambda value: np.diff(matrix(value), axis=_way(value)),
-    "unwrap": lambda value: np.unwrap(matrix(value), axis=_way(value)),
+    **{name: partial(_on_way, getattr(np, name)) for name in ("diff", "unwrap", "cumsum")},
     "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), _way(value)),
     "polyval": lambda coefficients, at: np.polyval(matrix(coefficients).reshape(-1), matrix(at)),
-    "cumsum": lambda value: np.cumsum(matrix(value), axis=_way(value)),
     "norm": lambda u, p=2: np.linalg.norm(matrix(u).ravel() if 1 in matrix(u).shape else matrix(u), count(p) or None),
     "dot": lambda a, b: np.dot(matrix(a).reshape(-1), matrix(b).reshape(-1)),
     "cross": lambda a, b: np.cross(matrix(a).reshape(-1), matrix(b).reshape(-1)).reshape(matrix(a).shape),
-    "kron": lambda a, b: np.kron(matrix(a), matrix(b)),
-    "det": lambda value: np.linalg.det(matrix(value)),
-    "inv": lambda value: np.linalg.inv(matrix(value)),
+    **{name: _of_matrices(getattr(np, name)) for name in ("kron", "trace", "transpose", "fliplr", "flipud")},
+    **{name: _of_matrices(getattr(np.linalg, name)) for name in ("det", "inv")},
     "interp1": lambda x, y, at: np.interp(matrix(at), matrix(x).ravel(), matrix(y).ravel(), np.nan, np.nan),
-    "trace": lambda value: np.trace(matrix(value)),
-    "transpose": lambda value: matrix(value).T,
     "linspace": lambda start, stop, n=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(np.floor(n))),
     "unique": _unique,
     "repmat": _repmat,
@@ -172,8 +171,6 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     },
     "rot90": lambda value, times=1: np.rot90(matrix(value), int(matrix(times)[0, 0])),
     "find": lambda value: np.flatnonzero(matrix(value).T).reshape((1, -1) if _way(value) else (-1, 1)) + 1,
-    "fliplr": lambda value: matrix(value)[:, ::-1],
-    "flipud": lambda value: matrix(value)[::-1],
     "horzcat": partial(_joined, 1),
     "vertcat": partial(_joined, 0),
     "tf": lambda numerator, denominator: {"numerator": matrix(numerator), "denominator": matrix(denominator)},
