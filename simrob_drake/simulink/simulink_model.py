@@ -29,6 +29,7 @@ from simrob_drake.simulink.signals.laws import (
     read_laws,
     read_pushes,
 )
+from simrob_drake.simulink.signals.rules import tracer_of
 from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.values.workspace import Variables, find_octave
 
@@ -102,7 +103,7 @@ def read_simulink(
     world, trees = grow(bodies, cuttable)
     contacts = read_contacts(network)
     joints = [link.joint for link in bodies.links]
-    tracer = Tracer(network, joints, contacts)
+    tracer = tracer_of(network, joints, contacts)
     laws, pushes = read_laws(tracer, joints, servos=servos), read_pushes(tracer, bodies)
     by_law = forces_of_contacts(contacts, bodies) if contact_law else {}
     pushes += by_law.values()

@@ -16,9 +16,7 @@ from simrob_drake.simulink.signals.forms import (
     PARTS,
     Form,
     Primitive,
-    Rule,
     Signal,
-    SignalReader,
     Term,
     Value,
     computed,
@@ -30,6 +28,7 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     widened,
 )
+from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.values.evaluate import INTEGERS
 
 MOST_INPUTS = 1000
@@ -88,7 +87,7 @@ def limited(value: Value, lower: float, upper: float, kind: str = "saturation") 
     return computed(kind, value, **{name: float(bound) for name, bound in bounds.items() if np.isfinite(bound)})
 
 
-def inputs_of(reader: SignalReader, node: Node, default: str = "2") -> list[Signal]:
+def inputs_of(reader: Tracer, node: Node, default: str = "2") -> list[Signal]:
     """Return all inputs of a block whose parameter ``Inputs`` is their number, their widths or names."""
     text = node.text("Inputs", node.text("NumInputs", default)).replace("|", "").replace(" ", "")
     if text and set(text) <= set("+-*/"):
@@ -120,7 +119,7 @@ def _signs(node: Node, default: str, letters: str) -> str:
     return text
 
 
-def _gain(reader: SignalReader, node: Node, _: int) -> Signal:
+def _gain(reader: Tracer, node: Node, _: int) -> Signal:
     gain, values = node.matrix("Gain" if "Gain" in node.block.parameters else "gain", "1"), reader.input(node)
     if gain.size == 1:
         return scaled(values, float(gain[0, 0]))
@@ -153,7 +152,7 @@ def _times(node: Node, left: Signal, right: Signal) -> Signal:
     return product.reshape(-1) if right.ndim == 1 else product
 
 
-def _sum(reader: SignalReader, node: Node, _: int) -> Signal:
+def _sum(reader: Tracer, node: Node, _: int) -> Signal:
     signs = _signs(node, "++", "+-")
     signals = [reader.input(node, place + 1) for place in range(len(signs))]
     total = [scaled(one, 1.0 if sign == "+" else -1.0) for sign, one in zip(signs, signals, strict=True)]
@@ -162,7 +161,7 @@ def _sum(reader: SignalReader, node: Node, _: int) -> Signal:
     return mapped(lambda *values: sum(values[1:], start=values[0]), *fitted(node, *total))
 
 
-def _product(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _product(reader: Tracer, node: Node, _: int) -> Signal | None:
     signs = _signs(node, "2", "*/")
     signals = [reader.input(node, place + 1) for place in range(len(signs))]
     if node.text("Multiplication", "Element-wise(.*)").startswith("Matrix"):
@@ -270,7 +269,7 @@ def _converted(node: Node) -> Callable[[Value], Value]:
     return partial(whole, name, rounded=rounded) if name in INTEGERS else lambda u: u
 
 
-def _extreme(reader: SignalReader, node: Node, _: int) -> Signal:
+def _extreme(reader: Tracer, node: Node, _: int) -> Signal:
     signals = inputs_of(reader, node, "1")
     found, *others = [signal([value]) for value in flat(signals[0])] if len(signals) == 1 else fitted(node, *signals)
     for other in others:
@@ -285,7 +284,7 @@ def looked_up(value: Value, points: Any, values: Any, *, clip: bool) -> Value:
     return computed("lookup", value, **columns, **({"clip": True} if clip else {}))
 
 
-def _lookup(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _lookup(reader: Tracer, node: Node, _: int) -> Signal | None:
     if node.text("NumberOfTableDimensions", "1") != "1":
         return None
     points = "BreakpointsForDimension1" if "BreakpointsForDimension1" in node.block.parameters else "InputValues"
@@ -300,7 +299,7 @@ def _lookup(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return mapped(lambda value: looked_up(value, places, heights, clip=clip), reader.input(node))
 
 
-def _logic(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _logic(reader: Tracer, node: Node, _: int) -> Signal | None:
     operator = node.text("Operator", "AND").lower()
     if operator not in ("and", "or", "nand", "nor", "xor", "not"):
         return None  # such as NXOR
@@ -312,7 +311,7 @@ def _logic(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return mapped(lambda *values: joined(operator, *values), *fitted(node, *signals))
 
 
-def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
+def _switch(reader: Tracer, node: Node, _: int) -> Signal:
     criteria = node.text("Criteria", "u2 >= Threshold")
     operator = OPERATORS[next((sign for sign in (">=", ">", "~=") if sign in criteria), ">=")]
     threshold = 0.0 if operator == "!=" else node.number("Threshold", "0")

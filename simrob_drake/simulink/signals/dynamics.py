@@ -16,9 +16,7 @@ from simrob_drake.simulink.signals.forms import (
     PARTS,
     Form,
     Primitive,
-    Rule,
     Signal,
-    SignalReader,
     Term,
     TermKind,
     Value,
@@ -29,10 +27,9 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     terms_of,
 )
+from simrob_drake.simulink.signals.tracing import LAG, Rule, Tracer
 
 Parameters = dict[str, Any]
-LAG = 1e-3
-"""Time constant [s] of what stands for a derivative of something that is not measured, or breaks an algebraic loop."""
 _FOLLOWING: dict[TermKind, TermKind] = {"q": "w", "w": "a"}
 _PLACES = 3
 _LONGEST_WAY = 50
@@ -40,7 +37,7 @@ _FINEST = 1e-3  # s, between the samples of a Transport Delay
 _MOST_SAMPLES = 2000
 
 
-def blocks(reader: SignalReader, node: Node, kind: str, *parameters: Parameters, at_once: bool = False) -> Signal:
+def blocks(reader: Tracer, node: Node, kind: str, *parameters: Parameters, at_once: bool = False) -> Signal:
     """Return a block, element by element; its inputs are followed later, unless its outputs depend on them at once."""
     shape = reader.input(node).shape if at_once else reader.shape(node)
     size = max(len(parameters), math.prod(shape))
@@ -80,7 +77,7 @@ def rate_of(node: Node, value: Value, lag: float = LAG) -> Value:
     return Form(rate) if rate.keys() - {ONE} else rate.get(ONE, 0.0)
 
 
-def period_of(reader: SignalReader, node: Node) -> float | None:
+def period_of(reader: Tracer, node: Node) -> float | None:
     """Return the time between samples [s] of a block, or of what it inherits it from; None where nothing says it."""
     waiting, known = [node], [node]
     while waiting and len(known) < _LONGEST_WAY:
@@ -99,14 +96,14 @@ def period_of(reader: SignalReader, node: Node) -> float | None:
     return None
 
 
-def _sampled(reader: SignalReader, node: Node) -> Parameters:
+def _sampled(reader: Tracer, node: Node) -> Parameters:
     """Return the period of a sampled block (raises InvalidModel: nothing says it)."""
     if (period := period_of(reader, node)) is None:
         raise node.refusal("nothing says its sample time")
     return {"period": period}
 
 
-def _integrator(reader: SignalReader, node: Node, _: int) -> Signal:
+def _integrator(reader: Tracer, node: Node, _: int) -> Signal:
     if node.text("ExternalReset", "none") != "none":
         node.note("approximated", "its reset is left out")
     start = node.numbers("InitialCondition", "0")
@@ -127,7 +124,7 @@ def _limits(node: Node) -> Parameters:
     return {name: bound for name, bound in bounds.items() if math.isfinite(bound)}
 
 
-def _discrete_integrator(reader: SignalReader, node: Node, _: int) -> Signal:
+def _discrete_integrator(reader: Tracer, node: Node, _: int) -> Signal:
     sampled = _sampled(reader, node)
     period = sampled["period"]
     method, gain = node.text("IntegratorMethod", "Integration: Forward Euler"), node.number("gainval", "1")
@@ -145,7 +142,7 @@ def _discrete_integrator(reader: SignalReader, node: Node, _: int) -> Signal:
     return blocks(reader, node, "state_space", *(matrices | {"initial": [float(one)]} for one in starts), at_once=True)
 
 
-def _transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _transfer_function(reader: Tracer, node: Node, _: int) -> Signal | None:
     if any(len(node.matrix(name, "1")) > 1 for name in ("Numerator", "Denominator")):  # outputs of one input
         return None
     sampled = _sampled(reader, node) if "Discrete" in node.kind else {}
@@ -165,13 +162,13 @@ def _transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | Non
     return _rational(reader, node, numerator, denominator, sampled)
 
 
-def _rational(reader: SignalReader, node: Node, numerator: Vector, denominator: Vector, sampled: Parameters) -> Signal:
+def _rational(reader: Tracer, node: Node, numerator: Vector, denominator: Vector, sampled: Parameters) -> Signal:
     parameters = {"numerator": numerator.tolist(), "denominator": denominator.tolist(), **sampled}
     at_once = np.trim_zeros(numerator, "f").size >= denominator.size
     return blocks(reader, node, "transfer_function", parameters, at_once=at_once)
 
 
-def _lti(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _lti(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return what a system object makes of its input, where it is ``tf`` or ``ss`` of matrices, and begins at rest."""
     system = node.value("sys", "tf(1, [1 1])")
     if not isinstance(system, dict) or node.numbers("IC", "[]").any():
@@ -181,7 +178,7 @@ def _lti(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return _states(reader, node, {name: system[name].tolist() for name in "ABCD"}) if "A" in system else None
 
 
-def _begun_transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _begun_transfer_function(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return y = Y0 + G (u - U0): it begins at an output, at rest where that is what the input comes to."""
     numerator, denominator = node.numbers("N", "[1]"), node.numbers("D", "[1 1]")
     if np.trim_zeros(numerator, "f").size >= denominator.size:
@@ -195,7 +192,7 @@ def _begun_transfer_function(reader: SignalReader, node: Node, _: int) -> Signal
     return mapped(lambda one, y, other: one + y - other, *fitted(node, values, output.astype(object), rest))
 
 
-def _state_space(reader: SignalReader, node: Node, _: int) -> Signal:
+def _state_space(reader: Tracer, node: Node, _: int) -> Signal:
     parameters: Parameters = {name: node.matrix(name, "1").tolist() for name in "ABCD"}
     start = node.numbers("X0" if "X0" in node.block.parameters else "InitialCondition", "0")
     if start.any():
@@ -203,14 +200,14 @@ def _state_space(reader: SignalReader, node: Node, _: int) -> Signal:
     return _states(reader, node, parameters | (_sampled(reader, node) if "Discrete" in node.kind else {}))
 
 
-def _states(reader: SignalReader, node: Node, parameters: Parameters) -> Signal:
+def _states(reader: Tracer, node: Node, parameters: Parameters) -> Signal:
     if any(map(any, parameters["D"])):
         reader.input(node)  # its outputs depend on it at once
     made = Primitive("state_space", parameters, lambda: flat(reader.input(node)), node, len(parameters["C"]), 0)
     return signal(made.outputs)
 
 
-def _delay(reader: SignalReader, node: Node, _: int) -> Signal:
+def _delay(reader: Tracer, node: Node, _: int) -> Signal:
     period, steps = period_of(reader, node), 1
     if node.kind == "Delay":
         known = node.text("DelayLengthSource", "Dialog") == "Dialog"
@@ -226,12 +223,12 @@ def _delay(reader: SignalReader, node: Node, _: int) -> Signal:
     return blocks(reader, node, "delay", *parameters)
 
 
-def _hold(reader: SignalReader, node: Node, _: int) -> Signal:
+def _hold(reader: Tracer, node: Node, _: int) -> Signal:
     period = period_of(reader, node)
     return reader.input(node) if period is None else blocks(reader, node, "hold", {"period": period}, at_once=True)
 
 
-def _transport_delay(reader: SignalReader, node: Node, _: int) -> Signal:
+def _transport_delay(reader: Tracer, node: Node, _: int) -> Signal:
     late, start = node.number("DelayTime", "1"), node.number("InitialOutput", "0")
     if late <= 0:
         return reader.input(node)
@@ -240,7 +237,7 @@ def _transport_delay(reader: SignalReader, node: Node, _: int) -> Signal:
     return blocks(reader, node, "delay", {"period": late / steps, "steps": steps, "initial": start})
 
 
-def _rate_limiter(reader: SignalReader, node: Node, _: int) -> Signal:
+def _rate_limiter(reader: Tracer, node: Node, _: int) -> Signal:
     rising, falling = (
         node.quantity(f"{side.lower()}SlewLimit", f"{side}SlewLimit", default=default)
         for side, default in (("Rising", "1"), ("Falling", "-1"))
@@ -253,7 +250,7 @@ def _rate_limiter(reader: SignalReader, node: Node, _: int) -> Signal:
 _METHODS = {"Forward Euler": 0.0, "Backward Euler": 1.0, "Trapezoidal": 0.5}
 
 
-def _pid(reader: SignalReader, node: Node, _: int) -> Signal:
+def _pid(reader: Tracer, node: Node, _: int) -> Signal:
     letters, both = node.text("Controller", "PID"), "2" in node.kind or "2DOF" in node.text("SourceType")
     gains = _gains(reader, node, letters, both)
     errors = [reader.input(node)]
@@ -282,7 +279,7 @@ def _pid(reader: SignalReader, node: Node, _: int) -> Signal:
     return signal(found).reshape(errors[0].shape, order="F")
 
 
-def _gains(reader: SignalReader, node: Node, letters: str, both: bool) -> dict[str, Vector]:
+def _gains(reader: Tracer, node: Node, letters: str, both: bool) -> dict[str, Vector]:
     """Return a controller's gains, and N where inputs have them.
 
     Raises:
@@ -307,7 +304,7 @@ def _unfiltered(node: Node, error: Value, gain: float, parameters: Parameters) -
     return 0.0, {"filter": 1 / LAG}
 
 
-def _pid_parameters(reader: SignalReader, node: Node, letters: str, rate: Vector | None) -> Parameters:
+def _pid_parameters(reader: Tracer, node: Node, letters: str, rate: Vector | None) -> Parameters:
     """Return what a controller has beyond its gains (raises InvalidModel: nothing says its period)."""
     discrete = node.text("TimeDomain", "Continuous-time").startswith("Discrete")
     parameters = _sampled(reader, node) if discrete else {}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -16,7 +16,6 @@ from pydantic import TypeAdapter
 from simrob_drake.parts.controllers.flow_blocks import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.simulink.mechanics.joints import Freedom
-from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
 
 TermKind = Literal["one", "time", "q", "w", "a", "t", "distance", "sensed", "input", "open", "block"]
@@ -201,31 +200,6 @@ def closure(values: Iterable[Value]) -> Iterator[dict[Term, float]]:
             if block not in known:
                 known.add(block)
                 waiting += block.inputs()
-
-
-class SignalReader(Protocol):
-    """What rules ask for the signals that their blocks take."""
-
-    network: Connections
-
-    def input(self, node: Node, number: int = 1) -> Signal:
-        """Return the signal at an input."""
-
-    def output(self, node: Node, number: int = 1) -> Signal:
-        """Return the signal at an output."""
-
-    def physical(self, node: Node, side: str, number: int) -> Signal | None:
-        """Return the physical signal at a port, in SI; None where nothing drives it."""
-
-    def shape(self, node: Node, number: int = 1) -> tuple[int, ...]:
-        """Return the shape of what an input takes, of a block through which loops go."""
-
-    def once(self, node: Node, make: Callable[[], list[Signal]]) -> list[Signal]:
-        """Return all outputs of a block, which are made at the first of them."""
-
-
-Rule: TypeAlias = Callable[[SignalReader, Node, int], Signal | None]
-"""What a block gives at an output; None where it is not understood."""
 
 
 def fitted(node: Node, *signals: Signal) -> list[Signal]:

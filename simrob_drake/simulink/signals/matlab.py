@@ -14,7 +14,8 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.model_file import SCRIPT
 from simrob_drake.simulink.signals.arithmetic import chosen, limited
 from simrob_drake.simulink.signals.dynamics import period_of
-from simrob_drake.simulink.signals.forms import TIME, Rule, Signal, SignalReader, Value, computed, fitted, flat, signal
+from simrob_drake.simulink.signals.forms import TIME, Signal, Value, computed, fitted, flat, signal
+from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.signals.translation import Translation, as_signal, on_symbols
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import Files, undefined
@@ -27,7 +28,7 @@ def _columns(values: Signal) -> Any:
     return values.reshape(-1, 1) if values.ndim == 1 else values
 
 
-def _matlab_function(reader: SignalReader, node: Node, number: int) -> Signal | None:
+def _matlab_function(reader: Tracer, node: Node, number: int) -> Signal | None:
     """Return an output of a MATLAB Function: of the S-Function in it, whose first output is for order alone."""
     block = node.parent
     code = block.text(SCRIPT) if block is not None else ""
@@ -78,7 +79,7 @@ def _over(node: Node, variables: Mapping[str, Signal], files: Files | None = Non
 _BARE = re.compile(r"\bu\b(?!\s*\()")  # the input of a Fcn without an index: its first element
 
 
-def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _expression(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return an expression of the input ``u``, of a Fcn or Interpreted MATLAB Function."""
     text = node.text("Expr", node.text("Expression", node.text("MATLABFcn", "")))
     values = reader.input(node)
@@ -101,7 +102,7 @@ _BLOCKS: dict[str, Callable[..., Value]] = {
 _CHOICE = re.compile(r"\{(\w+)(?: or (\w+))?:(.+?)\}")
 
 
-def _formula(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _formula(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return what a block computes by its formula; None where that has no such choice."""
     row = dict(table("formulas")[node.kind])
     text, choices = row.pop("is"), row.pop("choices", None)

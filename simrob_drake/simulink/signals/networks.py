@@ -25,7 +25,8 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, limited, looked_up
 from simrob_drake.simulink.signals.descriptors import AT_ONCE, Reduced, reduced, without_fast
 from simrob_drake.simulink.signals.dynamics import rate_of
-from simrob_drake.simulink.signals.forms import Primitive, Rule, Signal, SignalReader, Value, added, flat, signal
+from simrob_drake.simulink.signals.forms import Primitive, Signal, Value, added, flat, signal
+from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.signals.translation import Translation, on_symbols
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import undefined
@@ -109,7 +110,7 @@ class _Equations:
     def unknown(self, what: object) -> int:
         return self.unknowns.setdefault(what, len(self.unknowns))
 
-    def add(self, node: Node, reader: SignalReader) -> None:
+    def add(self, node: Node, reader: Tracer) -> None:
         """Add what an element says."""
         element, ports = elements()[node.kind], ports_of(node)
         known = self._branches(node, element, {name: reader.network.net(node, *port) for name, port in ports.items()})
@@ -222,7 +223,7 @@ def _members(network: Connections, start: Node) -> list[Node]:
     return sorted(network.joined(start, conserving), key=lambda one: one.path)
 
 
-def _solved(reader: SignalReader, members: list[Node]) -> list[Signal]:
+def _solved(reader: Tracer, members: list[Node]) -> list[Signal]:
     """Return what the elements of a network tell, in order; nothing where it is not read, which is told of each."""
     strange = [node for node in members if node.kind not in elements()]
     try:
@@ -322,7 +323,7 @@ def _outputs(node: Node, found: Reduced, equations: _Equations) -> list[Value]:
     return [output(row) for row in range(len(equations.outputs))]
 
 
-def _element(reader: SignalReader, node: Node, number: int) -> Signal:
+def _element(reader: Tracer, node: Node, number: int) -> Signal:
     """Return what an element tells at one of the ports that do."""
     members = _members(reader.network, node)
     values = reader.once(members[0], lambda: _solved(reader, members))

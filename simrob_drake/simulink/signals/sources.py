@@ -12,9 +12,7 @@ from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, 
 from simrob_drake.simulink.signals.dynamics import blocks, filtered
 from simrob_drake.simulink.signals.forms import (
     TIME,
-    Rule,
     Signal,
-    SignalReader,
     Value,
     flat,
     mapped,
@@ -23,10 +21,11 @@ from simrob_drake.simulink.signals.forms import (
     terms_of,
 )
 from simrob_drake.simulink.signals.matlab import FORMULAS
+from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.values.evaluate import matrix
 
 
-def _constant(_: SignalReader, node: Node, __: int) -> Signal:
+def _constant(_: Tracer, node: Node, __: int) -> Signal:
     value = node.matrix("Value" if "constant" not in node.block.parameters else "constant", "1").astype(object)
     return value.reshape(-1) if 1 in value.shape and node.text("VectorParams1D", "on") == "on" else value
 
@@ -47,7 +46,7 @@ def _stairs(times: Any, values: Any, time: Value) -> Value:
     return looked_up(time, points, held, clip=True)
 
 
-def _repeating(_: SignalReader, node: Node, __: int) -> Signal:
+def _repeating(_: Tracer, node: Node, __: int) -> Signal:
     if node.kind == "Repeating Sequence":
         times, values = node.numbers("rep_seq_t", "[0 2]"), node.numbers("rep_seq_y", "[0 2]")
     elif node.kind == "Repeating Sequence Interpolated":
@@ -63,7 +62,7 @@ def _repeating(_: SignalReader, node: Node, __: int) -> Signal:
     return signal([repeated(times, values, stairs=node.kind == "Repeating Sequence Stair")])
 
 
-def _workspace(_: SignalReader, node: Node, __: int) -> Signal:
+def _workspace(_: Tracer, node: Node, __: int) -> Signal:
     value = node.value("VariableName", "[0 0]")
     if isinstance(value, dict) and "time" in value and isinstance(value.get("signals"), dict):
         times, values = matrix(value["time"]).reshape(-1), matrix(value["signals"]["values"])
@@ -109,13 +108,13 @@ def _converter_unit(node: Node, values: Signal) -> float:
     return node.in_si(text, "Unit", ("rad" if getattr(terms[0].of, "turns", True) else "m") if sensed else "")
 
 
-def out_of_physics(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def out_of_physics(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return what a PS-Simulink Converter gives."""
     values = reader.physical(node, "lconn", 1)
     return None if values is None else scaled(values, 1.0 / _converter_unit(node, values))
 
 
-def _into_physics(reader: SignalReader, node: Node, _: int) -> Signal:
+def _into_physics(reader: Tracer, node: Node, _: int) -> Signal:
     values = reader.input(node)
     values = scaled(values, _converter_unit(node, values))
     if node.text("FilteringAndDerivatives", "provide") != "filter":
