@@ -37,7 +37,7 @@ from simrob_drake.simulink.signals.forms import (
     terms_of,
     widened,
 )
-from simrob_drake.simulink.signals.frame_sensing import orientation, part_of
+from simrob_drake.simulink.signals.sources import orientation, part_of
 from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9

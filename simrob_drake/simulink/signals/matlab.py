@@ -20,8 +20,7 @@ from simrob_drake.simulink.signals.translation import Translation, as_signal, on
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import Files, undefined
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
-from simrob_drake.simulink.values.script import functions_of
-from simrob_drake.simulink.values.syntax import NotUnderstood
+from simrob_drake.simulink.values.syntax import NotUnderstood, functions_of
 
 
 def _columns(values: Signal) -> Any:

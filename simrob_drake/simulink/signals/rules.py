@@ -8,11 +8,10 @@ from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.signals.arithmetic import ARITHMETIC
 from simrob_drake.simulink.signals.dynamics import DYNAMICS
 from simrob_drake.simulink.signals.forms import MOST_ELEMENTS, Form, Signal, Term, TermKind, signal
-from simrob_drake.simulink.signals.frame_sensing import SENSOR, sensed
 from simrob_drake.simulink.signals.matlab import MATLAB
 from simrob_drake.simulink.signals.networks import NETWORKS, outputs_of
 from simrob_drake.simulink.signals.routing import ROUTING, subsystem
-from simrob_drake.simulink.signals.sources import PHYSICAL, SOURCES, out_of_physics
+from simrob_drake.simulink.signals.sources import PHYSICAL, SENSOR, SOURCES, out_of_physics, sensed
 from simrob_drake.simulink.signals.tracing import Rule, Tracer
 
 RULES: dict[str, Rule] = {

@@ -1,8 +1,9 @@
-"""Blocks that give signals of time, and physical signals: converters, arithmetic, sources."""
+"""Blocks that give signals of time, physical signals (converters, arithmetic, sources), and what sensors measure."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,12 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up, of_parameters
 from simrob_drake.simulink.signals.dynamics import blocks, filtered
 from simrob_drake.simulink.signals.forms import (
+    MOST_ELEMENTS,
+    PARTS,
     TIME,
+    Form,
     Signal,
+    Term,
     Value,
     flat,
     mapped,
@@ -22,6 +27,8 @@ from simrob_drake.simulink.signals.forms import (
 )
 from simrob_drake.simulink.signals.matlab import FORMULAS
 from simrob_drake.simulink.signals.tracing import Rule, Tracer
+from simrob_drake.simulink.signals.translation import Translation, as_signal
+from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.evaluate import matrix
 
 
@@ -66,19 +73,19 @@ def _workspace(_: Tracer, node: Node, __: int) -> Signal:
     value = node.value("VariableName", "[0 0]")
     if isinstance(value, dict) and "time" in value and isinstance(value.get("signals"), dict):
         times, values = matrix(value["time"]).reshape(-1), matrix(value["signals"]["values"])
-        table = np.column_stack([times, values.reshape(times.size, -1)])
+        rows = np.column_stack([times, values.reshape(times.size, -1)])
     else:
-        table = node.matrix("VariableName", "[0 0]")
-    if table.shape[1] < 2 or not np.all(np.isfinite(table)) or np.any(np.diff(table[:, 0]) < 0):
+        rows = node.matrix("VariableName", "[0 0]")
+    if rows.shape[1] < 2 or not np.all(np.isfinite(rows)) or np.any(np.diff(rows[:, 0]) < 0):
         raise node.refusal("needs a matrix of times that rise, and values")
-    if len(table) < 2:
-        return table[0, 1:].astype(object)
-    times, after = table[:, 0].copy(), node.text("OutputAfterFinalValue", "Extrapolation")
+    if len(rows) < 2:
+        return rows[0, 1:].astype(object)
+    times, after = rows[:, 0].copy(), node.text("OutputAfterFinalValue", "Extrapolation")
     same = np.flatnonzero(np.diff(times) == 0)
     times[same] -= 1e-9 * max(times[-1] - times[0], 1e-9)
     stairs = node.text("Interpolate", "on") == "off"
     found = []
-    for column in table[:, 1:].T:
+    for column in rows[:, 1:].T:
         if after == "Cyclic repetition":
             value = repeated(times, column, stairs=stairs)
         elif stairs:
@@ -125,8 +132,8 @@ def _into_physics(reader: Tracer, node: Node, _: int) -> Signal:
 
 
 def _lookup(node: Node) -> Callable[[Value], Value]:
-    table = node.numbers("x_t", "[1 2 3]"), node.numbers("y_t", "[1 2 3]")
-    return lambda u: looked_up(u, *table, clip=node.text("extrap_method", "") not in ("1", "linear"))
+    points = node.numbers("x_t", "[1 2 3]"), node.numbers("y_t", "[1 2 3]")
+    return lambda u: looked_up(u, *points, clip=node.text("extrap_method", "") not in ("1", "linear"))
 
 
 PHYSICAL: dict[str, Rule] = {
@@ -136,3 +143,38 @@ PHYSICAL: dict[str, Rule] = {
     "PS Integrator": lambda reader, node, _: blocks(reader, node, "integrator", {"initial": node.quantity("x0", "x")}),
 }
 """What blocks give at their right port 1, by type."""
+
+
+SENSOR = "Transform Sensor"
+_TURNS = ("X", "Y", "Z", "1", "2", "3")
+_PORTS = [
+    *("Angle", "Axis", "Angle1", "Angle2", "Angle3", "Q", "R"),
+    *(f"Omega{axis}" for axis in _TURNS), "QDot", "RDot",
+    *(f"Alpha{axis}" for axis in _TURNS), "QDDot", "RDDot",
+    *(f"{name}{dots}" for dots in ("", "Dot", "DDot") for name in ("X", "Y", "Z", "Rad", "Azim", "Dist", "Inc")),
+]  # fmt: skip
+"""Its signals in the order of its ports, of which only those are there that are switched on."""
+_FIRST_PORT = 2  # after the follower's frame
+
+
+def sensed(node: Node) -> dict[int, Callable[[], Signal]]:
+    """Return what gives the signals of a Transform Sensor, by the number of their right port."""
+    asked = [name for name in _PORTS if node.is_on(f"Sense{name}")]
+    return {port: partial(_measured, node, name, port) for port, name in enumerate(asked, start=_FIRST_PORT)}
+
+
+def _measured(node: Node, name: str, port: int = 0) -> Signal:
+    if (formula := table("sensing").get(name)) is None:
+        return signal([Form({Term("open", node, (port - 1) * MOST_ELEMENTS): 1.0})])
+    parts = {part: matrix(signal([part_of(node, index)])) for index, part in enumerate(PARTS)}
+    return as_signal(Translation(parts).value(formula))
+
+
+def part_of(node: Node, index: int) -> Form:
+    """Return a part of what a sensor of the block measures, as ``PARTS`` has them."""
+    return Form({Term("sensed", node, index): 1.0})
+
+
+def orientation(node: Node) -> Signal:
+    """Return the rotation matrix (3, 3) of a frame in the model's world, which a sensor of the block measures."""
+    return _measured(node, "R")

@@ -24,8 +24,7 @@ from simrob_drake.simulink.signals.arithmetic import (
 from simrob_drake.simulink.signals.forms import Form, Primitive, Signal, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, count, matrix
-from simrob_drake.simulink.values.script import Statement, lines_of
-from simrob_drake.simulink.values.syntax import NotUnderstood
+from simrob_drake.simulink.values.syntax import NotUnderstood, Statement, lines_of
 
 _ENDED = "return"  # where it is kept whether a function has returned
 _PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number

@@ -14,18 +14,20 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from simrob_drake.simulink.values.evaluate import NUMBERS, SEVERAL, Algebra, UndefinedVariable, evaluate, matrix
-from simrob_drake.simulink.values.script import (
+from simrob_drake.simulink.values.syntax import (
     KEYWORD,
+    Expression,
+    NotUnderstood,
     ScriptFunction,
     Section,
     Statement,
     functions_of,
     lines_of,
     names_in,
+    parse,
     sides,
     statements,
 )
-from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, parse
 
 MOST_STEPS = 20_000  # statements of one piece of code
 
