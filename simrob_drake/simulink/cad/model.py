@@ -216,8 +216,11 @@ def _matrix(values: Vector) -> str:
 
 
 _SAME = 1e-5  # of directions, and of metres: what counts as parallel or in one place
-_LINES = {"line", "cylinder", "circle", "cone"}
-_POINTS = {"point", "sphere"}
+_SHAPES = {
+    **dict.fromkeys(("point", "sphere"), "point"), **dict.fromkeys(("line", "cylinder", "circle", "cone"), "line"),
+    "plane": "plane",
+}  # fmt: skip
+"""What the geometry of a constraint counts as: shapes of few freedoms stand first."""
 
 
 def joint_of(ties: Sequence[Tie]) -> tuple[str, RigidTransform] | None:
@@ -287,7 +290,7 @@ _LEFT_OVER: dict[tuple[int, int], Callable[[Vector, Vector], tuple[str, RigidTra
 
 def _rows(tie: Tie) -> Vector:
     """Return what a constraint forbids, shape (n, 6)."""
-    one, other = sorted((tie.base, tie.follower), key=lambda end: _RANK[_shape(tie, end)])
+    one, other = sorted((tie.base, tie.follower), key=lambda end: ("point", "line", "plane").index(_shape(tie, end)))
     shapes = _shape(tie, one), _shape(tie, other)
     if tie.kind not in _KINDS:
         raise ValueError(f"a constraint {tie.kind} is not known here; {', '.join(sorted(_KINDS))} are")
@@ -328,11 +331,9 @@ def _touching(kind: str, shapes: tuple[str, str], one: End, other: End) -> Vecto
 
 
 def _shape(tie: Tie, end: End) -> str:
-    if end.kind == "plane":
-        return "plane"
-    if end.kind in _LINES or end.kind in _POINTS:
-        return "line" if end.kind in _LINES else "point"
-    raise ValueError(f"the geometry '{end.kind}' of a {tie.kind} is not known here")
+    if end.kind not in _SHAPES:
+        raise ValueError(f"the geometry '{end.kind}' of a {tie.kind} is not known here")
+    return _SHAPES[end.kind]
 
 
 def _axis(end: End) -> Vector:
@@ -352,7 +353,6 @@ def _sliding(place: Vector, *directions: Vector) -> Vector:
     return np.array([np.concatenate([np.cross(place, direction), direction]) for direction in directions])
 
 
-_RANK = {"point": 0, "line": 1, "plane": 2}
 _KINDS = {
     "Coincident", "Concentric", "Distance", "Tangent", "Parallel", "Perpendicular", "Angle", "Fixed", "Lock", "Rigid",
 }  # fmt: skip

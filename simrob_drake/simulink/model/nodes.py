@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
@@ -342,13 +343,10 @@ def _reader(parameter: MaskParameter, text: str, outer: Variables) -> Callable[[
 
 def _drop_the_others(variant: Node) -> list[Node]:
     """Leave the active choice alone in a variant subsystem, with the ports around it, and return the others."""
-    choice = chosen_variant(variant)
-    if choice is None:
-        choice = _first_variant(variant)
-    others = {sid: child for sid, child in variant.children.items() if child.system is not None and child is not choice}
-    for sid in others:
-        del variant.children[sid]
-    return list(others.values())
+    choice = chosen_variant(variant) or _first_variant(variant)
+    others = [child for child in variant.children.values() if child.system is not None and child is not choice]
+    variant.children = {sid: child for sid, child in variant.children.items() if child not in others}
+    return others
 
 
 def _first_variant(variant: Node) -> Node | None:
@@ -366,15 +364,12 @@ def _first_variant(variant: Node) -> Node | None:
 def chosen_variant(node: Node) -> Node | None:
     """Return the active choice of a variant subsystem, or None where only MATLAB can tell."""
     label = node.text("LabelModeActiveChoice") or node.text("OverrideUsingVariant")
-    for child in node.children.values():
-        control = child.text("VariantControl")
-        if control and control == label:
+    controls = [(control, child) for child in node.children.values() if (control := child.text("VariantControl"))]
+    for control, child in controls:
+        if control == label:
             return child
-    for child in node.children.values():
-        control = child.text("VariantControl")
-        try:
-            if control and bool(node.workspace.value(control)):
+    for control, child in controls:
+        with suppress(UndefinedVariable, NotUnderstood, InvalidModel, ValueError):
+            if bool(node.workspace.value(control)):
                 return child
-        except (UndefinedVariable, NotUnderstood, InvalidModel, ValueError):
-            continue
     return None

@@ -110,13 +110,13 @@ def of_parameters(make: Callable[[Node], Callable[[Value], Value]]) -> Rule:
     return lambda reader, node, number: elementwise(make(node))(reader, node, number)
 
 
-def _signs(node: Node, default: str, letters: str) -> str:
+def _signed(reader: Tracer, node: Node, default: str, letters: str) -> list[tuple[str, Signal]]:
+    """Return the inputs of a block with their signs, which ``Inputs`` has, or else their number."""
     text = node.text("Inputs", default).replace("|", "").replace(" ", "")
-    if text.isdecimal():
-        return letters[0] * min(int(text), MOST_INPUTS)
-    if not text or any(letter not in letters for letter in text):
+    signs = letters[0] * min(int(text), MOST_INPUTS) if text.isdecimal() else text
+    if not signs or any(sign not in letters for sign in signs):
         raise node.refusal(f"Inputs is '{text}'; it must be a number or signs such as {letters}")
-    return text
+    return [(sign, reader.input(node, place)) for place, sign in enumerate(signs, start=1)]
 
 
 def _gain(reader: Tracer, node: Node, _: int) -> Signal:
@@ -153,27 +153,23 @@ def _times(node: Node, left: Signal, right: Signal) -> Signal:
 
 
 def _sum(reader: Tracer, node: Node, _: int) -> Signal:
-    signs = _signs(node, "++", "+-")
-    signals = [reader.input(node, place + 1) for place in range(len(signs))]
-    total = [scaled(one, 1.0 if sign == "+" else -1.0) for sign, one in zip(signs, signals, strict=True)]
+    total = [scaled(one, 1.0 if sign == "+" else -1.0) for sign, one in _signed(reader, node, "++", "+-")]
     if len(total) == 1:
         return signal([sum(flat(total[0]), start=0.0)])
     return mapped(lambda *values: sum(values[1:], start=values[0]), *fitted(node, *total))
 
 
 def _product(reader: Tracer, node: Node, _: int) -> Signal | None:
-    signs = _signs(node, "2", "*/")
-    signals = [reader.input(node, place + 1) for place in range(len(signs))]
+    signs, signals = zip(*_signed(reader, node, "2", "*/"), strict=True)
     if node.text("Multiplication", "Element-wise(.*)").startswith("Matrix"):
-        factors = [one if sign == "*" else inverse(one) for sign, one in zip(signs, signals, strict=True)]
-        product = factors[0]
-        for other in factors[1:]:
+        product, *factors = [one if sign == "*" else inverse(one) for sign, one in zip(signs, signals, strict=True)]
+        for other in factors:
             if product is None or other is None:
                 return None
             product = _times(node, product, other)
         return product
     if len(signals) == 1:
-        signals, signs = [signal([value]) for value in flat(signals[0])], signs * signals[0].size
+        signals, signs = tuple(signal([value]) for value in flat(signals[0])), signs * signals[0].size
 
     def product_of(*values: Value) -> Value:
         constant, rest = 1.0, []
