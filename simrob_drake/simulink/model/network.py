@@ -127,45 +127,35 @@ class Connections:
 
         Empty where there is none.
         """
-        first = ""
-        here: tuple[Node, int] | None = (node, number)
+        first, here = "", self._feeds.get((id(node), "in", number))
         for _ in range(_LONGEST_WAY):
-            if here is None or here[0].parent is None or here[0].parent.system is None:
+            if here is None:
                 break
-            source, output = self._feeds.get((id(here[0]), "in", here[1]), (None, 0))
-            if source is None:
-                break
-            name = here[0].parent.system.signals.get(Port(source.block.sid, "out", output))
-            if name:
+            source, output = here
+            level = source.parent.system if source.parent else None
+            if level is not None and (name := level.signals.get(Port(source.block.sid, "out", output))):
                 return name
-            first, here = first or source.block.name, self._named_by(source, output)
+            first = first or source.block.name
+            behind = self._behind(source, output)
+            here = None if behind is None else self._feeds.get(behind)
         return first
-
-    def _named_by(self, source: Node, output: int) -> tuple[Node, int] | None:
-        """Return the input whose signal a block hands on with its name."""
-        if source.kind == "From":
-            goto = self._goto(source)
-            return None if goto is None else (goto, 1)
-        if source.kind == "Inport" and source.parent is not None:
-            return source.parent, _number(source)
-        port = self.outport(source, output) if source.children else None
-        return None if port is None else (port, 1)
 
     def _before(self, node: Node, output: int) -> tuple[Node, int] | None:
         """Go one step up a signal where a block only hands it on."""
+        ends = node.text(ELEMENT) or self.elements(node, output) or (node.children and self.is_conditional(node))
+        behind = None if ends else self._behind(node, output)
+        return (node, output) if behind is None else self._feeds.get(behind)
+
+    def _behind(self, node: Node, output: int) -> Place | None:
+        """Return the input whose signal a block hands on at an output; None of one that makes its own."""
         if node.block.commented == "through":
-            return self._feeds.get((id(node), "in", output))
-        if node.text(ELEMENT) or self.elements(node, output):
-            return node, output
+            return id(node), "in", output
         if node.kind in ("Inport", "InportShadow") and node.parent is not None and node.parent.parent is not None:
-            return self._feeds.get(self._from_outside(node, node.parent, node.parent.parent))
+            return self._from_outside(node, node.parent, node.parent.parent)
         if node.kind == "From":
-            goto = self._goto(node)
-            return None if goto is None else self._feeds.get((id(goto), "in", 1))
-        if node.children:
-            port = None if self.is_conditional(node) else self.outport(node, output)
-            return (node, output) if port is None else self._feeds.get((id(port), "in", 1))
-        return node, output
+            return id(self._goto(node) or node), "in", 1
+        port = self.outport(node, output) if node.children else None
+        return None if port is None else (id(port), "in", 1)
 
     @staticmethod
     def _from_outside(port: Node, owner: Node, outer: Node) -> Place:
