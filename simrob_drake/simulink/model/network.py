@@ -1,7 +1,8 @@
 """What is connected with what: physical nodes over all levels, and where each signal comes from."""
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import count, takewhile
 
 from scipy.cluster.hierarchy import DisjointSet
 
@@ -80,6 +81,10 @@ class Connections:
         Subsystems that run under a condition, whose ``side`` is ``enable`` or ``ifaction``, are not gone through.
         """
         return self._origin(node, self._feeds.get((id(node), side, number)))
+
+    def sources(self, node: Node) -> list[tuple[Node, int]]:
+        """Return the blocks and outputs that feed the inputs of a block, up to one that nothing feeds."""
+        return [source for source in takewhile(bool, map(partial(self.source, node), count(1))) if source]
 
     def inside(self, node: Node, output: int) -> tuple[Node, int] | None:
         """Return the block and output that feed an output of a subsystem from within."""

@@ -20,7 +20,7 @@ MAX_DEPTH = 200  # of elements in elements
 
 
 class Unreadable(ValueError):
-    """A part that is no XML, or XML that no model file has."""
+    """A part that is no XML, or XML that no model file has, such as one that refers to itself without end."""
 
 
 def parse_part(content: bytes) -> ET.Element:
@@ -238,10 +238,6 @@ MOST_BLOCKS = 200_000
 DEEPEST = 100  # subsystems in subsystems
 
 
-class TooManyElements(ValueError):
-    """A model that refers to its own parts so often that it grows without end."""
-
-
 _COUNTED = {
     "Mux": ("Inputs", "in"),
     "BusCreator": ("Inputs", "in"),
@@ -264,9 +260,9 @@ class SystemReader:
         self._blocks = 0
 
     def system(self, element: Element, depth: int = 0) -> System:
-        """Return a system (raises TooManyElements: it has no end)."""
+        """Return a system (raises Unreadable: it has no end)."""
         if depth > DEEPEST:
-            raise TooManyElements(f"nests subsystems more than {DEEPEST} deep")
+            raise Unreadable(f"nests subsystems more than {DEEPEST} deep")
         reference = element.get("Ref")
         if reference:
             return self.system(self._part(reference), depth + 1)
@@ -283,7 +279,7 @@ class SystemReader:
     def _block(self, element: Element, depth: int) -> SimulinkBlock:
         self._blocks += 1
         if self._blocks > MOST_BLOCKS:
-            raise TooManyElements(f"has more than {MOST_BLOCKS} blocks")
+            raise Unreadable(f"has more than {MOST_BLOCKS} blocks")
         parameters = _parameters(element)
         instance = element.find("InstanceData")
         if instance is not None:

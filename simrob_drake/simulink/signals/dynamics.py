@@ -87,12 +87,9 @@ def period_of(reader: Tracer, node: Node) -> float | None:
                 period = float(here.matrix(name, "-1").reshape(-1)[0])
                 if 0 < period < math.inf:
                     return period
-        number = 1
-        while (source := reader.network.source(here, number)) is not None:
-            if source[0] not in known:
-                known.append(source[0])
-                waiting.append(source[0])
-            number += 1
+        new = [one for one in dict.fromkeys(one for one, _ in reader.network.sources(here)) if one not in known]
+        known += new
+        waiting += new
     return None
 
 

@@ -60,7 +60,6 @@ _AS_IS = {
 
 def ports_of(node: Node) -> dict[str, tuple[str, int]]:
     """Return side and number of each port of an element by name: as the file tells, or as the block is by default."""
-    listed: dict[str, list[str]] = {}
     try:
         written = json.loads(node.text("InternalSimscapePortConfiguration", "{}"))
         listed = {
@@ -114,11 +113,8 @@ class _Equations:
         """Add what an element says."""
         element, ports = elements()[node.kind], ports_of(node)
         known = self._branches(node, element, {name: reader.network.net(node, *port) for name, port in ports.items()})
-        driven: dict[str, Value] = {}
-        for name, port in ports.items():
-            driver = reader.physical(node, *port) if name in _driving(element) else None
-            if driver is not None and driver.size:
-                driven[name] = driver.ravel()[0]
+        drivers = {name: reader.physical(node, *port) for name, port in ports.items() if name in _driving(element)}
+        driven: dict[str, Value] = {name: flat(one)[0] for name, one in drivers.items() if one is not None and one.size}
         if element.law:
             words = re.findall(r"\w+", element.law)
             takes = {name: {place: often for _, place, often in known[name]} for name in known if name in words}

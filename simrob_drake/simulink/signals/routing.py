@@ -79,7 +79,7 @@ def _muxed(reader: Tracer, source: tuple[Node, int] | None) -> list[int]:
         if node.kind == "Mux":
             return [part.size for part in inputs_of(reader, node)]
         if node.kind == "Merge":
-            ways = (_muxed(reader, reader.network.source(node, place + 1)) for place in range(_ways(node)))
+            ways = (_muxed(reader, way) for way in reader.network.sources(node))
             return next(filter(None, ways), [])
         source = reader.network.inside(*source) if node.children else None
     return []
@@ -284,14 +284,10 @@ def _condition(reader: Tracer, node: Node) -> Value | None:
     return parts[0] if len(parts) == 1 else joined("and", *parts)
 
 
-def _ways(merge: Node) -> int:
-    return min(int(merge.number("Inputs", "2")), _MOST_WAYS)
-
-
 def _merge(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return what the subsystem gives that runs; the last one where none does."""
     merged: Signal | None = None
-    for place in range(1, _ways(node) + 1):
+    for place in range(1, min(int(node.number("Inputs", "2")), _MOST_WAYS) + 1):
         source = reader.network.source(node, place)
         condition = None if source is None else _condition(reader, source[0])
         inside = None if source is None else reader.network.inside(*source)

@@ -69,10 +69,7 @@ class Tracer:
 
     def inputs(self, node: Node) -> list[Signal]:
         """Return the signals at the inputs of a block that is left open."""
-        found: list[Signal] = []
-        while (source := self.network.source(node, len(found) + 1)) is not None:
-            found.append(self.output(*source))
-        return found
+        return [self.output(*source) for source in self.network.sources(node)]
 
     def once(self, node: Node, make: Callable[[], list[Signal]]) -> list[Signal]:
         """Return all outputs of a block, which are made at the first of them."""

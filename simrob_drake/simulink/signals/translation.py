@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from typing import Any, Self
 
@@ -186,8 +185,9 @@ class Translation(CodeRun):
         for way, guard in ((yes, condition), (no, joined("not", condition))):
             self.variables.clear()
             self.variables.update(before)
-            with self._guard(guard):
-                way()
+            self._guards.append(guard)
+            way()
+            self._guards.pop()
             left.append(dict(self.variables))
         first, second = left
         ended = chosen(condition, *(one.get(_ENDED, 0.0) for one in left))
@@ -197,12 +197,6 @@ class Translation(CodeRun):
         self.variables.update({name: value for name, value in (*first.items(), *second.items())
                                if name not in first or name not in second})  # fmt: skip
         self.variables[_ENDED] = ended
-
-    @contextmanager
-    def _guard(self, condition: Value) -> Iterator[None]:
-        self._guards.append(condition)
-        yield
-        self._guards.pop()
 
 
 def as_signal(value: Any) -> Signal:
