@@ -16,7 +16,7 @@ from simrob_drake.simulink.signals.arithmetic import chosen, limited
 from simrob_drake.simulink.signals.dynamics import period_of
 from simrob_drake.simulink.signals.forms import TIME, Signal, Value, computed, fitted, flat, signal
 from simrob_drake.simulink.signals.tracing import Rule, Tracer
-from simrob_drake.simulink.signals.translation import Translation, as_signal, on_symbols
+from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import Files, undefined
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
@@ -118,8 +118,7 @@ def _formula(reader: Tracer, node: Node, _: int) -> Signal | None:
         values["t"] = reader.input(node) if node.text("TimeSource").startswith("Use external") else signal([TIME])
     values |= {name: _parameter(node, default, others or [name]) for name, (default, *others) in row.items()}
     columns = map(_columns, fitted(node, *values.values()))
-    run = Translation(dict(zip(values, columns, strict=True)))
-    run._algebra.functions.update({name: on_symbols(None, function) for name, function in _BLOCKS.items()})
+    run = Translation(dict(zip(values, columns, strict=True)), own=_BLOCKS)
     return _understood(node, lambda: [as_signal(run.value(text))])[0]
 
 

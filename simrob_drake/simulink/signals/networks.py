@@ -11,7 +11,6 @@ from __future__ import annotations
 import itertools
 import json
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any, NamedTuple
@@ -27,7 +26,7 @@ from simrob_drake.simulink.signals.descriptors import AT_ONCE, Reduced, reduced,
 from simrob_drake.simulink.signals.dynamics import rate_of
 from simrob_drake.simulink.signals.forms import Primitive, Signal, Value, added, flat, signal
 from simrob_drake.simulink.signals.tracing import Rule, Tracer
-from simrob_drake.simulink.signals.translation import Translation, on_symbols
+from simrob_drake.simulink.signals.translation import Translation
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import undefined
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate, matrix
@@ -264,9 +263,7 @@ def _law_of(node: Node, values: dict[str, Value]) -> Value:
     def figure(name: str) -> Any:
         return undefined(name) if name not in node.block.parameters else matrix(_figure(node, name))
 
-    run = Translation(known, figure)
-    own: dict[str, Callable[..., Value]] = {"stop": _stop, "within": partial(_within, node)}
-    run._algebra.functions.update({name: on_symbols(None, function) for name, function in own.items()})
+    run = Translation(known, figure, own={"stop": _stop, "within": partial(_within, node)})
     try:
         return flat(run.value(elements()[node.kind].law))[0]
     except UndefinedVariable as problem:

@@ -91,9 +91,8 @@ class CodeRun:
         self.functions = {} if functions is None else functions
         self._steps = self.depth = 0
         known = {name: partial(self._first_of, name) for name in self.functions}
-        base = self._base()
         own: dict[str, Callable[..., Any]] = {"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter}
-        self._algebra = Algebra(base.operators, {**base.functions, **own, **known})
+        self._algebra: dict[str, Callable[..., Any]] = {**self._base(), **own, **known}
 
     def _base(self) -> Algebra:
         """Return what expressions are computed with, before functions of files."""
@@ -131,7 +130,7 @@ class CodeRun:
     def _learn(self, code: str) -> None:
         for name, function in functions_of(code).items():
             self.functions.setdefault(name, function)
-            self._algebra.functions.setdefault(name, partial(self._first_of, name))
+            self._algebra.setdefault(name, partial(self._first_of, name))
 
     def _exists(self, name: Any, *_: Any) -> float:
         if name in self.unknown:

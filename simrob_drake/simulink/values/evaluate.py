@@ -5,7 +5,6 @@ Values are matrices of shape (r, c), texts, structures (dict), and lists of thes
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -199,12 +198,8 @@ SEVERAL: dict[str, Callable[..., list[Any]]] = {
 Lookup = Callable[[str], Any]  # returns the value of a variable, or raises `UndefinedVariable`
 
 
-@dataclass(frozen=True)
-class Algebra:
-    """What an expression is computed with."""
-
-    operators: Mapping[str, Callable[[Vector, Vector], Any]]  # elementwise, on two matrices
-    functions: dict[str, Callable[..., Any]]  # by name, on matrices
+Algebra = Mapping[str, Callable[..., Any]]
+"""What an expression is computed with: operators, elementwise on two matrices, and functions of matrices, by name."""
 
 
 class UndefinedVariable(LookupError):
@@ -263,11 +258,11 @@ class _Evaluation:
         try:
             return self._lookup(name)
         except UndefinedVariable:
-            if name not in self._algebra.functions:
+            if name not in self._algebra:
                 raise
         values = [self.value(argument) for argument in arguments]
         try:
-            found = self._algebra.functions[name](*values)
+            found = self._algebra[name](*values)
         except TypeError as problem:
             if values:
                 raise
@@ -354,7 +349,7 @@ class _Evaluation:
         if operator == "-":
             return -value
         if operator == "~":
-            return matrix(self._algebra.operators["=="](value, np.zeros((1, 1))))
+            return matrix(self._algebra["=="](value, np.zeros((1, 1))))
         return value.T if operator == "'" else value
 
     def _binary(self, operator: str, one: Expression, other: Expression) -> Vector:
@@ -365,7 +360,7 @@ class _Evaluation:
         right = self.value(other)
         if operator in ("==", "~=") and (isinstance(left, str) or isinstance(right, str)):
             return matrix((left == right) == (operator == "=="))
-        first, second, each = matrix(left), matrix(right), self._algebra.operators
+        first, second, each = matrix(left), matrix(right), self._algebra
         lone = first.size == 1 or second.size == 1
         if operator == "*" and object in (first.dtype, second.dtype) and first.size * second.shape[1] > _MOST_PRODUCTS:
             raise NotUnderstood(f"multiplies matrices of signals by more than {_MOST_PRODUCTS} products")
@@ -381,15 +376,15 @@ class _Evaluation:
             if second.size == 1:
                 quotient = matrix(each["./"](first, second))
             elif object in (first.dtype, second.dtype):
-                quotient = matrix(first @ self._algebra.functions["inv"](second))
+                quotient = matrix(first @ self._algebra["inv"](second))
             else:
                 quotient = matrix(np.linalg.solve(second.T, first.T).T)
         return quotient.T if operator == "\\" else quotient
 
 
-_OPERATORS: dict[str, Callable[[Vector, Vector], Any]] = {
+NUMBERS: Algebra = {
+    **FUNCTIONS,
     "+": np.add, "-": np.subtract, ".*": np.multiply, "./": np.divide, ".^": np.power, "<": np.less, ">": np.greater,
     "<=": np.less_equal, ">=": np.greater_equal, "==": np.equal, "~=": np.not_equal,
     **dict.fromkeys(("&", "&&"), np.logical_and), **dict.fromkeys(("|", "||"), np.logical_or),
 }  # fmt: skip
-NUMBERS = Algebra(_OPERATORS, FUNCTIONS)
