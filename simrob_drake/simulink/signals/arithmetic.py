@@ -100,16 +100,6 @@ def inputs_of(reader: Tracer, node: Node, default: str = "2") -> list[Signal]:
     return [reader.input(node, place + 1) for place in range(min(number, MOST_INPUTS))]
 
 
-def elementwise(function: Callable[..., Value], inputs: int = 1) -> Rule:
-    """Return the rule of a block that computes each element of its inputs."""
-    return lambda reader, node, _: mapped(function, *fitted(node, *(reader.input(node, k + 1) for k in range(inputs))))
-
-
-def of_parameters(make: Callable[[Node], Callable[[Value], Value]]) -> Rule:
-    """Return the rule of a block of one input, whose function is made of its parameters."""
-    return lambda reader, node, number: elementwise(make(node))(reader, node, number)
-
-
 def _signed(reader: Tracer, node: Node, default: str, letters: str) -> list[tuple[str, Signal]]:
     """Return the inputs of a block with their signs, which ``Inputs`` has, or else their number."""
     text = node.text("Inputs", default).replace("|", "").replace(" ", "")
@@ -136,20 +126,16 @@ def _gain(reader: Tracer, node: Node, _: int) -> Signal:
 
 def _times(node: Node, left: Signal, right: Signal) -> Signal:
     """Return a product of matrices, of which a vector is a column."""
-    if 1 in (left.size, right.size) and not (left.ndim == 2 and left.shape[1] == 1 and right.ndim == 2):
-        if left.ndim == 2 and left.shape[1] != 1:
-            right = widened(right, left.shape[1])
-        else:
-            return mapped(lambda one, other: one * other, left, right)
-    columns = right.reshape(-1, 1) if right.ndim == 1 else right
     rows = left.reshape(-1, 1) if left.ndim == 1 else left
-    if rows.shape[1] != columns.shape[0] and columns.size == rows.shape[1]:
-        columns = columns.reshape(-1, 1)
-    if rows.shape[1] != columns.shape[0]:
-        shape = " × ".join(map(str, rows.shape))
-        raise node.refusal(f"Gain is {shape} for a signal of {right.size}")
-    product = np.asarray(rows.dot(columns), dtype=object)
-    return product.reshape(-1) if right.ndim == 1 else product
+    if rows.shape[1] != 1:
+        right = widened(right, rows.shape[1])
+    if 1 in (left.size, right.size):
+        return mapped(lambda one, other: one * other, left, right)
+    if len(right) != rows.shape[1] == right.size:
+        right = right.reshape(-1, 1)
+    if len(right) != rows.shape[1]:
+        raise node.refusal(f"Gain is {' × '.join(map(str, rows.shape))} for a signal of {right.size}")
+    return np.asarray(rows.dot(right), dtype=object)
 
 
 def _sum(reader: Tracer, node: Node, _: int) -> Signal:
@@ -317,7 +303,7 @@ def _switch(reader: Tracer, node: Node, _: int) -> Signal:
 
 ARITHMETIC: dict[str, Rule] = {
     **dict.fromkeys(("Gain", "Slider Gain"), _gain),
-    "DataTypeConversion": of_parameters(_converted),
+    "DataTypeConversion": lambda reader, node, _: mapped(_converted(node), reader.input(node)),
     "Sum": _sum,
     "Product": _product,
     "MinMax": _extreme,

@@ -208,13 +208,10 @@ def fitted(node: Node, *signals: Signal) -> list[Signal]:
     if any(one.size not in (1, largest.size) for one in signals):
         lengths = ", ".join(str(one.size) for one in signals)
         raise node.refusal(f"its inputs have {lengths} elements; they must be equally long, or scalars")
-    return [
-        one.reshape(largest.shape, order="F") if one.size == largest.size else widened(one, largest.size, largest.shape)
-        for one in signals
-    ]
+    return [widened(one, largest.size).reshape(largest.shape, order="F") for one in signals]
 
 
-def widened(values: Signal, size: int, shape: tuple[int, ...] | None = None) -> Signal:
+def widened(values: Signal, size: int) -> Signal:
     """Let a scalar stand for all elements; an input of unknown width grows to the width that is asked for."""
     if values.size != 1 or size == 1:
         return values
@@ -222,10 +219,8 @@ def widened(values: Signal, size: int, shape: tuple[int, ...] | None = None) -> 
     ((term, factor), *others) = terms_of(value).items() or [(ONE, 0.0)]
     node = term.of
     if not others and isinstance(node, Node) and _has_no_width(term.kind, node):
-        made = signal(Form({Term(term.kind, node, term.index + index): factor}) for index in range(size))
-    else:
-        made = signal([value] * size)
-    return made.reshape(shape or (size,), order="F")
+        return signal(Form({Term(term.kind, node, term.index + index): factor}) for index in range(size))
+    return signal([value] * size)
 
 
 def _has_no_width(kind: TermKind, node: Node) -> bool:

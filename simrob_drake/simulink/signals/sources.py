@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up, of_parameters
+from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up
 from simrob_drake.simulink.signals.dynamics import blocks, filtered
 from simrob_drake.simulink.signals.forms import (
     MOST_ELEMENTS,
@@ -139,7 +139,7 @@ def _lookup(node: Node) -> Callable[[Value], Value]:
 PHYSICAL: dict[str, Rule] = {
     "Simulink-PS Converter": _into_physics,
     **{kind: rule for kind, rule in FORMULAS.items() if kind.startswith("PS ")},
-    "PS Lookup Table (1D)": of_parameters(_lookup),
+    "PS Lookup Table (1D)": lambda reader, node, _: mapped(_lookup(node), reader.input(node)),
     "PS Integrator": lambda reader, node, _: blocks(reader, node, "integrator", {"initial": node.quantity("x0", "x")}),
 }
 """What blocks give at their right port 1, by type."""
