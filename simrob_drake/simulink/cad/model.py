@@ -15,7 +15,7 @@ from scipy.cluster.hierarchy import DisjointSet
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import EntryKind
-from simrob_drake.simulink.cad.assembly import Assembly, End, Instance, Tie, read_assembly
+from simrob_drake.simulink.cad.assembly import End, Instance, Tie, read_assembly
 from simrob_drake.simulink.mechanics.joints import PRIMITIVES, xyz_angles
 from simrob_drake.simulink.reading.graph import Model, Port, SimulinkBlock, System
 
@@ -31,20 +31,20 @@ def read_cad_model(path: Path) -> Model:
     Raises:
         InvalidModel: as :func:`read_assembly`; a joint that is not known, or constraints that leave no joint's freedom.
     """
-    writer = _Writer(path, read_assembly(path))
+    writer = _Writer(path, *read_assembly(path))
     return Model(path, "Model", writer.system(), notes=writer.notes)
 
 
 class _Writer:
-    def __init__(self, path: Path, assembly: Assembly) -> None:
-        self._path, self._assembly = path, assembly
+    def __init__(self, path: Path, root: Instance, ties: list[Tie]) -> None:
+        self._path, self._root, self._ties = path, root, ties
         self._system, self.notes = System(), list[tuple[EntryKind, str, str]]()
-        self._bodies = DisjointSet(assembly.root.all())
+        self._bodies = DisjointSet(root.all())
         self._sids: dict[Instance, str] = {}
 
     def system(self) -> System:
-        self._hold(self._assembly.root)
-        ties = self._assembly.ties
+        self._hold(self._root)
+        ties = self._ties
         joints = [(tie, self._joint_kind(tie)) for tie in ties if tie.joins]
         for tie, kind in joints:
             if kind == "Weld Joint":
@@ -121,7 +121,7 @@ class _Writer:
     def _add_bodies(self) -> None:
         """Add the parts, those of one body joined rigidly with the first of them, or with the world."""
         self._first: dict[Instance, Instance] = {}
-        root = self._assembly.root
+        root = self._root
         self._sids[root] = self._add("sm_lib/Frames and Transforms/World Frame", _WORLD, {})
         self._first[self._bodies[root]] = root
         for instance in root.all():
@@ -162,7 +162,7 @@ class _Writer:
 
     def _free_the_others(self, joined: Iterable[frozenset[Instance]]) -> None:
         """Let bodies that no chain of joints leads to from the world move freely, each group as one."""
-        groups, root = DisjointSet(self._first), self._assembly.root
+        groups, root = DisjointSet(self._first), self._root
         for pair in joined:
             groups.merge(*pair)
         held = groups[self._bodies[root]]

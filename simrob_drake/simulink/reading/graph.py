@@ -225,14 +225,6 @@ class Model:
         """What links call it."""
         return self.path.stem
 
-    def count(self) -> int:
-        """Return how many blocks are in it, on all levels."""
-        return _count(self.system)
-
-
-def _count(system: System) -> int:
-    return sum(1 + (_count(block.system) if block.system else 0) for block in system.blocks.values())
-
 
 MOST_BLOCKS = 200_000
 DEEPEST = 100  # subsystems in subsystems

@@ -96,12 +96,7 @@ def begin_on_motions(laws: dict[Freedom, Law]) -> None:
         if freedom.driven == "motion" and law.reference is not None and of_time(law.reference):
             try:
                 before, after = (_at(law.reference, time) for time in (0.0, _INSTANT))
-            except (
-                SimrobError,
-                ValueError,
-                ArithmeticError,
-                RecursionError,
-            ):  # what writes it tells it, or it is a loop
+            except (SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
                 continue
             freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
             freedom.start_counts = freedom.speed_counts = PRESCRIBED
