@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from slx_files import FROM_PHYSICS, INERTIA, REVOLUTE, TO_PHYSICS, WORLD, Level, mask, pendulum, write_model
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.signals.forms import flat, terms_of
+from simrob_drake.simulink.signals.forms import evaluated, flat, terms_of
+from simrob_drake.simulink.signals.sources import _PORTS
 from simrob_drake.simulink.simulink_model import read_simulink
 
 
@@ -469,3 +471,74 @@ def test_elements_of_a_data_store_are_what_is_written_or_what_they_begin_with(tm
     node = next(one for one in model.expanded.nodes if one.block.sid == whole)
     (whole,) = flat(model.tracer.output(node, 1))  # parts of it are written
     assert [term.kind for term in terms_of(whole)] == ["open"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters"),
+    [("DiscreteIntegrator", {}), ("DiscreteTransferFcn", {}), ("slpidlib/PID 1dof", {"TimeDomain": "Discrete-time"})],
+)
+def test_a_sampled_block_that_is_left_open_says_that_no_sample_time_is_known(tmp_path, kind, parameters):
+    plant = Plant()
+    plant.drive(plant.chain(kind, "Sampled", plant.positions[0], **parameters), plant.positions[1])
+    _, report = plant.laws(tmp_path)
+    told = f"{kind.rpartition('/')[2]}: left open; nothing says its sample time"
+    assert [(entry.element, entry.text) for entry in report.of("open")] == [("Sampled", told)]
+
+
+def test_a_scalar_times_a_matrix_from_the_right(tmp_path):
+    plant = Plant()
+    both = plant.chain("Gain", "K", plant.positions[0], Gain="[3; 4]", Multiplication="Matrix(u*K)")
+    plant.drive(*plant.split(both))
+    laws, _ = plant.laws(tmp_path)
+    assert [list(law.net.terms.values()) for law in laws.values()] == [[3], [4]]
+
+
+def test_a_loop_without_states_is_told_of_once(tmp_path):
+    """Its shape is found by following it before: what is met on that way, as the delay, is not told again."""
+    plant = Plant()
+    total = plant.block("Sum", "Loop", Inputs="++")
+    late = plant.chain("Memory", "Late", f"{total}#out:1")
+    plant.wire(plant.positions[0], f"{total}#in:1")
+    plant.wire(late, f"{total}#in:2")
+    plant.drive(late, plant.positions[1])
+    _, report = plant.laws(tmp_path)
+    assert sorted(entry.element for entry in report.of("approximated")) == ["Late", "Late"]
+
+
+def test_transform_sensors_compute_angles_distances_and_their_rates(tmp_path):
+    level, rng = Level(), np.random.default_rng(4)
+    world = level.block(WORLD, "World")
+    joint = level.block("sm_lib/Joints/6-DOF Joint", "Free")
+    body = level.block(INERTIA, "Body")
+    names = ("Angle", "Axis", "Q", "R", "X", "Rad", "Azim", "Dist", "Inc", "RadDot", "AzimDot", "DistDot")
+    sensor = level.block(
+        "sm_lib/Frames and Transforms/Transform Sensor", "Sensor", **{f"Sense{name}": "on" for name in names}
+    )
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1", f"{sensor}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1", f"{sensor}#rconn:1")
+    tracer = read_simulink(write_model(tmp_path / "a.slx", level)).tracer
+    (node,) = (node for node in tracer.network.expanded.nodes if node.block.name == "Sensor")
+    turn, place, velocity = Rotation.random(rng=rng), rng.normal(size=3), rng.normal(size=3)
+    parts = [*place, *turn.as_quat(scalar_first=True), *velocity, 0.0, 0.0, 0.0]
+
+    def leaf(term):
+        return None if term.kind == "block" else 1.0 if term.kind == "one" else parts[term.index]
+
+    ports = [name for name in _PORTS if name in names]
+    found = {}
+    for port, name in enumerate(ports, start=2):
+        values = tracer.physical(node, "rconn", port)
+        found[name] = np.array([evaluated(value, leaf, {}) for value in values.flat]).reshape(values.shape)
+    x, y, z = place
+    rotation_vector = turn.as_rotvec()
+    expected = {
+        "Angle": [np.linalg.norm(rotation_vector)], "Axis": rotation_vector / np.linalg.norm(rotation_vector),
+        "Q": parts[3:7], "R": turn.as_matrix(), "X": [x], "Rad": [np.hypot(x, y)], "Azim": [np.arctan2(y, x)],
+        "Dist": [np.linalg.norm(place)], "Inc": [np.arctan2(z, np.hypot(x, y))],
+        "RadDot": place[:2] @ velocity[:2] / np.hypot(x, y), "DistDot": place @ velocity / np.linalg.norm(place),
+        "AzimDot": (x * velocity[1] - y * velocity[0]) / np.hypot(x, y) ** 2,
+    }  # fmt: skip
+    sign = np.sign(found["Q"] @ expected["Q"])
+    assert sign == 1
+    for name in names:
+        np.testing.assert_allclose(found[name], np.reshape(expected[name], found[name].shape), atol=1e-12, err_msg=name)
