@@ -542,3 +542,24 @@ def test_transform_sensors_compute_angles_distances_and_their_rates(tmp_path):
     assert sign == 1
     for name in names:
         np.testing.assert_allclose(found[name], np.reshape(expected[name], found[name].shape), atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("kind", ["Integrator", "DiscreteIntegrator", "slpidlib/PID 1dof"])
+def test_a_reset_that_is_left_out_is_told(tmp_path, kind):
+    plant = Plant()
+    plant.drive(
+        plant.chain(kind, "I", plant.positions[0], ExternalReset="rising", SampleTime="0.01"), plant.positions[1]
+    )
+    _, report = plant.laws(tmp_path)
+    assert ("I", "its reset is left out") in {(entry.element, entry.text) for entry in report.of("approximated")}
+
+
+@pytest.mark.parametrize("zeros", ["0", "[1 2; 2 4]"])
+def test_a_matrix_without_an_inverse_is_left_open(tmp_path, zeros):
+    """Both once ended an import with a Python error."""
+    plant = Plant()
+    nothing = plant.chain("Constant", "Zeros", Value=zeros)
+    ratio = plant.chain("Product", "Ratio", nothing, Inputs="/", Multiplication="Matrix(*)")
+    plant.drive(plant.chain("Sum", "All", plant.chain("Reshape", "Flat", ratio), Inputs="+"), plant.positions[1])
+    _, report = plant.laws(tmp_path)
+    assert [entry.element for entry in report.of("open")] == ["Ratio"]

@@ -174,9 +174,9 @@ def _product(reader: Tracer, node: Node, _: int) -> Signal | None:
 
 
 def inverse(values: Signal) -> Signal | None:
-    """Return the inverse of a matrix of at most 3 × 3, of a rotation its transpose; None of a larger one."""
+    """Return the inverse of a matrix of at most 3 × 3, of a rotation its transpose; None of a larger one, or of one without."""
     if values.size == 1:
-        return mapped(lambda one: 1.0 / one, values)
+        return None if values.ravel()[0] == 0 else mapped(lambda one: 1.0 / one, values)
     size = values.shape[0]
     if values.shape != (size, size) or size > 3:
         return None
@@ -190,7 +190,7 @@ def inverse(values: Signal) -> Signal | None:
 
     cofactors = np.array([[cofactor(i, j) for j in range(size)] for i in range(size)], dtype=object)
     determinant = sum(values[0, j] * cofactors[0, j] for j in range(size))
-    return mapped(lambda one: one / determinant, cofactors.T)
+    return None if determinant == 0 else mapped(lambda one: one / determinant, cofactors.T)
 
 
 def _turns(values: Signal) -> bool:

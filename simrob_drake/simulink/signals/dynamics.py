@@ -100,9 +100,14 @@ def _sampled(reader: Tracer, node: Node) -> Parameters:
     return {"period": period}
 
 
+def _tell_of_left_out(node: Node) -> None:
+    for what, name, default in (("reset", "ExternalReset", "none"), ("tracking input", "TrackingMode", "off")):
+        if node.text(name, default) != default:
+            node.note("approximated", f"its {what} is left out")
+
+
 def _integrator(reader: Tracer, node: Node, _: int) -> Signal:
-    if node.text("ExternalReset", "none") != "none":
-        node.note("approximated", "its reset is left out")
+    _tell_of_left_out(node)
     start = node.numbers("InitialCondition", "0")
     if node.text("InitialConditionSource", "internal") == "external":
         external = reader.input(node, 2 if node.text("ExternalReset", "none") == "none" else 3)
@@ -124,6 +129,7 @@ def _limits(node: Node) -> Parameters:
 def _discrete_integrator(reader: Tracer, node: Node, _: int) -> Signal:
     sampled = _sampled(reader, node)
     period = sampled["period"]
+    _tell_of_left_out(node)
     method, gain = node.text("IntegratorMethod", "Integration: Forward Euler"), node.number("gainval", "1")
     if method.startswith("Accumulation"):
         gain /= period
@@ -256,9 +262,7 @@ def _pid(reader: Tracer, node: Node, _: int) -> Signal:
         weights = node.numbers("b", "1"), np.ones(1), node.numbers("c", "1")
         errors = [mapped(lambda r, y, b: b * r - y, setpoint, measured, one.astype(object)) for one in weights]
     errors = fitted(node, *errors, *(gains[name].astype(object) for name in gains.keys() - {"N"}))[: len(errors)]
-    for what, name, default in (("reset", "ExternalReset", "none"), ("tracking input", "TrackingMode", "off")):
-        if node.text(name, default) != default:
-            node.note("approximated", f"its {what} is left out")
+    _tell_of_left_out(node)
     parameters = _pid_parameters(reader, node, letters, gains.pop("N", None))
     found = []
     for index, parts in enumerate(zip(*(flat(one) for one in errors), strict=True)):
