@@ -174,7 +174,7 @@ def _product(reader: Tracer, node: Node, _: int) -> Signal | None:
 
 
 def inverse(values: Signal) -> Signal | None:
-    """Return the inverse of a matrix of at most 3 × 3, of a rotation its transpose; None of a larger one, or of one without."""
+    """Return the inverse of a matrix of at most 3 × 3, of a rotation its transpose; None of others."""
     if values.size == 1:
         return None if values.ravel()[0] == 0 else mapped(lambda one: 1.0 / one, values)
     size = values.shape[0]
