@@ -28,6 +28,10 @@ _OLDER_UNITS = {
 """Where the first releases of Simscape Multibody keep units."""
 
 
+_OF_LINKS = ("SourceBlock", "SourceType", "LibraryVersion")
+"""Parameters that a link has for itself, and not for the block of a library that it stands for."""
+
+
 @dataclass
 class Findings:
     """What is found while a model is read."""
@@ -244,7 +248,8 @@ class Expanded:
             if found is None:
                 self._note_missing(path, f"library block {source}", home, moves=moves)
                 return block, None, None, home
-            own, mask = replace(found, parameters={**found.parameters, **_own(block)}), mask or found.mask
+            written = {name: text for name, text in block.parameters.items() if name not in _OF_LINKS}
+            own, mask = replace(found, parameters={**found.parameters, **written}), mask or found.mask
         return replace(own, sid=block.sid, name=block.name), mask, own.system, home
 
     def _note_missing(self, path: str, what: str, name: str, *, moves: bool) -> None:
@@ -308,11 +313,6 @@ def path_below(parent: Node, block: SimulinkBlock) -> str:
 
 def _plain(path: str) -> str:
     return " ".join(path.split())
-
-
-def _own(block: SimulinkBlock) -> dict[str, str]:
-    hidden = "SourceBlock", "SourceType", "LibraryVersion"
-    return {name: value for name, value in block.parameters.items() if name not in hidden}
 
 
 def _masked(name: str, mask: Mask, values: dict[str, str], outer: Variables) -> Variables:
