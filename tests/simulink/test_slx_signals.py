@@ -563,3 +563,23 @@ def test_a_matrix_without_an_inverse_is_left_open(tmp_path, zeros):
     plant.drive(plant.chain("Sum", "All", plant.chain("Reshape", "Flat", ratio), Inputs="+"), plant.positions[1])
     _, report = plant.laws(tmp_path)
     assert [entry.element for entry in report.of("open")] == ["Ratio"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters"),
+    [
+        ("TransferFcn", {"Numerator": "[0.5 1]", "Denominator": "[1 3]"}),
+        ("StateSpace", {"A": "-3", "B": "1", "C": "-0.5", "D": "0.5"}),
+        ("DiscreteIntegrator", {"SampleTime": "0.01", "IntegratorMethod": "Integration: Trapezoidal"}),
+        ("ZeroOrderHold", {"SampleTime": "0.01"}),
+    ],
+)
+def test_a_loop_through_what_answers_at_once_is_late(tmp_path, kind, parameters):
+    plant = Plant()
+    total = plant.block("Sum", "Loop", Inputs="+-")
+    answer = plant.chain(kind, "Answer", f"{total}#out:1", **parameters)
+    plant.wire(plant.positions[0], f"{total}#in:1")
+    plant.wire(answer, f"{total}#in:2")
+    plant.drive(answer, plant.positions[1])
+    _, report = plant.laws(tmp_path)
+    assert any("an algebraic loop, late by 0.001 s" in entry.text for entry in report.of("approximated"))
