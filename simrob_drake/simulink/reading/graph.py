@@ -62,7 +62,7 @@ def parse_part(content: bytes) -> ET.Element:
 
 
 _TOKEN = re.compile(
-    r'\s+|#[^\n]*\n|(?P<text>"(?:\\.|[^"\\])*")|(?P<list>\[[^\]]*\])|(?P<brace>[{}])|(?P<word>[^\s{}"\[]+)'
+    r'\s+|#[^\n]*\n|(?P<text>"(?:\\.|[^"\\])*")|(?P<list>\[[^\]]*\])|(?P<brace>[{}])|(?P<word>[^\s{}"\[]+)|(?P<wrong>.)'
 )
 _ESCAPE = re.compile(r"\\(.)", re.DOTALL)
 _CONNECTION = re.compile(r"([LR])Conn(\d+)")
@@ -87,13 +87,10 @@ def parse_mdl(content: bytes) -> Element:
 
 
 def _tokens(text: str) -> Iterator[tuple[str, str]]:
-    place = 0
-    while place < len(text):
-        match = _TOKEN.match(text, place)
-        if match is None:
-            line = text.count("\n", 0, place) + 1
+    for match in _TOKEN.finditer(text):
+        if match.lastgroup == "wrong":
+            line = text.count("\n", 0, match.start()) + 1
             raise Unreadable(f"is no Simulink model text: line {line} cannot be read")
-        place = match.end()
         if match.lastgroup == "text":
             yield "text", _ESCAPE.sub(lambda found: "\n" if found[1] == "n" else found[1], match["text"][1:-1])
         elif match.lastgroup:

@@ -74,8 +74,7 @@ def read_laws(tracer: Tracer, joints: list[Joint], *, servos: bool = False) -> d
     laws: dict[Freedom, Law] = {}
     for joint in joints:
         for number, (freedom, how) in joint.inputs.items():
-            effort = tracer.physical(joint.node, "lconn", number)
-            value = _first(tracer, joint, number, how, effort)
+            value = _first(tracer, joint, number, how)
             if how == "motion":
                 laws[freedom] = Law(reference=value)
             else:
@@ -108,8 +107,9 @@ def _at(value: Value, time: float) -> float:
     return evaluated(value, lambda term: None if isinstance(term.of, Primitive) else own.get(term.kind, 1.0), {}, time)
 
 
-def _first(tracer: Tracer, joint: Joint, number: int, how: str, effort: Signal | None) -> Value:
+def _first(tracer: Tracer, joint: Joint, number: int, how: str) -> Value:
     """Return the first element of what drives a joint; what nothing drives is told, and is 0."""
+    effort = tracer.physical(joint.node, "lconn", number)
     if effort is not None and effort.size:
         first: Value = effort.ravel()[0]
         return first

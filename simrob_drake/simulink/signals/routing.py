@@ -120,8 +120,7 @@ def _reshape(reader: Tracer, node: Node, _: int) -> Signal:
         shape: tuple[int, ...] = tuple(int(one) for one in size)
     else:
         shape = {"C": (values.size, 1), "R": (1, values.size)}.get(mode[:1], (values.size,))
-    if int(np.prod(shape)) != values.size:
-        values = widened(values.ravel(order="F"), int(np.prod(shape)))
+    values = widened(values.ravel(order="F"), int(np.prod(shape)))
     if int(np.prod(shape)) != values.size:
         raise node.refusal(f"makes {shape} of a signal of {values.size} elements")
     return values.reshape(shape, order="F")
