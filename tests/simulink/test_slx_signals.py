@@ -583,3 +583,29 @@ def test_a_loop_through_what_answers_at_once_is_late(tmp_path, kind, parameters)
     plant.drive(answer, plant.positions[1])
     _, report = plant.laws(tmp_path)
     assert any("an algebraic loop, late by 0.001 s" in entry.text for entry in report.of("approximated"))
+
+
+@pytest.mark.parametrize("parameters", [{}, {"InitialCondition": "[1 2]"}])
+def test_elements_of_a_vector_are_integrated_each(tmp_path, parameters):
+    plant = Plant()
+    both = plant.chain("Integrator", "I", plant.chain("Mux", "q", *plant.positions, Inputs="2"), **parameters)
+    plant.drive(*plant.split(both))
+    laws, _ = plant.laws(tmp_path)
+    blocks = [term.of for name in "AB" for term in laws[name].net.terms]
+    assert [block.parameters["initial"] for block in blocks] == ([1, 2] if parameters else [0, 0])
+    assert [[term.of.name for term in terms_of(block.inputs()[0])] for block in blocks] == [["A"], ["B"]]
+
+
+def test_a_loop_carries_as_many_elements_as_come_into_it(tmp_path):
+    plant = Plant()
+    total = plant.block("Sum", "Rate", Inputs="+-")
+    both = plant.chain("Integrator", "I", f"{total}#out:1")
+    plant.wire(plant.chain("Mux", "q", *plant.positions, Inputs="2"), f"{total}#in:1")
+    plant.wire(both, f"{total}#in:2")
+    plant.drive(*plant.split(both))
+    laws, _ = plant.laws(tmp_path)
+    blocks = [term.of for name in "AB" for term in laws[name].net.terms]
+    rates = [
+        {getattr(term.of, "name", term.of): own for term, own in block.inputs()[0].terms.items()} for block in blocks
+    ]
+    assert rates == [{"A": 1, blocks[0]: -1}, {"B": 1, blocks[1]: -1}]
