@@ -303,25 +303,18 @@ class _Parser:
         raise NotUnderstood(f"has '{token.text}' where a value should stand")
 
     def _arguments(self) -> tuple[Expression, ...]:
-        closing = ")" if self._next().text == "(" else "}"
-        found: list[Expression] = []
-        while not self._stands(closing):
-            if self._is_lone_colon():
-                self._next()
-                found.append(Expression("colon"))
-            else:
-                found.append(self.expression())
-            if self._stands(","):
-                self._next()
-            elif not self._stands(closing):
-                raise NotUnderstood("lacks a closing bracket")
-        self._close(closing)
-        return tuple(found)
+        rows = self._rows(")" if self._next().text == "(" else "}")
+        if len(rows) > 1:
+            raise NotUnderstood("has a ';' among arguments")
+        return rows[0] if rows else ()
 
     def _rows(self, closing: str) -> tuple[tuple[Expression, ...], ...]:
         rows: list[list[Expression]] = [[]]
         while not self._stands(closing):
-            if self._stands(";", ","):
+            if self._is_lone_colon():
+                self._next()
+                rows[-1].append(Expression("colon"))
+            elif self._stands(";", ","):
                 rows += [[]] if self._next().text == ";" else []
             else:
                 rows[-1].append(self.expression())
