@@ -609,3 +609,20 @@ def test_a_loop_carries_as_many_elements_as_come_into_it(tmp_path):
         {getattr(term.of, "name", term.of): own for term, own in block.inputs()[0].terms.items()} for block in blocks
     ]
     assert rates == [{"A": 1, blocks[0]: -1}, {"B": 1, blocks[1]: -1}]
+
+
+@pytest.mark.parametrize("row", [False, True])
+def test_a_matrix_times_what_has_no_width_or_lies_in_a_row(tmp_path, row):
+    """An input of the model becomes as wide as the matrix asks."""
+    plant = Plant()
+    source = plant.chain("Inport", "u")
+    if row:
+        source = plant.chain("Reshape", "Row", plant.chain("Mux", "q", *plant.positions, Inputs="2"),
+                             OutputDimensionality="Row vector (2-D)")  # fmt: skip
+    both = plant.chain("Gain", "K", source, Gain="[1 2; 3 4]", Multiplication="Matrix(K*u)")
+    plant.drive(*plant.split(both))
+    laws, _ = plant.laws(tmp_path)
+    terms = [
+        {getattr(term.of, "name", term.index): own for term, own in law.net.terms.items()} for law in laws.values()
+    ]
+    assert terms == ([{"A": 1, "B": 2}, {"A": 3, "B": 4}] if row else [{0: 1, 1: 2}, {0: 3, 1: 4}])
