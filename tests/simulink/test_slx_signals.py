@@ -9,8 +9,8 @@ from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.importing import import_simulink
 from simrob_drake.simulink.signals.forms import evaluated, flat, terms_of
-from simrob_drake.simulink.signals.sources import _PORTS
 from simrob_drake.simulink.simulink_model import read_simulink
+from simrob_drake.simulink.tables import table
 
 
 class Plant(Level):
@@ -524,7 +524,7 @@ def test_transform_sensors_compute_angles_distances_and_their_rates(tmp_path):
     def leaf(term):
         return None if term.kind == "block" else 1.0 if term.kind == "one" else parts[term.index]
 
-    ports = [name for name in _PORTS if name in names]
+    ports = [name for name in table("sensing") if name in names]
     found = {}
     for port, name in enumerate(ports, start=2):
         values = tracer.physical(node, "rconn", port)
