@@ -152,10 +152,7 @@ def computed(kind: str, *inputs: Value, **parameters: Any) -> Value:
 
 def signal(values: Iterable[Value]) -> Signal:
     """Return a vector of values."""
-    listed = list(values)
-    found = np.empty(len(listed), dtype=object)
-    found[:] = listed
-    return found
+    return np.array(list(values), dtype=object)
 
 
 def flat(values: Signal) -> list[Value]:

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -206,10 +207,8 @@ def _unit(field: str, text: str) -> str:
     if field.endswith("_deg"):
         return "deg"
     found = re.search(r"\[([^],;]+)", text)
-    try:
-        if found:
+    if found:
+        with suppress(UnknownUnit):
             parse_unit(plain_unit(found[1]))
             return found[1]
-    except UnknownUnit:
-        pass
     return "1"

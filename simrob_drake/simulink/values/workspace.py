@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -58,10 +59,8 @@ def find_octave(folders: Iterable[Path] = ()) -> Octave:
 def _names_needed(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
     known = {}
     for name in dict.fromkeys(_NAME.findall(code)):
-        try:
+        with suppress(UndefinedVariable):  # a function, or a variable that the code sets
             known[name] = lookup(name)
-        except UndefinedVariable:
-            continue  # a function, or a variable that the code sets
     return known
 
 
