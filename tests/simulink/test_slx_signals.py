@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 from slx_files import FROM_PHYSICS, INERTIA, REVOLUTE, TO_PHYSICS, WORLD, Level, mask, pendulum, write_model
 
@@ -626,3 +627,14 @@ def test_a_matrix_times_what_has_no_width_or_lies_in_a_row(tmp_path, row):
         {getattr(term.of, "name", term.index): own for term, own in law.net.terms.items()} for law in laws.values()
     ]
     assert terms == ([{"A": 1, "B": 2}, {"A": 3, "B": 4}] if row else [{0: 1, 1: 2}, {0: 3, 1: 4}])
+
+
+def test_what_an_open_block_takes_and_a_sample_time_are_found_at_any_input(tmp_path):
+    plant = Plant()
+    held = plant.chain("ZeroOrderHold", "Held", plant.positions[1], SampleTime="0.05")
+    brain = plant.chain("Unheard", "Brain", plant.positions[0], held)
+    plant.drive(brain, plant.chain("DiscreteIntegrator", "I", brain))
+    imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out")
+    blocks = yaml.safe_load(imported.station.read_text())["controllers"]["law"]["blocks"]
+    assert blocks["Brain_in_2"]["of"] == [{"Held": 1.0}]
+    assert blocks["I"]["period"] == 0.05
