@@ -638,3 +638,11 @@ def test_what_an_open_block_takes_and_a_sample_time_are_found_at_any_input(tmp_p
     blocks = yaml.safe_load(imported.station.read_text())["controllers"]["law"]["blocks"]
     assert blocks["Brain_in_2"]["of"] == [{"Held": 1.0}]
     assert blocks["I"]["period"] == 0.05
+
+
+def test_a_block_that_is_commented_through_hands_its_signal_on(tmp_path):
+    plant = Plant()
+    through = plant.chain("Gain", "K", plant.positions[0], Gain="7", Commented="through")
+    plant.drive(through, plant.positions[1])
+    laws, _ = plant.laws(tmp_path)
+    assert laws["A"].net.terms == {term: 1 for term in laws["A"].net.terms if (term.kind, term.of.name) == ("q", "A")}
