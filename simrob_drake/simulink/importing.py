@@ -143,7 +143,7 @@ def _unknown(model: SimulinkModel, node: Node) -> BlockType:
     if node.kind not in RULES and model.network.unread(node):
         alone = _stands_alone(model, node)
         return BlockType("mechanics", "ignored", _ALONE) if alone else BlockType("mechanics", "lost", node.kind)
-    if node in model.opened:
+    if node in model.tracer.opened:
         return BlockType("signals", "open")
     if not model.tracer.followed(node):
         return BlockType("signals", "ignored", "nothing that moves depends on it")

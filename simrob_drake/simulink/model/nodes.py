@@ -273,14 +273,8 @@ def expand(
     stored = stored_workspace(model.stored) or {}
     written = Variables(name=model.name, variables=stored, code=model.code, outer=called)
     workspace = Variables(name="given", variables=variables, outer=written)
-    root = Node(
-        "",
-        SimulinkBlock("", model.name, "SubSystem", system=model.system),
-        workspace,
-        findings,
-        system=model.system,
-        home=model.name,
-    )
+    top = SimulinkBlock("", model.name, "SubSystem", system=model.system)
+    root = Node("", top, workspace, findings, system=model.system, home=model.name)
     if model.mask is not None:
         root.workspace = _masked(model.name, model.mask, {}, workspace)
     expanded = Expanded(model, root, findings, libraries)

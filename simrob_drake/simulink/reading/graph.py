@@ -227,12 +227,7 @@ MOST_BLOCKS = 200_000
 DEEPEST = 100  # subsystems in subsystems
 
 
-_COUNTED = {
-    "Mux": ("Inputs", "in"),
-    "BusCreator": ("Inputs", "in"),
-    "Merge": ("Inputs", "in"),
-    "Demux": ("Outputs", "out"),
-}
+_COUNTED = {**dict.fromkeys(("Mux", "BusCreator", "Merge"), ("Inputs", "in")), "Demux": ("Outputs", "out")}
 """The parameter in which blocks have how many ports they have, where that is left unsaid."""
 
 
