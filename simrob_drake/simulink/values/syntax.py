@@ -318,6 +318,8 @@ class _Parser:
                 rows += [[]] if self._next().text == ";" else []
             else:
                 rows[-1].append(self.expression())
+                if not self._stands(",", ";", closing):
+                    raise NotUnderstood("lacks a closing bracket")
         self._close(closing)
         return tuple(tuple(row) for row in rows if row)
 
