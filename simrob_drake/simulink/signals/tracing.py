@@ -144,8 +144,7 @@ class Tracer:
         return self._open(node, number, why) if found is None else found
 
     def _open(self, node: Node, number: int, why: str = "") -> Signal:
-        if node not in self.opened:
-            self.opened[node] = why
+        self.opened.setdefault(node, why)
         return signal([Form({Term("open", node, (number - 1) * MOST_ELEMENTS): 1.0})])
 
     def _broken(self, node: Node, number: int) -> Signal:

@@ -48,7 +48,7 @@ def _functions_in(lines: list[Statement]) -> Iterator[tuple[str, ScriptFunction]
         for head, body in line.parts if isinstance(line, Section) else ():
             if signature := _SIGNATURE.match(head):
                 several, one, name, inputs = signature.groups()
-                yield name, ScriptFunction(name, split(inputs or ""), names_in(several or one or ""), body)
+                yield name, ScriptFunction(name, names_in(inputs or ""), names_in(several or one or ""), body)
             yield from _functions_in(body)
 
 
@@ -75,18 +75,6 @@ def sides(text: str) -> tuple[str, str]:
 def names_in(text: str) -> list[str]:
     """Return the names of a list."""
     return [name for name in re.split(r"[\s,]+", text) if name]
-
-
-def split(text: str) -> list[str]:
-    """Split at commas outside brackets."""
-    parts, depth = [""], 0
-    for letter in text:
-        depth += (letter in "([{") - (letter in ")]}")
-        if letter == "," and not depth:
-            parts.append("")
-        else:
-            parts[-1] += letter
-    return [part.strip() for part in parts if part.strip()]
 
 
 def _nested(lines: list[str]) -> list[Statement]:
@@ -268,7 +256,7 @@ class _Parser:
             node = Expression("unary", ("~" if sign == "!" else sign, self.expression(_BINDS["unary"])))
         else:
             node = self._atom()
-            while self._stands("(", "'", ".'", ".") or self._opens_cell(node):
+            while self._stands("(", "'", ".'", ".") or (self._stands("{") and node.kind in ("name", "call", "field")):
                 if self.here.text in ("(", "{"):
                     node = Expression("call", (node, self._arguments()))
                 elif self._next().text != ".":
@@ -279,9 +267,6 @@ class _Parser:
                     node = Expression("field", (node, self._next().text))
         self._depth -= 1
         return node
-
-    def _opens_cell(self, node: Expression) -> bool:
-        return self._stands("{") and node.kind in ("name", "call", "field")
 
     def _atom(self) -> Expression:
         token = self._next()
