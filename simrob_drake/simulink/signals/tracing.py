@@ -25,6 +25,7 @@ from simrob_drake.simulink.signals.forms import (
 LAG = 1e-3
 """Time constant [s] of what stands for a derivative of something that is not measured, or breaks an algebraic loop."""
 _MOST_GUESSES = 5
+_Shapes: TypeAlias = dict[tuple[Node, int], tuple[int, ...]]
 
 
 class Tracer:
@@ -41,8 +42,8 @@ class Tracer:
         self._known: dict[tuple[Node, int], Signal] = {}
         self._made: dict[Node, list[Signal]] = {}
         self._under_way: list[tuple[Node, int]] = []
-        self._shapes: dict[tuple[Node, int], tuple[int, ...]] = {}
-        self._guesses: dict[tuple[Node, int], tuple[int, ...]] | None = None
+        self._shapes: _Shapes = {}
+        self._guesses: _Shapes | None = None
         self._physical: dict[Place, Callable[[], Signal]] = {}
 
     def offer(self, node: Node, number: int, give: Callable[[], Signal], side: str = "rconn") -> None:
@@ -105,9 +106,7 @@ class Tracer:
         return self._shapes[key]
 
     @contextmanager
-    def _guessing(
-        self, guesses: Mapping[tuple[Node, int], tuple[int, ...]]
-    ) -> Iterator[dict[tuple[Node, int], tuple[int, ...]]]:
+    def _guessing(self, guesses: _Shapes) -> Iterator[_Shapes]:
         """Follow signals with guesses of shapes, to which others are added; else all that is found is forgotten."""
         entries = self.network.expanded.findings.report.entries
         kept = self._known, self._under_way, self.opened, entries.copy()
