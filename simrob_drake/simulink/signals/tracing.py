@@ -94,7 +94,7 @@ class Tracer:
                 self._guesses[key] = (1,)
                 self._guesses[key] = self.input(node, number).shape
             return self._guesses[key]
-        guesses = {key: (1,)}
+        guesses: _Shapes = {key: (1,)}
         for _ in range(_MOST_GUESSES):
             with self._guessing(guesses) as guessed:
                 found = {one: self.input(*one).shape for one in guesses}
