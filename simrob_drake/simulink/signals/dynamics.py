@@ -60,8 +60,8 @@ def filtered(node: Node | None, value: Value, numerator: Iterable[float], denomi
     return Primitive("transfer_function", parameters, lambda: [value], node).outputs[0]
 
 
-def rate_of(node: Node, value: Value, lag: float = LAG) -> Value:
-    """Return how fast a value changes: as it is measured, or else by a filter of time constant ``lag`` [s]."""
+def rate_of(node: Node, value: Value) -> Value:
+    """Return how fast a value changes: as it is measured, or else by a filter of time constant ``LAG``."""
     rate: dict[Term, float] = {}
     for term, factor in terms_of(value).items():
         still = isinstance(term.of, Node) and term.of.text("MeasurementFrame").startswith("NonRotating")
@@ -72,8 +72,8 @@ def rate_of(node: Node, value: Value, lag: float = LAG) -> Value:
         elif term.kind == "sensed" and term.index < _PLACES and not still:
             rate[Term("sensed", term.of, term.index + PARTS.index("vx"))] = factor
         elif term.kind != "one":
-            node.note("approximated", f"its derivative is filtered, by {lag:g} s")
-            return filtered(node, value, [1.0, 0.0], [lag, 1.0])
+            node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
+            return filtered(node, value, [1.0, 0.0], [LAG, 1.0])
     return Form(rate) if rate.keys() - {ONE} else rate.get(ONE, 0.0)
 
 

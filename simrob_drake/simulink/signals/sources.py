@@ -37,10 +37,10 @@ def _constant(_: Tracer, node: Node, __: int) -> Signal:
     return value.reshape(-1) if 1 in value.shape and node.text("VectorParams1D", "on") == "on" else value
 
 
-def repeated(times: Any, values: Any, time: Value = TIME, *, stairs: bool = False) -> Value:
+def _repeated(times: Any, values: Any, *, stairs: bool) -> Value:
     """Return a table over time that begins anew at its end."""
     begin, period = float(times[0]), float(times[-1] - times[0])
-    turns = (time - begin) / period
+    turns = (TIME - begin) / period
     phase = begin + period * (turns - applied("floor", turns))
     return _stairs(times, values, phase) if stairs else looked_up(phase, times, values, clip=True)
 
@@ -66,7 +66,7 @@ def _repeating(_: Tracer, node: Node, __: int) -> Signal:
         raise node.refusal(f"has {times.size} times for {values.size} values; the times must rise, with as many values")
     jumps = np.flatnonzero(np.diff(times) == 0)
     times[jumps] -= 1e-9 * (times[-1] - times[0])  # two values at one time are a jump
-    return signal([repeated(times, values, stairs=node.kind == "Repeating Sequence Stair")])
+    return signal([_repeated(times, values, stairs=node.kind == "Repeating Sequence Stair")])
 
 
 def _workspace(_: Tracer, node: Node, __: int) -> Signal:
@@ -87,7 +87,7 @@ def _workspace(_: Tracer, node: Node, __: int) -> Signal:
     found = []
     for column in rows[:, 1:].T:
         if after == "Cyclic repetition":
-            value = repeated(times, column, stairs=stairs)
+            value = _repeated(times, column, stairs=stairs)
         elif stairs:
             value = _stairs(times, column, TIME)
         else:

@@ -25,7 +25,7 @@ from simrob_drake.simulink.signals.forms import (
 LAG = 1e-3
 """Time constant [s] of what stands for a derivative of something that is not measured, or breaks an algebraic loop."""
 _MOST_GUESSES = 5
-_Shapes: TypeAlias = dict[tuple[Node, int], tuple[int, ...]]
+_Shapes: TypeAlias = dict[Node, tuple[int, ...]]
 
 
 class Tracer:
@@ -80,30 +80,29 @@ class Tracer:
             self._made[node] = make()
         return self._made[node]
 
-    def shape(self, node: Node, number: int = 1) -> tuple[int, ...]:
-        """Return the shape of what an input takes, of a block through which loops go.
+    def shape(self, node: Node) -> tuple[int, ...]:
+        """Return the shape of what the first input takes, of a block through which loops go.
 
         The loop is followed with a guess of the shape until it comes round to the same; what is found on the way is
         forgotten.
         """
-        key = node, number
-        if key in self._shapes:
-            return self._shapes[key]
+        if node in self._shapes:
+            return self._shapes[node]
         if self._guesses is not None:  # within another search
-            if key not in self._guesses:
-                self._guesses[key] = (1,)
-                self._guesses[key] = self.input(node, number).shape
-            return self._guesses[key]
-        guesses: _Shapes = {key: (1,)}
+            if node not in self._guesses:
+                self._guesses[node] = (1,)
+                self._guesses[node] = self.input(node).shape
+            return self._guesses[node]
+        guesses: _Shapes = {node: (1,)}
         for _ in range(_MOST_GUESSES):
             with self._guessing(guesses) as guessed:
-                found = {one: self.input(*one).shape for one in guesses}
+                found = {one: self.input(one).shape for one in guesses}
             found = guessed | found
             if found == guesses:
                 break
             guesses = found
         self._shapes |= guesses
-        return self._shapes[key]
+        return self._shapes[node]
 
     @contextmanager
     def _guessing(self, guesses: _Shapes) -> Iterator[_Shapes]:
