@@ -28,7 +28,7 @@ class Connections:
         self._read: set[Place] = set()
         self._wired: dict[Node, set[Place]] = {}
         for node in (expanded.root, *expanded.nodes):
-            if node.system is not None:
+            if node.block.system is not None:
                 self._join_level(node)
             if node.kind == "Goto":
                 self._gotos.setdefault(node.text("GotoTag", "A"), []).append(node)
@@ -137,7 +137,7 @@ class Connections:
             if here is None:
                 break
             source, output = here
-            level = source.parent.system if source.parent else None
+            level = source.parent.block.system if source.parent else None
             if level is not None and (name := level.signals.get(Port(source.block.sid, "out", output))):
                 return name
             first = first or source.block.name
@@ -182,7 +182,7 @@ class Connections:
         return found[0] if len(found) == 1 else None
 
     def _join_level(self, owner: Node) -> None:
-        system = owner.system
+        system = owner.block.system
         assert system is not None
         for net in system.nets:
             present = list(_present(owner, net))
