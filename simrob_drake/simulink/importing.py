@@ -18,7 +18,7 @@ from simrob_drake.simulink.mechanics.joints import JOINTS
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import closure
 from simrob_drake.simulink.signals.networks import NETWORKS
-from simrob_drake.simulink.signals.tracing import RULES
+from simrob_drake.simulink.signals.rules import RULES
 from simrob_drake.simulink.simulink_model import SimulinkModel, read_simulink, undefined_variables
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.writing.station import StationWriter
@@ -143,7 +143,7 @@ def _unknown(model: SimulinkModel, node: Node) -> BlockType:
     if node.kind not in RULES and model.network.unread(node):
         alone = _stands_alone(model, node)
         return BlockType("mechanics", "ignored", _ALONE) if alone else BlockType("mechanics", "lost", node.kind)
-    if node in model.opened:
+    if node in model.tracer.opened:
         return BlockType("signals", "open")
     if not model.tracer.followed(node):
         return BlockType("signals", "ignored", "nothing that moves depends on it")

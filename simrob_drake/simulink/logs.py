@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from simrob_drake import simulate
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.extras import needed
 from simrob_drake.files import LARGEST_TABLE, NotRead, column_names, content_of, read_columns
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
@@ -97,10 +97,8 @@ def _of_csv(file: Path) -> dict[str, Vector]:
 
 
 def _of_parquet(file: Path) -> dict[str, Vector]:
-    if find_spec("pyarrow") is None:
-        raise InvalidParameter("--with", str(file), "CSV, or read by pyarrow: pip install pyarrow")
-    from pyarrow import BufferReader, parquet
-
+    with needed(f"a log such as {file.name}", "parquet"):
+        from pyarrow import BufferReader, parquet
     try:
         table = parquet.read_table(BufferReader(content_of(file, LARGEST_TABLE)))
         return {name: table[name].to_numpy().astype(float) for name in table.column_names}

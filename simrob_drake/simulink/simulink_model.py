@@ -1,6 +1,5 @@
 """Read everything of a model: blocks, mechanics, contacts, control laws, and what stops it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +28,7 @@ from simrob_drake.simulink.signals.laws import (
     read_laws,
     read_pushes,
 )
+from simrob_drake.simulink.signals.rules import tracer_of
 from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.values.workspace import Variables, find_octave
 
@@ -51,7 +51,6 @@ class SimulinkModel:
     tracer: Tracer  # that has followed its signals
     stopping: list[Node]  # contacts whose distance stops the simulation
     stops: dict[Node, Value]  # what else stops it, by the Stop block: as soon as the sum is not 0
-    opened: Mapping[Node, str]  # blocks that are left to the user, and what is wrong with their figures
     gravity: Vector | None  # shape (3,) [m/s²]; None where the model does not tell
     duration: float  # of a run [s]
     report: ImportReport  # what was found
@@ -102,7 +101,7 @@ def read_simulink(
     world, trees = grow(bodies, cuttable)
     contacts = read_contacts(network)
     joints = [link.joint for link in bodies.links]
-    tracer = Tracer(network, joints, contacts)
+    tracer = tracer_of(network, joints, contacts)
     laws, pushes = read_laws(tracer, joints, servos=servos), read_pushes(tracer, bodies)
     by_law = forces_of_contacts(contacts, bodies) if contact_law else {}
     pushes += by_law.values()
@@ -113,7 +112,7 @@ def read_simulink(
     stopping, stops = _stopping(tracer, expanded)
     _tell_of_others(expanded, tracer)
     return SimulinkModel(
-        path, expanded, network, bodies, world, trees, contacts, laws, pushes, tracer, stopping, stops, tracer.opened,
+        path, expanded, network, bodies, world, trees, contacts, laws, pushes, tracer, stopping, stops,
         _gravity(expanded), _duration(expanded), report,
     )  # fmt: skip
 

@@ -184,6 +184,15 @@ def test_assemblies_bring_their_joints_once_for_each_instance(tmp_path):
     np.testing.assert_allclose(result.piece_pose("g1")[[0, -1], 2], [6, 6 - 9.80665 / 8], atol=1e-4)
 
 
+def test_parts_that_are_joined_and_not_held_are_free_as_one(tmp_path):
+    far = RigidTransform([1.0, 0.0, 0.0])
+    parts = [instance("one", "bar"), instance("other", "bar", far), instance("alone", "bar", far)]
+    pin = joint("Revolute", "pin", (["one"], far), (["other"], RigidTransform()))
+    file = write_cad(tmp_path / "a.xml", instances="".join(parts), joints=pin, parts=part("bar"))
+    model = read_simulink(file)
+    assert sorted(link.joint.node.path for link in model.bodies.links) == ["alone free", "one free", "pin"]
+
+
 def test_step_geometry_is_seen_in_its_own_units(tmp_path):
     pytest.importorskip("cascadio")
     write_step_box(tmp_path / "rod.step", (20, 30, 40))

@@ -5,11 +5,10 @@ import pytest
 
 from simrob_drake.simulink.signals.arithmetic import applied, inverse
 from simrob_drake.simulink.signals.forms import TIME, Primitive, blocks_in, flat, mapped, signal
-from simrob_drake.simulink.signals.frame_sensing import orientation
+from simrob_drake.simulink.signals.sources import orientation
 from simrob_drake.simulink.signals.translation import Translation
 from simrob_drake.simulink.values.code import undefined
-from simrob_drake.simulink.values.script import functions_of
-from simrob_drake.simulink.values.syntax import NotUnderstood
+from simrob_drake.simulink.values.syntax import NotUnderstood, functions_of
 from simrob_drake.simulink.writing.references import over_time
 
 TIMES = np.linspace(0, 2, 81)

@@ -10,6 +10,21 @@ from simrob_drake.simulink.simulink_model import read_simulink
 from simrob_drake.simulink.writing.references import over_time
 
 TIMES = np.linspace(0.02, 2, 34)
+SAMPLED = {"SampleTime": "0.09", "gainval": "2", "InitialCondition": "0.3"}
+
+
+def steps(t):
+    """Samples of 0.09 s that are past."""
+    return np.floor(t / 0.09)
+
+
+def before(t, late):
+    return np.maximum(steps(t) - late, 0)
+
+
+def summed(last):
+    """The sum of the samples 0, 0.09, ... up to one, which is its number."""
+    return 0.09 * last * (last + 1) / 2
 
 
 def outputs(tmp_path, kind, inputs, parameters):
@@ -75,6 +90,24 @@ def outputs(tmp_path, kind, inputs, parameters):
         ("DataTypeConversion", 1, {"OutDataTypeStr": "int16"}, np.floor),
         ("DataTypeConversion", 1, {"OutDataTypeStr": "uint8", "RndMeth": "Nearest"}, lambda t: np.floor(t + 0.5)),
         ("DataTypeConversion", 2, {"OutDataTypeStr": "boolean"}, np.ones_like),
+        ("DiscreteIntegrator", 1, SAMPLED, lambda t: 0.3 + 0.18 * summed(steps(t) - 1)),
+        ("DiscreteIntegrator", 1, {**SAMPLED, "IntegratorMethod": "Integration: Backward Euler"},
+         lambda t: 0.3 + 0.18 * summed(steps(t))),
+        ("DiscreteIntegrator", 1, {**SAMPLED, "IntegratorMethod": "Integration: Trapezoidal"},
+         lambda t: 0.3 + 0.09 * (summed(steps(t)) + summed(steps(t) - 1))),
+        ("DiscreteIntegrator", 1, {**SAMPLED, "IntegratorMethod": "Accumulation: Forward Euler"},
+         lambda t: 0.3 + 2 * summed(steps(t) - 1)),
+        ("DiscreteIntegrator", 1, {**SAMPLED, "LimitOutput": "on", "UpperSaturationLimit": "0.9"},
+         lambda t: np.minimum(0.9, 0.3 + 0.18 * summed(steps(t) - 1))),
+        ("ZeroOrderHold", 1, {"SampleTime": "0.09"}, lambda t: 0.09 * steps(t)),
+        ("ZeroOrderHold", 1, {}, lambda t: t),
+        ("DiscreteFir", 1, {"SampleTime": "0.09", "Coefficients": "[0.2 0.3 0.5]"},
+         lambda t: 0.09 * (0.2 * steps(t) + 0.3 * before(t, 1) + 0.5 * before(t, 2))),
+        ("DiscreteFilter", 1, {"SampleTime": "0.09", "Numerator": "[0 1]", "Denominator": "[1]"},
+         lambda t: 0.09 * before(t, 1)),
+        ("UnitDelay", 1, {"SampleTime": "0.09", "InitialCondition": "7"},
+         lambda t: np.where(steps(t) < 1, 7, 0.09 * before(t, 1))),
+        ("TransportDelay", 1, {"DelayTime": "0"}, lambda t: t),
         ("Saturate", 1, {"UpperLimit": "1.3", "LowerLimit": "[0.4; -inf]"},
          lambda t: [np.clip(t, 0.4, 1.3), np.minimum(t, 1.3)]),
         ("DeadZone", 1, {"LowerValue": "0", "UpperValue": "0.5"}, lambda t: np.maximum(t - 0.5, 0)),

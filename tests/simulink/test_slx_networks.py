@@ -10,6 +10,8 @@ from slx_files import FROM_PHYSICS, INERTIA, MECHANISM, REVOLUTE, TO_PHYSICS, WO
 from simrob_drake import load_station, simulate
 from simrob_drake.simulink.importing import import_simulink
 from simrob_drake.simulink.signals.descriptors import reduced, without_fast
+from simrob_drake.simulink.simulink_model import read_simulink
+from simrob_drake.simulink.writing.references import over_time
 
 ELECTRICAL = "fl_lib/Electrical/Electrical Elements/"
 TIGHT = {"solver.accuracy": 1e-7, "solver.max_step": 0.002}
@@ -385,3 +387,25 @@ def test_a_law_on_a_shaft_beside_what_settles_at_once_keeps_all_states(tmp_path)
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
     assert imported.fidelity == "mechanics complete"
     assert imported.report.of("approximated") == []
+
+
+def test_a_motion_sensor_tells_the_speed_and_the_angle(tmp_path):
+    """A torque of 1 N m on an inertia of 2 kg m² that nothing else holds."""
+    level, mechanical = Level(), "fl_lib/Mechanical/"
+    source = level.block(f"{mechanical}Mechanical Sources/Ideal Torque Source", "Source")
+    sensor = level.block(f"{mechanical}Mechanical Sensors/Ideal Rotational Motion Sensor", "Sensor")
+    wheel = level.block(f"{ELEMENTS}Inertia", "Wheel", inertia="2", inertia_unit="kg*m^2")
+    held = level.block(f"{ELEMENTS}Mechanical Rotational Reference", "Held")
+    torque, into = level.block("Constant", "Torque", Value="1"), level.block(TO_PHYSICS, "In", Unit="1")
+    level.wire(f"{torque}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{source}#rconn:1")
+    level.connect(f"{source}#lconn:1", f"{sensor}#lconn:1", f"{wheel}#lconn:1")
+    level.connect(f"{source}#rconn:2", f"{sensor}#rconn:1", f"{held}#lconn:1")
+    level.connect(f"{sensor}#rconn:2", f"{level.block(FROM_PHYSICS, 'Speed')}#lconn:1")
+    level.connect(f"{sensor}#rconn:3", f"{level.block(FROM_PHYSICS, 'Angle')}#lconn:1")
+    tracer = read_simulink(write_model(tmp_path / "a.slx", level)).tracer
+    (node,) = (node for node in tracer.network.expanded.nodes if node.block.name == "Sensor")
+    times = np.linspace(0.1, 1, 10)
+    speed, angle = over_time([tracer.physical(node, "rconn", port)[0] for port in (2, 3)], times)
+    np.testing.assert_allclose([np.abs(speed), np.abs(angle)], [times / 2, times**2 / 4], atol=1e-6)
+    np.testing.assert_allclose(np.sign(speed), np.sign(angle))

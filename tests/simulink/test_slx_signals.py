@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+import yaml
+from scipy.spatial.transform import Rotation
 from slx_files import FROM_PHYSICS, INERTIA, REVOLUTE, TO_PHYSICS, WORLD, Level, mask, pendulum, write_model
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.signals.forms import flat, terms_of
+from simrob_drake.simulink.signals.forms import evaluated, flat, terms_of
 from simrob_drake.simulink.simulink_model import read_simulink
+from simrob_drake.simulink.tables import table
 
 
 class Plant(Level):
@@ -469,3 +472,177 @@ def test_elements_of_a_data_store_are_what_is_written_or_what_they_begin_with(tm
     node = next(one for one in model.expanded.nodes if one.block.sid == whole)
     (whole,) = flat(model.tracer.output(node, 1))  # parts of it are written
     assert [term.kind for term in terms_of(whole)] == ["open"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters"),
+    [("DiscreteIntegrator", {}), ("DiscreteTransferFcn", {}), ("slpidlib/PID 1dof", {"TimeDomain": "Discrete-time"})],
+)
+def test_a_sampled_block_that_is_left_open_says_that_no_sample_time_is_known(tmp_path, kind, parameters):
+    plant = Plant()
+    plant.drive(plant.chain(kind, "Sampled", plant.positions[0], **parameters), plant.positions[1])
+    _, report = plant.laws(tmp_path)
+    told = f"{kind.rpartition('/')[2]}: left open; nothing says its sample time"
+    assert [(entry.element, entry.text) for entry in report.of("open")] == [("Sampled", told)]
+
+
+def test_a_scalar_times_a_matrix_from_the_right(tmp_path):
+    plant = Plant()
+    both = plant.chain("Gain", "K", plant.positions[0], Gain="[3; 4]", Multiplication="Matrix(u*K)")
+    plant.drive(*plant.split(both))
+    laws, _ = plant.laws(tmp_path)
+    assert [list(law.net.terms.values()) for law in laws.values()] == [[3], [4]]
+
+
+def test_a_loop_without_states_is_told_of_once(tmp_path):
+    """Its shape is found by following it before: what is met on that way, as the delay, is not told again."""
+    plant = Plant()
+    total = plant.block("Sum", "Loop", Inputs="++")
+    late = plant.chain("Memory", "Late", f"{total}#out:1")
+    plant.wire(plant.positions[0], f"{total}#in:1")
+    plant.wire(late, f"{total}#in:2")
+    plant.drive(late, plant.positions[1])
+    _, report = plant.laws(tmp_path)
+    assert sorted(entry.element for entry in report.of("approximated")) == ["Late", "Late"]
+
+
+def test_transform_sensors_compute_angles_distances_and_their_rates(tmp_path):
+    level, rng = Level(), np.random.default_rng(4)
+    world = level.block(WORLD, "World")
+    joint = level.block("sm_lib/Joints/6-DOF Joint", "Free")
+    body = level.block(INERTIA, "Body")
+    names = ("Angle", "Axis", "Q", "R", "X", "Rad", "Azim", "Dist", "Inc", "RadDot", "AzimDot", "DistDot")
+    sensor = level.block(
+        "sm_lib/Frames and Transforms/Transform Sensor", "Sensor", **{f"Sense{name}": "on" for name in names}
+    )
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1", f"{sensor}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{body}#rconn:1", f"{sensor}#rconn:1")
+    tracer = read_simulink(write_model(tmp_path / "a.slx", level)).tracer
+    (node,) = (node for node in tracer.network.expanded.nodes if node.block.name == "Sensor")
+    turn, place, velocity = Rotation.random(rng=rng), rng.normal(size=3), rng.normal(size=3)
+    parts = [*place, *turn.as_quat(scalar_first=True), *velocity, 0.0, 0.0, 0.0]
+
+    def leaf(term):
+        return None if term.kind == "block" else 1.0 if term.kind == "one" else parts[term.index]
+
+    ports = [name for name in table("sensing") if name in names]
+    found = {}
+    for port, name in enumerate(ports, start=2):
+        values = tracer.physical(node, "rconn", port)
+        found[name] = np.array([evaluated(value, leaf, {}) for value in values.flat]).reshape(values.shape)
+    x, y, z = place
+    rotation_vector = turn.as_rotvec()
+    expected = {
+        "Angle": [np.linalg.norm(rotation_vector)], "Axis": rotation_vector / np.linalg.norm(rotation_vector),
+        "Q": parts[3:7], "R": turn.as_matrix(), "X": [x], "Rad": [np.hypot(x, y)], "Azim": [np.arctan2(y, x)],
+        "Dist": [np.linalg.norm(place)], "Inc": [np.arctan2(z, np.hypot(x, y))],
+        "RadDot": place[:2] @ velocity[:2] / np.hypot(x, y), "DistDot": place @ velocity / np.linalg.norm(place),
+        "AzimDot": (x * velocity[1] - y * velocity[0]) / np.hypot(x, y) ** 2,
+    }  # fmt: skip
+    sign = np.sign(found["Q"] @ expected["Q"])
+    assert sign == 1
+    for name in names:
+        np.testing.assert_allclose(found[name], np.reshape(expected[name], found[name].shape), atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("kind", ["Integrator", "DiscreteIntegrator", "slpidlib/PID 1dof"])
+def test_a_reset_that_is_left_out_is_told(tmp_path, kind):
+    plant = Plant()
+    plant.drive(
+        plant.chain(kind, "I", plant.positions[0], ExternalReset="rising", SampleTime="0.01"), plant.positions[1]
+    )
+    _, report = plant.laws(tmp_path)
+    assert ("I", "its reset is left out") in {(entry.element, entry.text) for entry in report.of("approximated")}
+
+
+@pytest.mark.parametrize("zeros", ["0", "[1 2; 2 4]"])
+def test_a_matrix_without_an_inverse_is_left_open(tmp_path, zeros):
+    """Both once ended an import with a Python error."""
+    plant = Plant()
+    nothing = plant.chain("Constant", "Zeros", Value=zeros)
+    ratio = plant.chain("Product", "Ratio", nothing, Inputs="/", Multiplication="Matrix(*)")
+    plant.drive(plant.chain("Sum", "All", plant.chain("Reshape", "Flat", ratio), Inputs="+"), plant.positions[1])
+    _, report = plant.laws(tmp_path)
+    assert [entry.element for entry in report.of("open")] == ["Ratio"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters"),
+    [
+        ("TransferFcn", {"Numerator": "[0.5 1]", "Denominator": "[1 3]"}),
+        ("StateSpace", {"A": "-3", "B": "1", "C": "-0.5", "D": "0.5"}),
+        ("DiscreteIntegrator", {"SampleTime": "0.01", "IntegratorMethod": "Integration: Trapezoidal"}),
+        ("ZeroOrderHold", {"SampleTime": "0.01"}),
+    ],
+)
+def test_a_loop_through_what_answers_at_once_is_late(tmp_path, kind, parameters):
+    plant = Plant()
+    total = plant.block("Sum", "Loop", Inputs="+-")
+    answer = plant.chain(kind, "Answer", f"{total}#out:1", **parameters)
+    plant.wire(plant.positions[0], f"{total}#in:1")
+    plant.wire(answer, f"{total}#in:2")
+    plant.drive(answer, plant.positions[1])
+    _, report = plant.laws(tmp_path)
+    assert any("an algebraic loop, late by 0.001 s" in entry.text for entry in report.of("approximated"))
+
+
+@pytest.mark.parametrize("parameters", [{}, {"InitialCondition": "[1 2]"}])
+def test_elements_of_a_vector_are_integrated_each(tmp_path, parameters):
+    plant = Plant()
+    both = plant.chain("Integrator", "I", plant.chain("Mux", "q", *plant.positions, Inputs="2"), **parameters)
+    plant.drive(*plant.split(both))
+    laws, _ = plant.laws(tmp_path)
+    blocks = [term.of for name in "AB" for term in laws[name].net.terms]
+    assert [block.parameters["initial"] for block in blocks] == ([1, 2] if parameters else [0, 0])
+    assert [[term.of.name for term in terms_of(block.inputs()[0])] for block in blocks] == [["A"], ["B"]]
+
+
+def test_a_loop_carries_as_many_elements_as_come_into_it(tmp_path):
+    plant = Plant()
+    total = plant.block("Sum", "Rate", Inputs="+-")
+    both = plant.chain("Integrator", "I", f"{total}#out:1")
+    plant.wire(plant.chain("Mux", "q", *plant.positions, Inputs="2"), f"{total}#in:1")
+    plant.wire(both, f"{total}#in:2")
+    plant.drive(*plant.split(both))
+    laws, _ = plant.laws(tmp_path)
+    blocks = [term.of for name in "AB" for term in laws[name].net.terms]
+    rates = [
+        {getattr(term.of, "name", term.of): own for term, own in block.inputs()[0].terms.items()} for block in blocks
+    ]
+    assert rates == [{"A": 1, blocks[0]: -1}, {"B": 1, blocks[1]: -1}]
+
+
+@pytest.mark.parametrize("row", [False, True])
+def test_a_matrix_times_what_has_no_width_or_lies_in_a_row(tmp_path, row):
+    """An input of the model becomes as wide as the matrix asks."""
+    plant = Plant()
+    source = plant.chain("Inport", "u")
+    if row:
+        source = plant.chain("Reshape", "Row", plant.chain("Mux", "q", *plant.positions, Inputs="2"),
+                             OutputDimensionality="Row vector (2-D)")  # fmt: skip
+    both = plant.chain("Gain", "K", source, Gain="[1 2; 3 4]", Multiplication="Matrix(K*u)")
+    plant.drive(*plant.split(both))
+    laws, _ = plant.laws(tmp_path)
+    terms = [
+        {getattr(term.of, "name", term.index): own for term, own in law.net.terms.items()} for law in laws.values()
+    ]
+    assert terms == ([{"A": 1, "B": 2}, {"A": 3, "B": 4}] if row else [{0: 1, 1: 2}, {0: 3, 1: 4}])
+
+
+def test_what_an_open_block_takes_and_a_sample_time_are_found_at_any_input(tmp_path):
+    plant = Plant()
+    held = plant.chain("ZeroOrderHold", "Held", plant.positions[1], SampleTime="0.05")
+    brain = plant.chain("Unheard", "Brain", plant.positions[0], held)
+    plant.drive(brain, plant.chain("DiscreteIntegrator", "I", brain))
+    imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out")
+    blocks = yaml.safe_load(imported.station.read_text())["controllers"]["law"]["blocks"]
+    assert blocks["Brain_in_2"]["of"] == [{"Held": 1.0}]
+    assert blocks["I"]["period"] == 0.05
+
+
+def test_a_block_that_is_commented_through_hands_its_signal_on(tmp_path):
+    plant = Plant()
+    through = plant.chain("Gain", "K", plant.positions[0], Gain="7", Commented="through")
+    plant.drive(through, plant.positions[1])
+    laws, _ = plant.laws(tmp_path)
+    assert laws["A"].net.terms == {term: 1 for term in laws["A"].net.terms if (term.kind, term.of.name) == ("q", "A")}

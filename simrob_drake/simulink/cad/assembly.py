@@ -77,14 +77,6 @@ class Tie:
     joins: bool  # whether it is a joint
 
 
-@dataclass(frozen=True)
-class Assembly:
-    """A whole file."""
-
-    root: Instance  # the instance that stands for the world
-    ties: list[Tie]  # joints and constraints, those of assemblies for each of their instances
-
-
 def is_export(path: Path) -> bool:
     """Tell whether an XML file is what a CAD tool exports for Simscape Multibody, of any age."""
     try:
@@ -95,8 +87,8 @@ def is_export(path: Path) -> bool:
     return any(name in beginning for name in (ROOT, *OLDER))
 
 
-def read_assembly(path: Path) -> Assembly:
-    """Read an exported assembly.
+def read_assembly(path: Path) -> tuple[Instance, list[Tie]]:
+    """Read an exported assembly: the instance that is the world, and its ties, those of assemblies for each instance.
 
     Raises:
         InvalidModel: it is damaged, of the first generation, or says what cannot be.
@@ -122,14 +114,14 @@ class _Reader:
         self._kinds = {kind.get("uid", ""): kind for kind in root.iterfind("Assemblies/Assembly")}
         self._ties: list[Tie] = []
 
-    def assembly(self) -> Assembly:
+    def assembly(self) -> tuple[Instance, list[Tie]]:
         top = self._root.find("RootAssembly")
         if top is None:
             raise self._wrong("", "has no RootAssembly")
         root = Instance("", RigidTransform())
         self._fill(root, top.find("InstanceTree"), 0)
         self._join(root, top, {top.get("uid", "")})
-        return Assembly(root, self._ties)
+        return root, self._ties
 
     def _fill(self, parent: Instance, tree: Element | None, depth: int) -> None:
         if depth > DEEPEST:

@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
+from scipy.cluster.hierarchy import DisjointSet
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import EntryKind
-from simrob_drake.simulink.cad.assembly import Assembly, End, Instance, Tie, read_assembly
+from simrob_drake.simulink.cad.assembly import End, Instance, Tie, read_assembly
 from simrob_drake.simulink.mechanics.joints import PRIMITIVES, xyz_angles
 from simrob_drake.simulink.reading.graph import Model, Port, SimulinkBlock, System
 
@@ -30,24 +31,24 @@ def read_cad_model(path: Path) -> Model:
     Raises:
         InvalidModel: as :func:`read_assembly`; a joint that is not known, or constraints that leave no joint's freedom.
     """
-    writer = _Writer(path, read_assembly(path))
+    writer = _Writer(path, *read_assembly(path))
     return Model(path, "Model", writer.system(), notes=writer.notes)
 
 
 class _Writer:
-    def __init__(self, path: Path, assembly: Assembly) -> None:
-        self._path, self._assembly = path, assembly
+    def __init__(self, path: Path, root: Instance, ties: list[Tie]) -> None:
+        self._path, self._root, self._ties = path, root, ties
         self._system, self.notes = System(), list[tuple[EntryKind, str, str]]()
-        self._bodies = {instance: instance for instance in assembly.root.all()}
+        self._bodies = DisjointSet(root.all())
         self._sids: dict[Instance, str] = {}
 
     def system(self) -> System:
-        self._hold(self._assembly.root)
-        ties = self._assembly.ties
+        self._hold(self._root)
+        ties = self._ties
         joints = [(tie, self._joint_kind(tie)) for tie in ties if tie.joins]
         for tie, kind in joints:
             if kind == "Weld Joint":
-                self._unite(tie.base.instance, tie.follower.instance)
+                self._bodies.merge(tie.base.instance, tie.follower.instance)
         pairs = self._constrained([tie for tie in ties if not tie.joins])
         self._add_bodies()
         joined = {pair for tie, _ in joints if (pair := self._pair(tie))}
@@ -69,9 +70,9 @@ class _Writer:
         groups: dict[str, Instance] = {}
         for child in parent.inside.values():
             if rigid or child.held:
-                self._unite(child, parent)
+                self._bodies.merge(child, parent)
             if child.group:
-                self._unite(child, groups.setdefault(child.group, child))
+                self._bodies.merge(child, groups.setdefault(child.group, child))
             self._hold(child, rigid)
 
     def _joint_kind(self, tie: Tie) -> str:
@@ -90,7 +91,7 @@ class _Writer:
             if not fixed:
                 return pairs
             for pair in fixed:
-                self._unite(*pair)
+                self._bodies.merge(*pair)
 
     def _joint_of(self, ties: list[Tie]) -> tuple[str, RigidTransform] | None:
         try:
@@ -112,29 +113,21 @@ class _Writer:
         self._joint(ties[0], kind, frame, frame)
         return True
 
-    def _body(self, instance: Instance) -> Instance:
-        while self._bodies[instance] is not instance:
-            instance = self._bodies[instance]
-        return instance
-
-    def _unite(self, one: Instance, other: Instance) -> None:
-        self._bodies[self._body(one)] = self._body(other)
-
     def _pair(self, tie: Tie) -> frozenset[Instance]:
         """Return the two bodies that something joins; empty if they are one."""
-        pair = frozenset(self._body(end.instance) for end in (tie.base, tie.follower))
+        pair = frozenset(self._bodies[end.instance] for end in (tie.base, tie.follower))
         return pair if len(pair) > 1 else frozenset()
 
     def _add_bodies(self) -> None:
         """Add the parts, those of one body joined rigidly with the first of them, or with the world."""
         self._first: dict[Instance, Instance] = {}
-        root = self._assembly.root
+        root = self._root
         self._sids[root] = self._add("sm_lib/Frames and Transforms/World Frame", _WORLD, {})
-        self._first[self._body(root)] = root
+        self._first[self._bodies[root]] = root
         for instance in root.all():
             if instance.part is not None:
                 self._sids[instance] = self._add("sm_lib/Body Elements/File Solid", instance.name, _solid(instance))
-                first = self._first.setdefault(self._body(instance), instance)
+                first = self._first.setdefault(self._bodies[instance], instance)
                 if first is not instance:
                     pose = first.pose.inverse() @ instance.pose
                     self._transform(f"{instance.name} place", self._port(first), pose, self._port(instance))
@@ -142,7 +135,7 @@ class _Writer:
     def _joint(self, tie: Tie, kind: str, base: RigidTransform, follower: RigidTransform) -> None:
         ends = []
         for end, frame, side in ((tie.base, base, "base"), (tie.follower, follower, "follower")):
-            first = self._first.get(self._body(end.instance))
+            first = self._first.get(self._bodies[end.instance])
             if first is None:
                 message = f"its {side} is on {end.instance.name or 'the assembly'}, in which no part is fixed"
                 raise InvalidModel(self._path, tie.name, message)
@@ -169,23 +162,17 @@ class _Writer:
 
     def _free_the_others(self, joined: Iterable[frozenset[Instance]]) -> None:
         """Let bodies that no chain of joints leads to from the world move freely, each group as one."""
-        root, reached, neighbours = self._assembly.root, set[Instance](), dict[Instance, set[Instance]]()
+        groups, root = DisjointSet(self._first), self._root
         for pair in joined:
-            for body in pair:
-                neighbours.setdefault(body, set()).update(pair)
+            groups.merge(*pair)
+        held = groups[self._bodies[root]]
         for body, first in self._first.items():
-            if body in reached:
-                continue
-            if first is not root:
+            if not groups.connected(body, held):
                 sid = self._add("sm_lib/Joints/6-DOF Joint", f"{first.name} free", {})
                 self._transform(f"{first.name} start", self._port(root), first.pose, Port(sid, "lconn", 1))
                 self._system.nets.append([Port(sid, "rconn", 1), self._port(first)])
                 self.notes.append(("read", first.name, "nothing joins it to what is fixed: it is free"))
-            waiting = [body]
-            while waiting:
-                here = waiting.pop()
-                reached.add(here)
-                waiting += neighbours.get(here, set()) - reached
+                groups.merge(body, held)
 
     def _port(self, instance: Instance) -> Port:
         return Port(self._sids[instance], "rconn", 1)
@@ -229,8 +216,11 @@ def _matrix(values: Vector) -> str:
 
 
 _SAME = 1e-5  # of directions, and of metres: what counts as parallel or in one place
-_LINES = {"line", "cylinder", "circle", "cone"}
-_POINTS = {"point", "sphere"}
+_SHAPES = {
+    **dict.fromkeys(("point", "sphere"), "point"), **dict.fromkeys(("line", "cylinder", "circle", "cone"), "line"),
+    "plane": "plane",
+}  # fmt: skip
+"""What the geometry of a constraint counts as: shapes of few freedoms stand first."""
 
 
 def joint_of(ties: Sequence[Tie]) -> tuple[str, RigidTransform] | None:
@@ -300,7 +290,7 @@ _LEFT_OVER: dict[tuple[int, int], Callable[[Vector, Vector], tuple[str, RigidTra
 
 def _rows(tie: Tie) -> Vector:
     """Return what a constraint forbids, shape (n, 6)."""
-    one, other = sorted((tie.base, tie.follower), key=lambda end: _RANK[_shape(tie, end)])
+    one, other = sorted((tie.base, tie.follower), key=lambda end: ("point", "line", "plane").index(_shape(tie, end)))
     shapes = _shape(tie, one), _shape(tie, other)
     if tie.kind not in _KINDS:
         raise ValueError(f"a constraint {tie.kind} is not known here; {', '.join(sorted(_KINDS))} are")
@@ -341,11 +331,9 @@ def _touching(kind: str, shapes: tuple[str, str], one: End, other: End) -> Vecto
 
 
 def _shape(tie: Tie, end: End) -> str:
-    if end.kind == "plane":
-        return "plane"
-    if end.kind in _LINES or end.kind in _POINTS:
-        return "line" if end.kind in _LINES else "point"
-    raise ValueError(f"the geometry '{end.kind}' of a {tie.kind} is not known here")
+    if end.kind not in _SHAPES:
+        raise ValueError(f"the geometry '{end.kind}' of a {tie.kind} is not known here")
+    return _SHAPES[end.kind]
 
 
 def _axis(end: End) -> Vector:
@@ -365,7 +353,6 @@ def _sliding(place: Vector, *directions: Vector) -> Vector:
     return np.array([np.concatenate([np.cross(place, direction), direction]) for direction in directions])
 
 
-_RANK = {"point": 0, "line": 1, "plane": 2}
 _KINDS = {
     "Coincident", "Concentric", "Distance", "Tangent", "Parallel", "Perpendicular", "Angle", "Fixed", "Lock", "Rigid",
 }  # fmt: skip

@@ -98,15 +98,13 @@ def _add_variable(listed: Element, variable: Variable, reference: int, version: 
 def _add_structure(structure: Element, variables: list[Variable], version: int) -> None:
     """Add the outputs, and that all of them are known when the initialization is over."""
     outputs = [place for place, variable in enumerate(variables) if variable.causality == "output"]
-    if version == 3:
-        for kind in ("Output", "InitialUnknown"):
-            for place in outputs:
-                SubElement(structure, kind, valueReference=str(place))
-        return
-    for kind in ("Outputs", "InitialUnknowns"):
-        group = SubElement(structure, kind)
+    for kind in ("Output", "InitialUnknown"):
+        group = structure if version == 3 else SubElement(structure, f"{kind}s")
         for place in outputs:
-            SubElement(group, "Unknown", index=str(place + 1))
+            tag, said = (
+                (kind, {"valueReference": str(place)}) if version == 3 else ("Unknown", {"index": str(place + 1)})
+            )
+            SubElement(group, tag, said)
 
 
 def unit_name(unit: str) -> str:

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 from pydrake.math import RigidTransform
+from scipy.cluster.hierarchy import DisjointSet
 
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.mechanics.bodies import GEARS, ROD, Bodies, Coupling, Link, RigidPart, moved
@@ -127,21 +128,9 @@ def grow(bodies: Bodies, cuttable: Callable[[Link], bool]) -> tuple[RigidPart | 
 
 def _spanning(links: list[Link], cuttable: Callable[[Link], bool]) -> list[Link]:
     """Return joints that reach every body once, those that cannot be cut first."""
-    group: dict[RigidPart, RigidPart] = {}
-
-    def found(body: RigidPart) -> RigidPart:
-        while body in group:
-            body = group[body]
-        return body
-
-    kept = []
-    for link in sorted(links, key=cuttable):
-        one, other = found(link.base), found(link.follower)
-        if link.joint.floating or one is not other:
-            kept.append(link)
-        if not link.joint.floating and one is not other:
-            group[one] = other
-    return kept
+    joined = DisjointSet([body for link in links for body in (link.base, link.follower)])
+    return [link for link in sorted(links, key=cuttable)
+            if link.joint.floating or joined.merge(link.base, link.follower)]  # fmt: skip
 
 
 def _grown(bodies: Bodies, world: RigidPart | None, links: list[Link]) -> list[Tree]:

@@ -1,7 +1,10 @@
 """What is connected with what: physical nodes over all levels, and where each signal comes from."""
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import count, takewhile
+
+from scipy.cluster.hierarchy import DisjointSet
 
 from simrob_drake.simulink.model.nodes import Expanded, Node, chosen_variant
 from simrob_drake.simulink.reading.graph import ELEMENT, Port
@@ -19,13 +22,13 @@ class Connections:
 
     def __init__(self, expanded: Expanded) -> None:
         self.expanded = expanded
-        self._parents: dict[Place, Place] = {}
+        self._nets: DisjointSet[Place] = DisjointSet()
         self._feeds: dict[Place, tuple[Node, int]] = {}
         self._gotos: dict[str, list[Node]] = {}
         self._read: set[Place] = set()
         self._wired: dict[Node, set[Place]] = {}
         for node in (expanded.root, *expanded.nodes):
-            if node.system is not None:
+            if node.block.system is not None:
                 self._join_level(node)
             if node.kind == "Goto":
                 self._gotos.setdefault(node.text("GotoTag", "A"), []).append(node)
@@ -79,6 +82,10 @@ class Connections:
         """
         return self._origin(node, self._feeds.get((id(node), side, number)))
 
+    def sources(self, node: Node) -> list[tuple[Node, int]]:
+        """Return the blocks and outputs that feed the inputs of a block, up to one that nothing feeds."""
+        return [source for source in takewhile(bool, map(partial(self.source, node), count(1))) if source]
+
     def inside(self, node: Node, output: int) -> tuple[Node, int] | None:
         """Return the block and output that feed an output of a subsystem from within."""
         port = self.outport(node, output)
@@ -125,45 +132,35 @@ class Connections:
 
         Empty where there is none.
         """
-        first = ""
-        here: tuple[Node, int] | None = (node, number)
+        first, here = "", self._feeds.get((id(node), "in", number))
         for _ in range(_LONGEST_WAY):
-            if here is None or here[0].parent is None or here[0].parent.system is None:
+            if here is None:
                 break
-            source, output = self._feeds.get((id(here[0]), "in", here[1]), (None, 0))
-            if source is None:
-                break
-            name = here[0].parent.system.signals.get(Port(source.block.sid, "out", output))
-            if name:
+            source, output = here
+            level = source.parent.block.system if source.parent else None
+            if level is not None and (name := level.signals.get(Port(source.block.sid, "out", output))):
                 return name
-            first, here = first or source.block.name, self._named_by(source, output)
+            first = first or source.block.name
+            behind = self._behind(source, output)
+            here = None if behind is None else self._feeds.get(behind)
         return first
-
-    def _named_by(self, source: Node, output: int) -> tuple[Node, int] | None:
-        """Return the input whose signal a block hands on with its name."""
-        if source.kind == "From":
-            goto = self._goto(source)
-            return None if goto is None else (goto, 1)
-        if source.kind == "Inport" and source.parent is not None:
-            return source.parent, _number(source)
-        port = self.outport(source, output) if source.children else None
-        return None if port is None else (port, 1)
 
     def _before(self, node: Node, output: int) -> tuple[Node, int] | None:
         """Go one step up a signal where a block only hands it on."""
+        ends = node.text(ELEMENT) or self.elements(node, output) or (node.children and self.is_conditional(node))
+        behind = None if ends else self._behind(node, output)
+        return (node, output) if behind is None else self._feeds.get(behind)
+
+    def _behind(self, node: Node, output: int) -> Place | None:
+        """Return the input whose signal a block hands on at an output; None of one that makes its own."""
         if node.block.commented == "through":
-            return self._feeds.get((id(node), "in", output))
-        if node.text(ELEMENT) or self.elements(node, output):
-            return node, output
+            return id(node), "in", output
         if node.kind in ("Inport", "InportShadow") and node.parent is not None and node.parent.parent is not None:
-            return self._feeds.get(self._from_outside(node, node.parent, node.parent.parent))
+            return self._from_outside(node, node.parent, node.parent.parent)
         if node.kind == "From":
-            goto = self._goto(node)
-            return None if goto is None else self._feeds.get((id(goto), "in", 1))
-        if node.children:
-            port = None if self.is_conditional(node) else self.outport(node, output)
-            return (node, output) if port is None else self._feeds.get((id(port), "in", 1))
-        return node, output
+            return id(self._goto(node) or node), "in", 1
+        port = self.outport(node, output) if node.children else None
+        return None if port is None else (id(port), "in", 1)
 
     @staticmethod
     def _from_outside(port: Node, owner: Node, outer: Node) -> Place:
@@ -185,7 +182,7 @@ class Connections:
         return found[0] if len(found) == 1 else None
 
     def _join_level(self, owner: Node) -> None:
-        system = owner.system
+        system = owner.block.system
         assert system is not None
         for net in system.nets:
             present = list(_present(owner, net))
@@ -203,7 +200,7 @@ class Connections:
         labels: dict[str, Place] = {}
         for node in owner.children.values():
             if node.kind == "ConnectionLabel":
-                place = (id(node), "rconn", 1) if (id(node), "rconn", 1) in self._parents else (id(node), "lconn", 1)
+                place = (id(node), "rconn", 1) if (id(node), "rconn", 1) in self._nets else (id(node), "lconn", 1)
                 self._join(labels.setdefault(node.text("Label", "A"), place), place)
             if node.block.commented == "through":
                 self._join((id(node), "lconn", 1), (id(node), "rconn", 1))
@@ -230,17 +227,13 @@ class Connections:
             self._join((id(owner), side, number), (id(ports[name]), "conn", 1))
 
     def _find(self, place: Place) -> Place:
-        root = place
-        while (above := self._parents.get(root, root)) != root:
-            root = above
-        while (above := self._parents.get(place, place)) != root:
-            self._parents[place], place = root, above
-        return root
+        self._nets.add(place)
+        return self._nets[place]
 
     def _join(self, first: Place, second: Place) -> None:
-        one, other = self._find(first), self._find(second)
-        self._parents.setdefault(one, one)
-        self._parents[other] = one
+        self._nets.add(first)
+        self._nets.add(second)
+        self._nets.merge(first, second)
 
 
 def _present(owner: Node, ports: list[Port]) -> Iterator[tuple[Node, Port]]:

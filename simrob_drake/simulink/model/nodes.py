@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import EntryKind, ImportReport
-from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Mask, MaskParameter, Model, SimulinkBlock, System
+from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Mask, MaskParameter, Model, SimulinkBlock
 from simrob_drake.simulink.reading.model_file import BUILT_IN, Libraries, referenced_by
 from simrob_drake.simulink.values.evaluate import ELEMENTARY, UndefinedVariable, matrix
 from simrob_drake.simulink.values.mat import stored_workspace
@@ -25,6 +26,10 @@ _OLDER_UNITS = {
     "GravityVector": "GravityUnits",
 }
 """Where the first releases of Simscape Multibody keep units."""
+
+
+_OF_LINKS = ("SourceBlock", "SourceType", "LibraryVersion")
+"""Parameters that a link has for itself, and not for the block of a library that it stands for."""
 
 
 @dataclass
@@ -53,8 +58,7 @@ class Node:
     workspace: Variables  # where its parameters' variables are found
     findings: Findings  # where problems are noted
     parent: Node | None = None  # the subsystem it is in
-    children: dict[str, Node] = field(default_factory=dict)  # what is in it, by identifier
-    system: System | None = None  # whose lines connect these
+    children: dict[str, Node] = field(default_factory=dict)  # what is in it, by identifier; its lines connect it
     home: str = ""  # name of the file it is written in
 
     @property
@@ -180,8 +184,8 @@ class Expanded:
         """Put in all that is in a subsystem."""
         if depth > DEEPEST:
             raise parent.refusal("its libraries contain themselves")
-        assert parent.system is not None
-        for sid, written in parent.system.blocks.items():
+        assert parent.block.system is not None
+        for sid, written in parent.block.system.blocks.items():
             block = self._as_set(parent, written)
             if block.commented == "on":
                 self.leave_out(path_below(parent, block), block, "commented out")
@@ -194,7 +198,7 @@ class Expanded:
             self.nodes.append(node)
             if len(self.nodes) > MOST_BLOCKS:
                 raise parent.refusal(f"the model has more than {MOST_BLOCKS} blocks with its libraries")
-            if node.system is not None and node.block.commented != "through":
+            if node.block.system is not None and node.block.commented != "through":
                 self.fill(node, depth + 1)
 
     def _as_set(self, parent: Node, block: SimulinkBlock) -> SimulinkBlock:
@@ -204,24 +208,22 @@ class Expanded:
 
     def _node(self, parent: Node, block: SimulinkBlock) -> Node:
         path = path_below(parent, block)
-        assert parent.system is not None
-        moves = any(port.block == block.sid for net in parent.system.nets for port in net)
-        block, mask, system, home = self._contents(block, path, parent.home, moves=moves)
+        assert parent.block.system is not None
+        moves = any(port.block == block.sid for net in parent.block.system.nets for port in net)
+        block, home = self._contents(block, path, parent.home, moves=moves)
         workspace = parent.workspace
-        if mask is not None:
-            workspace = _masked(path, mask, block.parameters, workspace)
-            if "set_param" in mask.code:
+        if block.mask is not None:
+            workspace = _masked(path, block.mask, block.parameters, workspace)
+            if "set_param" in block.mask.code:
                 workspace.run()
                 for below, texts in workspace.settings.items():
                     if (chosen := texts.get("OverrideUsingVariant")) is not None:
                         texts["LabelModeActiveChoice"] = chosen
                     self.settings.setdefault(_plain(f"{path}/{below}"), {}).update(texts)
-        return Node(path, block, workspace, parent.findings, parent, system=system, home=home)
+        return Node(path, block, workspace, parent.findings, parent, home=home)
 
-    def _contents(
-        self, block: SimulinkBlock, path: str, home: str, *, moves: bool
-    ) -> tuple[SimulinkBlock, Mask | None, System | None, str]:
-        """Return a block as it is after its links are followed, with its mask, what is in it, and the file of that.
+    def _contents(self, block: SimulinkBlock, path: str, home: str, *, moves: bool) -> tuple[SimulinkBlock, str]:
+        """Return a block as it is after its links are followed, with its mask and what is in it, and the file of that.
 
         Where that file is missing, mechanics are lost if physical lines lead to the block and it ``moves``.
         """
@@ -229,8 +231,8 @@ class Expanded:
             model = self.libraries.model(referenced)
             if model is None:
                 self._note_missing(path, "referenced subsystem", referenced, moves=moves)
-                return block, None, None, home
-            return block, model.mask, model.system, referenced
+                return replace(block, mask=None, system=None), home
+            return replace(block, mask=model.mask, system=model.system), referenced
         mask, own = block.mask, block
         for _ in range(DEEPEST):
             if not own.linked or own.kind.partition("/")[0] in BUILT_IN:
@@ -242,9 +244,10 @@ class Expanded:
             found = self.libraries.block(source)
             if found is None:
                 self._note_missing(path, f"library block {source}", home, moves=moves)
-                return block, None, None, home
-            own, mask = replace(found, parameters={**found.parameters, **_own(block)}), mask or found.mask
-        return replace(own, sid=block.sid, name=block.name), mask, own.system, home
+                return replace(block, mask=None, system=None), home
+            written = {name: text for name, text in block.parameters.items() if name not in _OF_LINKS}
+            own, mask = replace(found, parameters={**found.parameters, **written}), mask or found.mask
+        return replace(own, sid=block.sid, name=block.name, mask=mask), home
 
     def _note_missing(self, path: str, what: str, name: str, *, moves: bool) -> None:
         missing = f"the file {name}.slx is missing; give its folder with --library DIR"
@@ -267,14 +270,8 @@ def expand(
     stored = stored_workspace(model.stored) or {}
     written = Variables(name=model.name, variables=stored, code=model.code, outer=called)
     workspace = Variables(name="given", variables=variables, outer=written)
-    root = Node(
-        "",
-        SimulinkBlock("", model.name, "SubSystem", system=model.system),
-        workspace,
-        findings,
-        system=model.system,
-        home=model.name,
-    )
+    top = SimulinkBlock("", model.name, "SubSystem", system=model.system)
+    root = Node("", top, workspace, findings, home=model.name)
     if model.mask is not None:
         root.workspace = _masked(model.name, model.mask, {}, workspace)
     expanded = Expanded(model, root, findings, libraries)
@@ -309,11 +306,6 @@ def _plain(path: str) -> str:
     return " ".join(path.split())
 
 
-def _own(block: SimulinkBlock) -> dict[str, str]:
-    hidden = "SourceBlock", "SourceType", "LibraryVersion"
-    return {name: value for name, value in block.parameters.items() if name not in hidden}
-
-
 def _masked(name: str, mask: Mask, values: dict[str, str], outer: Variables) -> Variables:
     workspace = Variables(name=name, outer=outer, code=mask.code)
     for parameter in mask.parameters:
@@ -342,18 +334,15 @@ def _reader(parameter: MaskParameter, text: str, outer: Variables) -> Callable[[
 
 def _drop_the_others(variant: Node) -> list[Node]:
     """Leave the active choice alone in a variant subsystem, with the ports around it, and return the others."""
-    choice = chosen_variant(variant)
-    if choice is None:
-        choice = _first_variant(variant)
-    others = {sid: child for sid, child in variant.children.items() if child.system is not None and child is not choice}
-    for sid in others:
-        del variant.children[sid]
-    return list(others.values())
+    choice = chosen_variant(variant) or _first_variant(variant)
+    others = [child for child in variant.children.values() if child.block.system is not None and child is not choice]
+    variant.children = {sid: child for sid, child in variant.children.items() if child not in others}
+    return others
 
 
 def _first_variant(variant: Node) -> Node | None:
     """Take the first choice of a variant subsystem whose choice only MATLAB knows, and note that."""
-    choices = [child for child in variant.children.values() if child.system is not None]
+    choices = [child for child in variant.children.values() if child.block.system is not None]
     if not choices:
         return None
     controls = ", ".join(child.text("VariantControl") or child.block.name for child in choices)
@@ -366,15 +355,12 @@ def _first_variant(variant: Node) -> Node | None:
 def chosen_variant(node: Node) -> Node | None:
     """Return the active choice of a variant subsystem, or None where only MATLAB can tell."""
     label = node.text("LabelModeActiveChoice") or node.text("OverrideUsingVariant")
-    for child in node.children.values():
-        control = child.text("VariantControl")
-        if control and control == label:
+    controls = [(control, child) for child in node.children.values() if (control := child.text("VariantControl"))]
+    for control, child in controls:
+        if control == label:
             return child
-    for child in node.children.values():
-        control = child.text("VariantControl")
-        try:
-            if control and bool(node.workspace.value(control)):
+    for control, child in controls:
+        with suppress(UndefinedVariable, NotUnderstood, InvalidModel, ValueError):
+            if bool(node.workspace.value(control)):
                 return child
-        except (UndefinedVariable, NotUnderstood, InvalidModel, ValueError):
-            continue
     return None

@@ -20,7 +20,7 @@ MAX_DEPTH = 200  # of elements in elements
 
 
 class Unreadable(ValueError):
-    """A part that is no XML, or XML that no model file has."""
+    """A part that is no XML, or XML that no model file has, such as one that refers to itself without end."""
 
 
 def parse_part(content: bytes) -> ET.Element:
@@ -62,7 +62,7 @@ def parse_part(content: bytes) -> ET.Element:
 
 
 _TOKEN = re.compile(
-    r'\s+|#[^\n]*\n|(?P<text>"(?:\\.|[^"\\])*")|(?P<list>\[[^\]]*\])|(?P<brace>[{}])|(?P<word>[^\s{}"\[]+)'
+    r'\s+|#[^\n]*\n|(?P<text>"(?:\\.|[^"\\])*")|(?P<list>\[[^\]]*\])|(?P<brace>[{}])|(?P<word>[^\s{}"\[]+)|(?P<wrong>.)'
 )
 _ESCAPE = re.compile(r"\\(.)", re.DOTALL)
 _CONNECTION = re.compile(r"([LR])Conn(\d+)")
@@ -87,13 +87,10 @@ def parse_mdl(content: bytes) -> Element:
 
 
 def _tokens(text: str) -> Iterator[tuple[str, str]]:
-    place = 0
-    while place < len(text):
-        match = _TOKEN.match(text, place)
-        if match is None:
-            line = text.count("\n", 0, place) + 1
+    for match in _TOKEN.finditer(text):
+        if match.lastgroup == "wrong":
+            line = text.count("\n", 0, match.start()) + 1
             raise Unreadable(f"is no Simulink model text: line {line} cannot be read")
-        place = match.end()
         if match.lastgroup == "text":
             yield "text", _ESCAPE.sub(lambda found: "\n" if found[1] == "n" else found[1], match["text"][1:-1])
         elif match.lastgroup:
@@ -225,29 +222,12 @@ class Model:
         """What links call it."""
         return self.path.stem
 
-    def count(self) -> int:
-        """Return how many blocks are in it, on all levels."""
-        return _count(self.system)
-
-
-def _count(system: System) -> int:
-    return sum(1 + (_count(block.system) if block.system else 0) for block in system.blocks.values())
-
 
 MOST_BLOCKS = 200_000
 DEEPEST = 100  # subsystems in subsystems
 
 
-class TooManyElements(ValueError):
-    """A model that refers to its own parts so often that it grows without end."""
-
-
-_COUNTED = {
-    "Mux": ("Inputs", "in"),
-    "BusCreator": ("Inputs", "in"),
-    "Merge": ("Inputs", "in"),
-    "Demux": ("Outputs", "out"),
-}
+_COUNTED = {**dict.fromkeys(("Mux", "BusCreator", "Merge"), ("Inputs", "in")), "Demux": ("Outputs", "out")}
 """The parameter in which blocks have how many ports they have, where that is left unsaid."""
 
 
@@ -264,9 +244,9 @@ class SystemReader:
         self._blocks = 0
 
     def system(self, element: Element, depth: int = 0) -> System:
-        """Return a system (raises TooManyElements: it has no end)."""
+        """Return a system (raises Unreadable: it has no end)."""
         if depth > DEEPEST:
-            raise TooManyElements(f"nests subsystems more than {DEEPEST} deep")
+            raise Unreadable(f"nests subsystems more than {DEEPEST} deep")
         reference = element.get("Ref")
         if reference:
             return self.system(self._part(reference), depth + 1)
@@ -283,7 +263,7 @@ class SystemReader:
     def _block(self, element: Element, depth: int) -> SimulinkBlock:
         self._blocks += 1
         if self._blocks > MOST_BLOCKS:
-            raise TooManyElements(f"has more than {MOST_BLOCKS} blocks")
+            raise Unreadable(f"has more than {MOST_BLOCKS} blocks")
         parameters = _parameters(element)
         instance = element.find("InstanceData")
         if instance is not None:

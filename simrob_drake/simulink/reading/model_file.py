@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -23,7 +23,6 @@ from simrob_drake.simulink.reading.graph import (
     SimulinkBlock,
     System,
     SystemReader,
-    TooManyElements,
     Unreadable,
     one_line,
     parse_mdl,
@@ -136,10 +135,7 @@ def read_model(path: Path) -> Model:
     written = _element(package, _DEFAULTS) if _DEFAULTS in package.parts else top
     defaults = read_defaults(written.find("BlockParameterDefaults"))
     reader = SystemReader(lambda name: _element(package, f"simulink/systems/{name}.xml"), defaults)
-    try:
-        system = reader.system(inner)
-    except TooManyElements as problem:
-        raise InvalidModel(path, "", str(problem)) from problem
+    system = _parsed(path, "", reader.system, inner)
     _add_scripts(package, system)
     workspace = top.find("ModelWorkspace")
     texts = {parameter.get("Name", ""): parameter.text or "" for parameter in top.iterfind("P")}
@@ -184,13 +180,17 @@ def _stop_time(package: Package, texts: dict[str, str]) -> str:
     return written.strip() or "10"
 
 
+_Content = TypeVar("_Content")
+_Found = TypeVar("_Found")
+
+
 def _element(package: Package, name: str) -> Element:
     if name not in package.parts:
         raise InvalidModel(package.path, name, "is missing; the file is damaged, or no Simulink model")
     return _parsed(package.path, name, parse_part, package.parts[name])
 
 
-def _parsed(path: Path, name: str, parse: Callable[[bytes], Element], content: bytes) -> Element:
+def _parsed(path: Path, name: str, parse: Callable[[_Content], _Found], content: _Content) -> _Found:
     try:
         return parse(content)
     except Unreadable as problem:

@@ -16,9 +16,7 @@ from simrob_drake.simulink.signals.forms import (
     PARTS,
     Form,
     Primitive,
-    Rule,
     Signal,
-    SignalReader,
     Term,
     Value,
     computed,
@@ -30,6 +28,7 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     widened,
 )
+from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.values.evaluate import INTEGERS
 
 MOST_INPUTS = 1000
@@ -88,7 +87,7 @@ def limited(value: Value, lower: float, upper: float, kind: str = "saturation") 
     return computed(kind, value, **{name: float(bound) for name, bound in bounds.items() if np.isfinite(bound)})
 
 
-def inputs_of(reader: SignalReader, node: Node, default: str = "2") -> list[Signal]:
+def inputs_of(reader: Tracer, node: Node, default: str = "2") -> list[Signal]:
     """Return all inputs of a block whose parameter ``Inputs`` is their number, their widths or names."""
     text = node.text("Inputs", node.text("NumInputs", default)).replace("|", "").replace(" ", "")
     if text and set(text) <= set("+-*/"):
@@ -101,26 +100,16 @@ def inputs_of(reader: SignalReader, node: Node, default: str = "2") -> list[Sign
     return [reader.input(node, place + 1) for place in range(min(number, MOST_INPUTS))]
 
 
-def elementwise(function: Callable[..., Value], inputs: int = 1) -> Rule:
-    """Return the rule of a block that computes each element of its inputs."""
-    return lambda reader, node, _: mapped(function, *fitted(node, *(reader.input(node, k + 1) for k in range(inputs))))
-
-
-def of_parameters(make: Callable[[Node], Callable[[Value], Value]]) -> Rule:
-    """Return the rule of a block of one input, whose function is made of its parameters."""
-    return lambda reader, node, number: elementwise(make(node))(reader, node, number)
-
-
-def _signs(node: Node, default: str, letters: str) -> str:
+def _signed(reader: Tracer, node: Node, default: str, letters: str) -> list[tuple[str, Signal]]:
+    """Return the inputs of a block with their signs, which ``Inputs`` has, or else their number."""
     text = node.text("Inputs", default).replace("|", "").replace(" ", "")
-    if text.isdecimal():
-        return letters[0] * min(int(text), MOST_INPUTS)
-    if not text or any(letter not in letters for letter in text):
+    signs = letters[0] * min(int(text), MOST_INPUTS) if text.isdecimal() else text
+    if not signs or any(sign not in letters for sign in signs):
         raise node.refusal(f"Inputs is '{text}'; it must be a number or signs such as {letters}")
-    return text
+    return [(sign, reader.input(node, place)) for place, sign in enumerate(signs, start=1)]
 
 
-def _gain(reader: SignalReader, node: Node, _: int) -> Signal:
+def _gain(reader: Tracer, node: Node, _: int) -> Signal:
     gain, values = node.matrix("Gain" if "Gain" in node.block.parameters else "gain", "1"), reader.input(node)
     if gain.size == 1:
         return scaled(values, float(gain[0, 0]))
@@ -137,44 +126,36 @@ def _gain(reader: SignalReader, node: Node, _: int) -> Signal:
 
 def _times(node: Node, left: Signal, right: Signal) -> Signal:
     """Return a product of matrices, of which a vector is a column."""
-    if 1 in (left.size, right.size) and not (left.ndim == 2 and left.shape[1] == 1 and right.ndim == 2):
-        if left.ndim == 2 and left.shape[1] != 1:
-            right = widened(right, left.shape[1])
-        else:
-            return mapped(lambda one, other: one * other, left, right)
-    columns = right.reshape(-1, 1) if right.ndim == 1 else right
     rows = left.reshape(-1, 1) if left.ndim == 1 else left
-    if rows.shape[1] != columns.shape[0] and columns.size == rows.shape[1]:
-        columns = columns.reshape(-1, 1)
-    if rows.shape[1] != columns.shape[0]:
-        shape = " × ".join(map(str, rows.shape))
-        raise node.refusal(f"Gain is {shape} for a signal of {right.size}")
-    product = np.asarray(rows.dot(columns), dtype=object)
-    return product.reshape(-1) if right.ndim == 1 else product
+    if rows.shape[1] != 1:
+        right = widened(right, rows.shape[1])
+    if 1 in (left.size, right.size):
+        return mapped(lambda one, other: one * other, left, right)
+    if len(right) != rows.shape[1] == right.size:
+        right = right.reshape(-1, 1)
+    if len(right) != rows.shape[1]:
+        raise node.refusal(f"Gain is {' × '.join(map(str, rows.shape))} for a signal of {right.size}")
+    return np.asarray(rows.dot(right), dtype=object)
 
 
-def _sum(reader: SignalReader, node: Node, _: int) -> Signal:
-    signs = _signs(node, "++", "+-")
-    signals = [reader.input(node, place + 1) for place in range(len(signs))]
-    total = [scaled(one, 1.0 if sign == "+" else -1.0) for sign, one in zip(signs, signals, strict=True)]
+def _sum(reader: Tracer, node: Node, _: int) -> Signal:
+    total = [scaled(one, 1.0 if sign == "+" else -1.0) for sign, one in _signed(reader, node, "++", "+-")]
     if len(total) == 1:
         return signal([sum(flat(total[0]), start=0.0)])
     return mapped(lambda *values: sum(values[1:], start=values[0]), *fitted(node, *total))
 
 
-def _product(reader: SignalReader, node: Node, _: int) -> Signal | None:
-    signs = _signs(node, "2", "*/")
-    signals = [reader.input(node, place + 1) for place in range(len(signs))]
+def _product(reader: Tracer, node: Node, _: int) -> Signal | None:
+    signs, signals = zip(*_signed(reader, node, "2", "*/"), strict=True)
     if node.text("Multiplication", "Element-wise(.*)").startswith("Matrix"):
-        factors = [one if sign == "*" else inverse(one) for sign, one in zip(signs, signals, strict=True)]
-        product = factors[0]
-        for other in factors[1:]:
+        product, *factors = [one if sign == "*" else inverse(one) for sign, one in zip(signs, signals, strict=True)]
+        for other in factors:
             if product is None or other is None:
                 return None
             product = _times(node, product, other)
         return product
     if len(signals) == 1:
-        signals, signs = [signal([value]) for value in flat(signals[0])], signs * signals[0].size
+        signals, signs = tuple(signal([value]) for value in flat(signals[0])), signs * signals[0].size
 
     def product_of(*values: Value) -> Value:
         constant, rest = 1.0, []
@@ -193,9 +174,9 @@ def _product(reader: SignalReader, node: Node, _: int) -> Signal | None:
 
 
 def inverse(values: Signal) -> Signal | None:
-    """Return the inverse of a matrix of at most 3 × 3, of a rotation its transpose; None of a larger one."""
+    """Return the inverse of a matrix of at most 3 × 3, of a rotation its transpose; None of others."""
     if values.size == 1:
-        return mapped(lambda one: 1.0 / one, values)
+        return None if values.ravel()[0] == 0 else mapped(lambda one: 1.0 / one, values)
     size = values.shape[0]
     if values.shape != (size, size) or size > 3:
         return None
@@ -209,7 +190,7 @@ def inverse(values: Signal) -> Signal | None:
 
     cofactors = np.array([[cofactor(i, j) for j in range(size)] for i in range(size)], dtype=object)
     determinant = sum(values[0, j] * cofactors[0, j] for j in range(size))
-    return mapped(lambda one: one / determinant, cofactors.T)
+    return None if determinant == 0 else mapped(lambda one: one / determinant, cofactors.T)
 
 
 def _turns(values: Signal) -> bool:
@@ -270,7 +251,7 @@ def _converted(node: Node) -> Callable[[Value], Value]:
     return partial(whole, name, rounded=rounded) if name in INTEGERS else lambda u: u
 
 
-def _extreme(reader: SignalReader, node: Node, _: int) -> Signal:
+def _extreme(reader: Tracer, node: Node, _: int) -> Signal:
     signals = inputs_of(reader, node, "1")
     found, *others = [signal([value]) for value in flat(signals[0])] if len(signals) == 1 else fitted(node, *signals)
     for other in others:
@@ -285,7 +266,7 @@ def looked_up(value: Value, points: Any, values: Any, *, clip: bool) -> Value:
     return computed("lookup", value, **columns, **({"clip": True} if clip else {}))
 
 
-def _lookup(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _lookup(reader: Tracer, node: Node, _: int) -> Signal | None:
     if node.text("NumberOfTableDimensions", "1") != "1":
         return None
     points = "BreakpointsForDimension1" if "BreakpointsForDimension1" in node.block.parameters else "InputValues"
@@ -300,7 +281,7 @@ def _lookup(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return mapped(lambda value: looked_up(value, places, heights, clip=clip), reader.input(node))
 
 
-def _logic(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _logic(reader: Tracer, node: Node, _: int) -> Signal | None:
     operator = node.text("Operator", "AND").lower()
     if operator not in ("and", "or", "nand", "nor", "xor", "not"):
         return None  # such as NXOR
@@ -312,7 +293,7 @@ def _logic(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return mapped(lambda *values: joined(operator, *values), *fitted(node, *signals))
 
 
-def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
+def _switch(reader: Tracer, node: Node, _: int) -> Signal:
     criteria = node.text("Criteria", "u2 >= Threshold")
     operator = OPERATORS[next((sign for sign in (">=", ">", "~=") if sign in criteria), ">=")]
     threshold = 0.0 if operator == "!=" else node.number("Threshold", "0")
@@ -322,7 +303,7 @@ def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
 
 ARITHMETIC: dict[str, Rule] = {
     **dict.fromkeys(("Gain", "Slider Gain"), _gain),
-    "DataTypeConversion": of_parameters(_converted),
+    "DataTypeConversion": lambda reader, node, _: mapped(_converted(node), reader.input(node)),
     "Sum": _sum,
     "Product": _product,
     "MinMax": _extreme,

@@ -92,10 +92,8 @@ def without_fast(full: Reduced) -> Reduced:
 
 
 def _fractions(values: Any) -> Any:
-    found = np.empty(values.shape, dtype=object)
-    for place, value in np.ndenumerate(values):
-        found[place] = value if isinstance(value, Fraction) else Fraction(repr(float(value)))
-    return found
+    exact = np.frompyfunc(lambda one: one if isinstance(one, Fraction) else Fraction(repr(float(one))), 1, 1)
+    return np.asarray(exact(values), dtype=object)
 
 
 def _echelon(rows: Any, columns: int) -> tuple[Any, Any]:

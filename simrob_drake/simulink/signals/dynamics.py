@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
@@ -16,9 +16,7 @@ from simrob_drake.simulink.signals.forms import (
     PARTS,
     Form,
     Primitive,
-    Rule,
     Signal,
-    SignalReader,
     Term,
     TermKind,
     Value,
@@ -29,10 +27,9 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     terms_of,
 )
+from simrob_drake.simulink.signals.tracing import LAG, Rule, Tracer
 
 Parameters = dict[str, Any]
-LAG = 1e-3
-"""Time constant [s] of what stands for a derivative of something that is not measured, or breaks an algebraic loop."""
 _FOLLOWING: dict[TermKind, TermKind] = {"q": "w", "w": "a"}
 _PLACES = 3
 _LONGEST_WAY = 50
@@ -40,9 +37,9 @@ _FINEST = 1e-3  # s, between the samples of a Transport Delay
 _MOST_SAMPLES = 2000
 
 
-def with_states(reader: SignalReader, node: Node, kind: str, *parameters: Parameters) -> Signal:
-    """Return a block whose outputs depend on states alone, element by element; its inputs are followed later."""
-    shape = reader.shape(node)
+def blocks(reader: Tracer, node: Node, kind: str, *parameters: Parameters, at_once: bool = False) -> Signal:
+    """Return a block, element by element; its inputs are followed later, unless its outputs depend on them at once."""
+    shape = reader.input(node).shape if at_once else reader.shape(node)
     size = max(len(parameters), math.prod(shape))
 
     def made(index: int) -> Value:
@@ -63,8 +60,8 @@ def filtered(node: Node | None, value: Value, numerator: Iterable[float], denomi
     return Primitive("transfer_function", parameters, lambda: [value], node).outputs[0]
 
 
-def rate_of(node: Node, value: Value, lag: float = LAG) -> Value:
-    """Return how fast a value changes: as it is measured, or else by a filter of time constant ``lag`` [s]."""
+def rate_of(node: Node, value: Value) -> Value:
+    """Return how fast a value changes: as it is measured, or else by a filter of time constant ``LAG``."""
     rate: dict[Term, float] = {}
     for term, factor in terms_of(value).items():
         still = isinstance(term.of, Node) and term.of.text("MeasurementFrame").startswith("NonRotating")
@@ -75,12 +72,12 @@ def rate_of(node: Node, value: Value, lag: float = LAG) -> Value:
         elif term.kind == "sensed" and term.index < _PLACES and not still:
             rate[Term("sensed", term.of, term.index + PARTS.index("vx"))] = factor
         elif term.kind != "one":
-            node.note("approximated", f"its derivative is filtered, by {lag:g} s")
-            return filtered(node, value, [1.0, 0.0], [lag, 1.0])
+            node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
+            return filtered(node, value, [1.0, 0.0], [LAG, 1.0])
     return Form(rate) if rate.keys() - {ONE} else rate.get(ONE, 0.0)
 
 
-def period_of(reader: SignalReader, node: Node) -> float | None:
+def period_of(reader: Tracer, node: Node) -> float | None:
     """Return the time between samples [s] of a block, or of what it inherits it from; None where nothing says it."""
     waiting, known = [node], [node]
     while waiting and len(known) < _LONGEST_WAY:
@@ -90,18 +87,27 @@ def period_of(reader: SignalReader, node: Node) -> float | None:
                 period = float(here.matrix(name, "-1").reshape(-1)[0])
                 if 0 < period < math.inf:
                     return period
-        number = 1
-        while (source := reader.network.source(here, number)) is not None:
-            if source[0] not in known:
-                known.append(source[0])
-                waiting.append(source[0])
-            number += 1
+        new = [one for one in dict.fromkeys(one for one, _ in reader.network.sources(here)) if one not in known]
+        known += new
+        waiting += new
     return None
 
 
-def _integrator(reader: SignalReader, node: Node, _: int) -> Signal:
-    if node.text("ExternalReset", "none") != "none":
-        node.note("approximated", "its reset is left out")
+def _sampled(reader: Tracer, node: Node) -> Parameters:
+    """Return the period of a sampled block (raises InvalidModel: nothing says it)."""
+    if (period := period_of(reader, node)) is None:
+        raise node.refusal("nothing says its sample time")
+    return {"period": period}
+
+
+def _tell_of_left_out(node: Node) -> None:
+    for what, name, default in (("reset", "ExternalReset", "none"), ("tracking input", "TrackingMode", "off")):
+        if node.text(name, default) != default:
+            node.note("approximated", f"its {what} is left out")
+
+
+def _integrator(reader: Tracer, node: Node, _: int) -> Signal:
+    _tell_of_left_out(node)
     start = node.numbers("InitialCondition", "0")
     if node.text("InitialConditionSource", "internal") == "external":
         external = reader.input(node, 2 if node.text("ExternalReset", "none") == "none" else 3)
@@ -109,7 +115,7 @@ def _integrator(reader: SignalReader, node: Node, _: int) -> Signal:
         if len(known) < external.size:
             node.note("approximated", "it begins at 0, not at its input")
         start = np.array(known if len(known) == external.size else [0.0], dtype=float)
-    return with_states(reader, node, "integrator", *({"initial": float(one), **_limits(node)} for one in start))
+    return blocks(reader, node, "integrator", *({"initial": float(one), **_limits(node)} for one in start))
 
 
 def _limits(node: Node) -> Parameters:
@@ -120,10 +126,10 @@ def _limits(node: Node) -> Parameters:
     return {name: bound for name, bound in bounds.items() if math.isfinite(bound)}
 
 
-def _discrete_integrator(reader: SignalReader, node: Node, _: int) -> Signal | None:
-    period = period_of(reader, node)
-    if period is None:
-        return None
+def _discrete_integrator(reader: Tracer, node: Node, _: int) -> Signal:
+    sampled = _sampled(reader, node)
+    period = sampled["period"]
+    _tell_of_left_out(node)
     method, gain = node.text("IntegratorMethod", "Integration: Forward Euler"), node.number("gainval", "1")
     if method.startswith("Accumulation"):
         gain /= period
@@ -132,30 +138,17 @@ def _discrete_integrator(reader: SignalReader, node: Node, _: int) -> Signal | N
         if "Forward" not in method:
             node.note("approximated", "as forward Euler, with its limits")
         limits = {name: one / gain for name, one in _limits(node).items()}
-        parameters = [{"initial": float(one) / gain, **limits, "period": period} for one in starts]
-        return scaled(with_states(reader, node, "integrator", *parameters), gain)
+        parameters = [{"initial": float(one) / gain, **limits, **sampled} for one in starts]
+        return scaled(blocks(reader, node, "integrator", *parameters), gain)
     through = gain * period * (0.5 if "Trapezoidal" in method else 1.0)
-    values = reader.input(node)
-    matrices: Parameters = {"A": [[1.0]], "B": [[gain * period]], "C": [[1.0]], "D": [[through]], "period": period}
-    parameters = [matrices | {"initial": [float(one)]} for one in np.resize(starts, values.size)]
-    return _each(node, "state_space", parameters, values)
+    matrices: Parameters = {"A": [[1.0]], "B": [[gain * period]], "C": [[1.0]], "D": [[through]], **sampled}
+    return blocks(reader, node, "state_space", *(matrices | {"initial": [float(one)]} for one in starts), at_once=True)
 
 
-def _each(node: Node, kind: str, parameters: Sequence[Parameters], values: Signal) -> Signal:
-    """Return a block for each element of a signal that is known: its output may depend on its input at once."""
-    several = values.size > 1
-    made = [
-        Primitive(kind, own, partial(tuple[Value, ...], [one]), node, place=index if several else None).outputs[0]
-        for index, (own, one) in enumerate(zip(parameters, flat(values), strict=True))
-    ]
-    return signal(made).reshape(values.shape, order="F")
-
-
-def _transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | None:
-    sampled = _sampled(reader, node, "Discrete" in node.kind)
-    several = any(len(node.matrix(name, "1")) > 1 for name in ("Numerator", "Denominator"))
-    if sampled is None or several:  # outputs of one input
+def _transfer_function(reader: Tracer, node: Node, _: int) -> Signal | None:
+    if any(len(node.matrix(name, "1")) > 1 for name in ("Numerator", "Denominator")):  # outputs of one input
         return None
+    sampled = _sampled(reader, node) if "Discrete" in node.kind else {}
     if "ZeroPole" in node.kind:
         zeros, poles = (node.numbers(name, default) for name, default in (("Zeros", "[]"), ("Poles", "[]")))
         numerator, denominator = node.number("Gain", "1") * np.atleast_1d(np.poly(zeros)), np.atleast_1d(np.poly(poles))
@@ -172,15 +165,13 @@ def _transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | Non
     return _rational(reader, node, numerator, denominator, sampled)
 
 
-def _rational(reader: SignalReader, node: Node, numerator: Vector, denominator: Vector, sampled: Parameters) -> Signal:
+def _rational(reader: Tracer, node: Node, numerator: Vector, denominator: Vector, sampled: Parameters) -> Signal:
     parameters = {"numerator": numerator.tolist(), "denominator": denominator.tolist(), **sampled}
-    if np.trim_zeros(numerator, "f").size < denominator.size:
-        return with_states(reader, node, "transfer_function", parameters)
-    values = reader.input(node)
-    return _each(node, "transfer_function", [parameters] * values.size, values)
+    at_once = np.trim_zeros(numerator, "f").size >= denominator.size
+    return blocks(reader, node, "transfer_function", parameters, at_once=at_once)
 
 
-def _lti(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _lti(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return what a system object makes of its input, where it is ``tf`` or ``ss`` of matrices, and begins at rest."""
     system = node.value("sys", "tf(1, [1 1])")
     if not isinstance(system, dict) or node.numbers("IC", "[]").any():
@@ -190,7 +181,7 @@ def _lti(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return _states(reader, node, {name: system[name].tolist() for name in "ABCD"}) if "A" in system else None
 
 
-def _begun_transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _begun_transfer_function(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return y = Y0 + G (u - U0): it begins at an output, at rest where that is what the input comes to."""
     numerator, denominator = node.numbers("N", "[1]"), node.numbers("D", "[1 1]")
     if np.trim_zeros(numerator, "f").size >= denominator.size:
@@ -199,33 +190,27 @@ def _begun_transfer_function(reader: SignalReader, node: Node, _: int) -> Signal
     if not np.allclose(denominator[-1] * output, numerator[-1] * begun):
         node.note("approximated", "begins at its output without what its states are beside it")
     parameters = {"numerator": numerator.tolist(), "denominator": denominator.tolist()}
-    values = with_states(reader, node, "transfer_function", parameters)
+    values = blocks(reader, node, "transfer_function", parameters)
     rest = mapped(lambda u: filtered(node, u, numerator, denominator), begun.astype(object))
     return mapped(lambda one, y, other: one + y - other, *fitted(node, values, output.astype(object), rest))
 
 
-def _state_space(reader: SignalReader, node: Node, _: int) -> Signal | None:
-    sampled = _sampled(reader, node, "Discrete" in node.kind)
-    if sampled is None:
-        return None
+def _state_space(reader: Tracer, node: Node, _: int) -> Signal:
     parameters: Parameters = {name: node.matrix(name, "1").tolist() for name in "ABCD"}
     start = node.numbers("X0" if "X0" in node.block.parameters else "InitialCondition", "0")
     if start.any():
         parameters["initial"] = (np.resize(start, len(parameters["A"])) if start.size == 1 else start).tolist()
-    return _states(reader, node, parameters | sampled)
+    return _states(reader, node, parameters | (_sampled(reader, node) if "Discrete" in node.kind else {}))
 
 
-def _states(reader: SignalReader, node: Node, parameters: Parameters) -> Signal:
-    through = any(map(any, parameters["D"]))
-    known = reader.input(node) if through else None
-
-    def inputs() -> list[Value]:
-        return flat(reader.input(node) if known is None else known)
-
-    return signal(Primitive("state_space", parameters, inputs, node, len(parameters["C"]), 0).outputs)
+def _states(reader: Tracer, node: Node, parameters: Parameters) -> Signal:
+    if any(map(any, parameters["D"])):
+        reader.input(node)  # its outputs depend on it at once
+    made = Primitive("state_space", parameters, lambda: flat(reader.input(node)), node, len(parameters["C"]), 0)
+    return signal(made.outputs)
 
 
-def _delay(reader: SignalReader, node: Node, _: int) -> Signal:
+def _delay(reader: Tracer, node: Node, _: int) -> Signal:
     period, steps = period_of(reader, node), 1
     if node.kind == "Delay":
         known = node.text("DelayLengthSource", "Dialog") == "Dialog"
@@ -238,62 +223,47 @@ def _delay(reader: SignalReader, node: Node, _: int) -> Signal:
     starts = node.numbers(name, "0") if name else np.zeros(1)
     shared = {"period": period, **({"steps": steps} if steps > 1 else {})}
     parameters = [shared | {"initial": float(one)} for one in starts]
-    return with_states(reader, node, "delay", *parameters)
+    return blocks(reader, node, "delay", *parameters)
 
 
-def _hold(reader: SignalReader, node: Node, _: int) -> Signal:
-    period, values = period_of(reader, node), reader.input(node)
-    if period is None:
-        return values
-    return _each(node, "hold", [{"period": period}] * values.size, values)
+def _hold(reader: Tracer, node: Node, _: int) -> Signal:
+    period = period_of(reader, node)
+    return reader.input(node) if period is None else blocks(reader, node, "hold", {"period": period}, at_once=True)
 
 
-def _transport_delay(reader: SignalReader, node: Node, _: int) -> Signal:
+def _transport_delay(reader: Tracer, node: Node, _: int) -> Signal:
     late, start = node.number("DelayTime", "1"), node.number("InitialOutput", "0")
     if late <= 0:
         return reader.input(node)
     steps = int(np.clip(math.ceil(late / _FINEST), 1, _MOST_SAMPLES))
     node.note("approximated", f"its delay is sampled, each {late / steps:g} s")
-    return with_states(reader, node, "delay", {"period": late / steps, "steps": steps, "initial": start})
+    return blocks(reader, node, "delay", {"period": late / steps, "steps": steps, "initial": start})
 
 
-def _rate_limiter(reader: SignalReader, node: Node, _: int) -> Signal:
-    named = {name: f"{name}SlewLimit" for name in ("rising", "falling")}
+def _rate_limiter(reader: Tracer, node: Node, _: int) -> Signal:
     rising, falling = (
-        node.number(own if own in node.block.parameters else own[0].upper() + own[1:], default)
-        for own, default in zip(named.values(), ("1", "-1"), strict=True)
+        node.quantity(f"{side.lower()}SlewLimit", f"{side}SlewLimit", default=default)
+        for side, default in (("Rising", "1"), ("Falling", "-1"))
     )
     parameters = {"rising": rising, "falling": -falling, "initial": node.number("InitialCondition", "0")}
     node.note("approximated", f"is late by {LAG:g} s where it follows")
-    return with_states(reader, node, "rate_limiter", parameters)
-
-
-def _sampled(reader: SignalReader, node: Node, discrete: bool) -> Parameters | None:
-    """Return the period of a sampled block, and nothing of a continuous one; None where nothing says it."""
-    period = period_of(reader, node) if discrete else 0.0
-    return None if period is None else {"period": period} if period else {}
+    return blocks(reader, node, "rate_limiter", parameters)
 
 
 _METHODS = {"Forward Euler": 0.0, "Backward Euler": 1.0, "Trapezoidal": 0.5}
 
 
-def _pid(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _pid(reader: Tracer, node: Node, _: int) -> Signal:
     letters, both = node.text("Controller", "PID"), "2" in node.kind or "2DOF" in node.text("SourceType")
     gains = _gains(reader, node, letters, both)
-    if gains is None:
-        return None
     errors = [reader.input(node)]
     if both:
         setpoint, measured = fitted(node, errors[0], reader.input(node, 2))
         weights = node.numbers("b", "1"), np.ones(1), node.numbers("c", "1")
         errors = [mapped(lambda r, y, b: b * r - y, setpoint, measured, one.astype(object)) for one in weights]
     errors = fitted(node, *errors, *(gains[name].astype(object) for name in gains.keys() - {"N"}))[: len(errors)]
-    for what, name, default in (("reset", "ExternalReset", "none"), ("tracking input", "TrackingMode", "off")):
-        if node.text(name, default) != default:
-            node.note("approximated", f"its {what} is left out")
+    _tell_of_left_out(node)
     parameters = _pid_parameters(reader, node, letters, gains.pop("N", None))
-    if parameters is None:
-        return None
     found = []
     for index, parts in enumerate(zip(*(flat(one) for one in errors), strict=True)):
         own = {name.lower(): float(np.resize(gain, index + 1)[index]) for name, gain in gains.items()}
@@ -310,15 +280,19 @@ def _pid(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return signal(found).reshape(errors[0].shape, order="F")
 
 
-def _gains(reader: SignalReader, node: Node, letters: str, both: bool) -> dict[str, Vector] | None:
-    """Return a controller's gains, and N where inputs have them; None where these change, or weight a setpoint."""
+def _gains(reader: Tracer, node: Node, letters: str, both: bool) -> dict[str, Vector]:
+    """Return a controller's gains, and N where inputs have them.
+
+    Raises:
+        InvalidModel: these change, or weight a setpoint.
+    """
     names = [name for name in "PID" if name in letters]
     if node.text("ControllerParametersSource", "internal") == "internal":
         return {name: node.numbers(name, "1" if name in "PI" else "0") for name in names}
     names += ["N"] if "D" in letters and node.text("UseFilter", "on") == "on" else []
     values = {name: flat(reader.input(node, place)) for place, name in enumerate(names, start=2)}
     if both or any(isinstance(one, Form) for gain in values.values() for one in gain):
-        return None
+        raise node.refusal("its gains come from inputs, and change or are those of two degrees of freedom")
     return {name: np.array(gain, dtype=float) for name, gain in values.items()}
 
 
@@ -331,15 +305,10 @@ def _unfiltered(node: Node, error: Value, gain: float, parameters: Parameters) -
     return 0.0, {"filter": 1 / LAG}
 
 
-def _pid_parameters(reader: SignalReader, node: Node, letters: str, rate: Vector | None) -> Parameters | None:
-    """Return what a controller has beyond its gains; None where nothing says its period."""
-    parameters: Parameters = {}
+def _pid_parameters(reader: Tracer, node: Node, letters: str, rate: Vector | None) -> Parameters:
+    """Return what a controller has beyond its gains (raises InvalidModel: nothing says its period)."""
     discrete = node.text("TimeDomain", "Continuous-time").startswith("Discrete")
-    if discrete:
-        period = period_of(reader, node)
-        if period is None:
-            return None
-        parameters["period"] = period
+    parameters = _sampled(reader, node) if discrete else {}
     if "D" in letters and (not discrete or node.text("UseFilter", "on") == "on"):
         parameters["filter"] = max(node.number("N", "100") if rate is None else float(rate[0]), 1e-3)
     for part, name, key in (("I", "Integrator", "integration"), ("D", "Filter", "filtering")):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -16,7 +16,6 @@ from pydantic import TypeAdapter
 from simrob_drake.parts.controllers.flow_blocks import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.simulink.mechanics.joints import Freedom
-from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
 
 TermKind = Literal["one", "time", "q", "w", "a", "t", "distance", "sensed", "input", "open", "block"]
@@ -153,10 +152,7 @@ def computed(kind: str, *inputs: Value, **parameters: Any) -> Value:
 
 def signal(values: Iterable[Value]) -> Signal:
     """Return a vector of values."""
-    listed = list(values)
-    found = np.empty(len(listed), dtype=object)
-    found[:] = listed
-    return found
+    return np.array(list(values), dtype=object)
 
 
 def flat(values: Signal) -> list[Value]:
@@ -203,44 +199,16 @@ def closure(values: Iterable[Value]) -> Iterator[dict[Term, float]]:
                 waiting += block.inputs()
 
 
-class SignalReader(Protocol):
-    """What rules ask for the signals that their blocks take."""
-
-    network: Connections
-
-    def input(self, node: Node, number: int = 1) -> Signal:
-        """Return the signal at an input."""
-
-    def output(self, node: Node, number: int = 1) -> Signal:
-        """Return the signal at an output."""
-
-    def physical(self, node: Node, side: str, number: int) -> Signal | None:
-        """Return the physical signal at a port, in SI; None where nothing drives it."""
-
-    def shape(self, node: Node, number: int = 1) -> tuple[int, ...]:
-        """Return the shape of what an input takes, of a block through which loops go."""
-
-    def once(self, node: Node, make: Callable[[], list[Signal]]) -> list[Signal]:
-        """Return all outputs of a block, which are made at the first of them."""
-
-
-Rule: TypeAlias = Callable[[SignalReader, Node, int], Signal | None]
-"""What a block gives at an output; None where it is not understood."""
-
-
 def fitted(node: Node, *signals: Signal) -> list[Signal]:
     """Spread scalars over the shape of the others (raises InvalidModel: shapes that do not fit)."""
     largest = max(signals, key=lambda one: (one.size, one.ndim))
     if any(one.size not in (1, largest.size) for one in signals):
         lengths = ", ".join(str(one.size) for one in signals)
         raise node.refusal(f"its inputs have {lengths} elements; they must be equally long, or scalars")
-    return [
-        one.reshape(largest.shape, order="F") if one.size == largest.size else widened(one, largest.size, largest.shape)
-        for one in signals
-    ]
+    return [widened(one, largest.size).reshape(largest.shape, order="F") for one in signals]
 
 
-def widened(values: Signal, size: int, shape: tuple[int, ...] | None = None) -> Signal:
+def widened(values: Signal, size: int) -> Signal:
     """Let a scalar stand for all elements; an input of unknown width grows to the width that is asked for."""
     if values.size != 1 or size == 1:
         return values
@@ -248,10 +216,8 @@ def widened(values: Signal, size: int, shape: tuple[int, ...] | None = None) -> 
     ((term, factor), *others) = terms_of(value).items() or [(ONE, 0.0)]
     node = term.of
     if not others and isinstance(node, Node) and _has_no_width(term.kind, node):
-        made = signal(Form({Term(term.kind, node, term.index + index): factor}) for index in range(size))
-    else:
-        made = signal([value] * size)
-    return made.reshape(shape or (size,), order="F")
+        return signal(Form({Term(term.kind, node, term.index + index): factor}) for index in range(size))
+    return signal([value] * size)
 
 
 def _has_no_width(kind: TermKind, node: Node) -> bool:

@@ -37,7 +37,7 @@ from simrob_drake.simulink.signals.forms import (
     terms_of,
     widened,
 )
-from simrob_drake.simulink.signals.frame_sensing import orientation, part_of
+from simrob_drake.simulink.signals.sources import orientation, part_of
 from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9
@@ -74,8 +74,7 @@ def read_laws(tracer: Tracer, joints: list[Joint], *, servos: bool = False) -> d
     laws: dict[Freedom, Law] = {}
     for joint in joints:
         for number, (freedom, how) in joint.inputs.items():
-            effort = tracer.physical(joint.node, "lconn", number)
-            value = _first(tracer, joint, number, how, effort)
+            value = _first(tracer, joint.node, number, how)
             if how == "motion":
                 laws[freedom] = Law(reference=value)
             else:
@@ -96,12 +95,7 @@ def begin_on_motions(laws: dict[Freedom, Law]) -> None:
         if freedom.driven == "motion" and law.reference is not None and of_time(law.reference):
             try:
                 before, after = (_at(law.reference, time) for time in (0.0, _INSTANT))
-            except (
-                SimrobError,
-                ValueError,
-                ArithmeticError,
-                RecursionError,
-            ):  # what writes it tells it, or it is a loop
+            except (SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
                 continue
             freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
             freedom.start_counts = freedom.speed_counts = PRESCRIBED
@@ -113,17 +107,18 @@ def _at(value: Value, time: float) -> float:
     return evaluated(value, lambda term: None if isinstance(term.of, Primitive) else own.get(term.kind, 1.0), {}, time)
 
 
-def _first(tracer: Tracer, joint: Joint, number: int, how: str, effort: Signal | None) -> Value:
-    """Return the first element of what drives a joint; what nothing drives is told, and is 0."""
+def _first(tracer: Tracer, node: Node, number: int, how: str) -> Value:
+    """Return the first element of what drives a joint at a port; what nothing drives is told, and is 0."""
+    effort = tracer.physical(node, "lconn", number)
     if effort is not None and effort.size:
         first: Value = effort.ravel()[0]
         return first
-    outside = tracer.network.leads_outside(joint.node, "lconn", number)
+    outside = tracer.network.leads_outside(node, "lconn", number)
     message = (
         "comes from a port of the model" if outside else "has no elements" if effort is not None else "is not connected"
     )
     deed: EntryKind = "defaulted" if outside else "lost"
-    joint.node.note(deed, f"its {how} input {message}: nothing drives it")
+    node.note(deed, f"its {how} input {message}: nothing drives it")
     return 0.0
 
 
@@ -257,10 +252,8 @@ def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
     node, wrench = link.joint.node, np.zeros(6).astype(object)
     for pull in link.joint.pulls:
         place, speed = part_of(node, pull.place % _PLACES), part_of(node, pull.place + 7)  # a torque has no spring
-        if pull.port and (values := tracer.physical(node, "lconn", pull.port)) is not None:
-            wrench[pull.place] += values.ravel()[0]
-        elif pull.port:
-            node.note("lost", "its force input is not connected: nothing drives it")
+        if pull.port:
+            wrench[pull.place] += _first(tracer, node, pull.port, "force")
         wrench[pull.place] -= pull.stiffness * (place - pull.rest) + pull.damping * speed
         for bound, way, stiffness in pull.stops:
             wrench[pull.place] += way * stiffness * applied("max", 0.0, way * (bound - place))

@@ -14,25 +14,20 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.model_file import SCRIPT
 from simrob_drake.simulink.signals.arithmetic import chosen, limited
 from simrob_drake.simulink.signals.dynamics import period_of
-from simrob_drake.simulink.signals.forms import TIME, Rule, Signal, SignalReader, Value, computed, fitted, flat, signal
-from simrob_drake.simulink.signals.translation import Translation, on_symbols
+from simrob_drake.simulink.signals.forms import TIME, Signal, Value, computed, fitted, flat, signal
+from simrob_drake.simulink.signals.tracing import Rule, Tracer
+from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import Files, undefined
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
-from simrob_drake.simulink.values.script import functions_of
-from simrob_drake.simulink.values.syntax import NotUnderstood
+from simrob_drake.simulink.values.evaluate import UndefinedVariable
+from simrob_drake.simulink.values.syntax import NotUnderstood, functions_of
 
 
 def _columns(values: Signal) -> Any:
     return values.reshape(-1, 1) if values.ndim == 1 else values
 
 
-def _as_signal(value: Any) -> Signal:
-    array = matrix(value).astype(object)
-    return array.reshape(-1, order="F") if array.shape[1] == 1 else array
-
-
-def _matlab_function(reader: SignalReader, node: Node, number: int) -> Signal | None:
+def _matlab_function(reader: Tracer, node: Node, number: int) -> Signal | None:
     """Return an output of a MATLAB Function: of the S-Function in it, whose first output is for order alone."""
     block = node.parent
     code = block.text(SCRIPT) if block is not None else ""
@@ -50,7 +45,7 @@ def _matlab_function(reader: SignalReader, node: Node, number: int) -> Signal | 
         ]
         files = reader.network.expanded.libraries
         run = Translation({}, undefined, files, functions, period=period_of(reader, block))
-        return [_as_signal(value) for value in run.called(main.name, arguments)]
+        return [as_signal(value) for value in run.called(main.name, arguments)]
 
     outputs = _understood(block, lambda: reader.once(node, translated))
     return outputs[number - 2] if 0 <= number - 2 < len(outputs) else None
@@ -83,7 +78,7 @@ def _over(node: Node, variables: Mapping[str, Signal], files: Files | None = Non
 _BARE = re.compile(r"\bu\b(?!\s*\()")  # the input of a Fcn without an index: its first element
 
 
-def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _expression(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return an expression of the input ``u``, of a Fcn or Interpreted MATLAB Function."""
     text = node.text("Expr", node.text("Expression", node.text("MATLABFcn", "")))
     values = reader.input(node)
@@ -92,7 +87,7 @@ def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
     run = _over(node, {"u": values}, reader.network.expanded.libraries)
     if text in FUNCTIONS or (text.isidentifier() and run.find(text)):
         text = f"{text}(u)"
-    return _understood(node, lambda: [_as_signal(run.value(text))])[0] if text else None
+    return _understood(node, lambda: [as_signal(run.value(text))])[0] if text else None
 
 
 _BLOCKS: dict[str, Callable[..., Value]] = {
@@ -106,7 +101,7 @@ _BLOCKS: dict[str, Callable[..., Value]] = {
 _CHOICE = re.compile(r"\{(\w+)(?: or (\w+))?:(.+?)\}")
 
 
-def _formula(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _formula(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return what a block computes by its formula; None where that has no such choice."""
     row = dict(table("formulas")[node.kind])
     text, choices = row.pop("is"), row.pop("choices", None)
@@ -123,9 +118,8 @@ def _formula(reader: SignalReader, node: Node, _: int) -> Signal | None:
         values["t"] = reader.input(node) if node.text("TimeSource").startswith("Use external") else signal([TIME])
     values |= {name: _parameter(node, default, others or [name]) for name, (default, *others) in row.items()}
     columns = map(_columns, fitted(node, *values.values()))
-    run = Translation(dict(zip(values, columns, strict=True)))
-    run._algebra.functions.update({name: on_symbols(None, function) for name, function in _BLOCKS.items()})
-    return _understood(node, lambda: [_as_signal(run.value(text))])[0]
+    run = Translation(dict(zip(values, columns, strict=True)), own=_BLOCKS)
+    return _understood(node, lambda: [as_signal(run.value(text))])[0]
 
 
 def _parameter(node: Node, default: str, names: list[str]) -> Signal:

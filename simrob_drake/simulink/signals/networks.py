@@ -11,7 +11,6 @@ from __future__ import annotations
 import itertools
 import json
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any, NamedTuple
@@ -25,8 +24,9 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, limited, looked_up
 from simrob_drake.simulink.signals.descriptors import AT_ONCE, Reduced, reduced, without_fast
 from simrob_drake.simulink.signals.dynamics import rate_of
-from simrob_drake.simulink.signals.forms import Primitive, Rule, Signal, SignalReader, Value, added, flat, signal
-from simrob_drake.simulink.signals.translation import Translation, on_symbols
+from simrob_drake.simulink.signals.forms import Primitive, Signal, Value, added, flat, signal
+from simrob_drake.simulink.signals.tracing import Rule, Tracer
+from simrob_drake.simulink.signals.translation import Translation
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import undefined
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate, matrix
@@ -59,7 +59,6 @@ _AS_IS = {
 
 def ports_of(node: Node) -> dict[str, tuple[str, int]]:
     """Return side and number of each port of an element by name: as the file tells, or as the block is by default."""
-    listed: dict[str, list[str]] = {}
     try:
         written = json.loads(node.text("InternalSimscapePortConfiguration", "{}"))
         listed = {
@@ -109,15 +108,12 @@ class _Equations:
     def unknown(self, what: object) -> int:
         return self.unknowns.setdefault(what, len(self.unknowns))
 
-    def add(self, node: Node, reader: SignalReader) -> None:
+    def add(self, node: Node, reader: Tracer) -> None:
         """Add what an element says."""
         element, ports = elements()[node.kind], ports_of(node)
         known = self._branches(node, element, {name: reader.network.net(node, *port) for name, port in ports.items()})
-        driven: dict[str, Value] = {}
-        for name, port in ports.items():
-            driver = reader.physical(node, *port) if name in _driving(element) else None
-            if driver is not None and driver.size:
-                driven[name] = driver.ravel()[0]
+        drivers = {name: reader.physical(node, *port) for name, port in ports.items() if name in _driving(element)}
+        driven: dict[str, Value] = {name: flat(one)[0] for name, one in drivers.items() if one is not None and one.size}
         if element.law:
             words = re.findall(r"\w+", element.law)
             takes = {name: {place: often for _, place, often in known[name]} for name in known if name in words}
@@ -222,7 +218,7 @@ def _members(network: Connections, start: Node) -> list[Node]:
     return sorted(network.joined(start, conserving), key=lambda one: one.path)
 
 
-def _solved(reader: SignalReader, members: list[Node]) -> list[Signal]:
+def _solved(reader: Tracer, members: list[Node]) -> list[Signal]:
     """Return what the elements of a network tell, in order; nothing where it is not read, which is told of each."""
     strange = [node for node in members if node.kind not in elements()]
     try:
@@ -267,9 +263,7 @@ def _law_of(node: Node, values: dict[str, Value]) -> Value:
     def figure(name: str) -> Any:
         return undefined(name) if name not in node.block.parameters else matrix(_figure(node, name))
 
-    run = Translation(known, figure)
-    own: dict[str, Callable[..., Value]] = {"stop": _stop, "within": partial(_within, node)}
-    run._algebra.functions.update({name: on_symbols(None, function) for name, function in own.items()})
+    run = Translation(known, figure, own={"stop": _stop, "within": partial(_within, node)})
     try:
         return flat(run.value(elements()[node.kind].law))[0]
     except UndefinedVariable as problem:
@@ -322,7 +316,7 @@ def _outputs(node: Node, found: Reduced, equations: _Equations) -> list[Value]:
     return [output(row) for row in range(len(equations.outputs))]
 
 
-def _element(reader: SignalReader, node: Node, number: int) -> Signal:
+def _element(reader: Tracer, node: Node, number: int) -> Signal:
     """Return what an element tells at one of the ports that do."""
     members = _members(reader.network, node)
     values = reader.once(members[0], lambda: _solved(reader, members))

@@ -13,9 +13,7 @@ from simrob_drake.simulink.signals.arithmetic import MOST_INPUTS, chosen, compar
 from simrob_drake.simulink.signals.forms import (
     MOST_ELEMENTS,
     Form,
-    Rule,
     Signal,
-    SignalReader,
     Term,
     Value,
     fitted,
@@ -25,13 +23,14 @@ from simrob_drake.simulink.signals.forms import (
     widened,
 )
 from simrob_drake.simulink.signals.matlab import condition_on
+from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood
 
 _BETWEEN = re.compile(r",(?![^\[]*\])")  # the commas between the indices of a matrix, and not those within brackets
 
 
-def _inport(reader: SignalReader, node: Node, _: int) -> Signal:
+def _inport(reader: Tracer, node: Node, _: int) -> Signal:
     bus = reader.network.bus_of(node)
     if bus is not None:
         return _of_bus(reader, node, bus, [node.text(ELEMENT)])
@@ -40,7 +39,7 @@ def _inport(reader: SignalReader, node: Node, _: int) -> Signal:
     return signal(Form({Term("input", node, index): 1.0}) for index in range(max(1, min(size, MOST_ELEMENTS))))
 
 
-def _concatenated(reader: SignalReader, node: Node, _: int) -> Signal:
+def _concatenated(reader: Tracer, node: Node, _: int) -> Signal:
     parts = inputs_of(reader, node)
     if node.text("Mode", "Vector") == "Vector" and all(part.ndim == 1 for part in parts):
         return np.concatenate(parts)
@@ -51,7 +50,7 @@ def _concatenated(reader: SignalReader, node: Node, _: int) -> Signal:
     return np.concatenate(columns, axis=axis)
 
 
-def _demux(reader: SignalReader, node: Node, number: int) -> Signal:
+def _demux(reader: Tracer, node: Node, number: int) -> Signal:
     sizes = node.numbers("Outputs", "2")
     values = reader.input(node).ravel(order="F")
     if sizes.size == 1:
@@ -73,20 +72,20 @@ def _demux(reader: SignalReader, node: Node, number: int) -> Signal:
     return taken if len(taken) else signal([0.0])
 
 
-def _muxed(reader: SignalReader, source: tuple[Node, int] | None) -> list[int]:
+def _muxed(reader: Tracer, source: tuple[Node, int] | None) -> list[int]:
     """Return the widths of what makes up a signal, also behind a choice; Simulink finds them from both its ends."""
     while source is not None:
         node = source[0]
         if node.kind == "Mux":
             return [part.size for part in inputs_of(reader, node)]
         if node.kind == "Merge":
-            ways = (_muxed(reader, reader.network.source(node, place + 1)) for place in range(_ways(node)))
+            ways = (_muxed(reader, way) for way in reader.network.sources(node))
             return next(filter(None, ways), [])
         source = reader.network.inside(*source) if node.children else None
     return []
 
 
-def _selector(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _selector(reader: Tracer, node: Node, _: int) -> Signal | None:
     values = reader.input(node)
     first = 1 if node.text("IndexMode", "One-based") == "One-based" else 0
     if node.text("NumberOfDimensions", "1") == "1":
@@ -113,7 +112,7 @@ def _selector(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return np.asarray(values[np.ix_(*chosen)], dtype=object)
 
 
-def _reshape(reader: SignalReader, node: Node, _: int) -> Signal:
+def _reshape(reader: Tracer, node: Node, _: int) -> Signal:
     values = reader.input(node)
     mode = node.text("OutputDimensionality", "1-D array")
     if mode.startswith("Customize"):
@@ -121,20 +120,19 @@ def _reshape(reader: SignalReader, node: Node, _: int) -> Signal:
         shape: tuple[int, ...] = tuple(int(one) for one in size)
     else:
         shape = {"C": (values.size, 1), "R": (1, values.size)}.get(mode[:1], (values.size,))
-    if int(np.prod(shape)) != values.size:
-        values = widened(values.ravel(order="F"), int(np.prod(shape)))
+    values = widened(values.ravel(order="F"), int(np.prod(shape)))
     if int(np.prod(shape)) != values.size:
         raise node.refusal(f"makes {shape} of a signal of {values.size} elements")
     return values.reshape(shape, order="F")
 
 
-def _bus_selector(reader: SignalReader, node: Node, number: int) -> Signal | None:
+def _bus_selector(reader: Tracer, node: Node, number: int) -> Signal | None:
     names = [name.strip() for name in node.text("OutputSignals").split(",")]
     asked = names if node.is_on("OutputAsBus") else names[number - 1 : number]
     return _of_bus(reader, node, reader.network.source(node), asked)
 
 
-def _of_bus(reader: SignalReader, node: Node, bus: tuple[Node, int] | None, names: list[str]) -> Signal:
+def _of_bus(reader: Tracer, node: Node, bus: tuple[Node, int] | None, names: list[str]) -> Signal:
     """Return the signals of a bus that a block asks for by their names; raises InvalidModel: one that is not there."""
     sources = {name: _selected(reader, bus, name) for name in names}
     for name, source in sources.items():
@@ -143,7 +141,7 @@ def _of_bus(reader: SignalReader, node: Node, bus: tuple[Node, int] | None, name
     return signal(value for source in sources.values() if source is not None for value in flat(reader.output(*source)))
 
 
-def _selected(reader: SignalReader, bus: tuple[Node, int] | None, names: str) -> tuple[Node, int] | None:
+def _selected(reader: Tracer, bus: tuple[Node, int] | None, names: str) -> tuple[Node, int] | None:
     """Return what feeds a bus under a name, ``outer.inner`` of a bus in a bus."""
     name, _, rest = names.partition(".")
     while bus is not None and name:
@@ -154,7 +152,7 @@ def _selected(reader: SignalReader, bus: tuple[Node, int] | None, names: str) ->
     return bus
 
 
-def _elements(reader: SignalReader, node: Node, output: int) -> dict[str, Node]:
+def _elements(reader: Tracer, node: Node, output: int) -> dict[str, Node]:
     """Return the port blocks that are the signals of a subsystem's bus; raises InvalidModel: it runs on a condition."""
     found = reader.network.elements(node, output)
     if found and reader.network.is_conditional(node):
@@ -162,7 +160,7 @@ def _elements(reader: SignalReader, node: Node, output: int) -> dict[str, Node]:
     return found
 
 
-def _in_bus(reader: SignalReader, bus: Node, output: int, name: str) -> tuple[Node, int] | None:
+def _in_bus(reader: Tracer, bus: Node, output: int, name: str) -> tuple[Node, int] | None:
     """Return what feeds a bus under a name: its input's own, its line's, or ``signal3`` for the third."""
     network = reader.network
     if bus.kind in ("BusSelector", "Inport"):
@@ -187,7 +185,7 @@ def _in_bus(reader: SignalReader, bus: Node, output: int, name: str) -> tuple[No
     return None
 
 
-def _stored(reader: SignalReader, node: Node, number: int) -> Signal | None:
+def _stored(reader: Tracer, node: Node, number: int) -> Signal | None:
     """Return what is written to a data store or an element of it, or what it begins with where nothing writes."""
     name, nodes = node.text("DataStoreName", "A"), reader.network.expanded.nodes
     same = {kind: [one for one in nodes if one.kind == kind and one.text("DataStoreName", "A") == name] for kind in
@@ -212,7 +210,7 @@ def _elements_of(node: Node) -> list[str]:
     return (node.text("DataStoreElements") or node.text("DataStoreName", "A")).split("#")
 
 
-def _multiport_switch(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _multiport_switch(reader: Tracer, node: Node, _: int) -> Signal | None:
     if node.text("DataPortOrder", "One-based contiguous") not in ("One-based contiguous", "Zero-based contiguous"):
         return None
     first = 0 if node.text("DataPortOrder", "One").startswith("Zero") else 1
@@ -250,7 +248,7 @@ ROUTING: dict[str, Rule] = {
 _MOST_WAYS = 100
 
 
-def conditional(reader: SignalReader, node: Node, number: int) -> Signal | None:
+def _conditional(reader: Tracer, node: Node, number: int) -> Signal | None:
     """Return an output of a subsystem: what is in it while its condition holds, else what its output begins with."""
     condition, inside = _condition(reader, node), reader.network.inside(node, number)
     if inside is None or condition is None:
@@ -267,7 +265,7 @@ def conditional(reader: SignalReader, node: Node, number: int) -> Signal | None:
     return mapped(partial(chosen, condition), *fitted(node, values, other))
 
 
-def _condition(reader: SignalReader, node: Node) -> Value | None:
+def _condition(reader: Tracer, node: Node) -> Value | None:
     """Return whether a subsystem runs, as a value that is not 0; None where that is not understood."""
     enabled = reader.network.source(node, 1, "enable")
     if enabled is not None:
@@ -285,14 +283,10 @@ def _condition(reader: SignalReader, node: Node) -> Value | None:
     return parts[0] if len(parts) == 1 else joined("and", *parts)
 
 
-def _ways(merge: Node) -> int:
-    return min(int(merge.number("Inputs", "2")), _MOST_WAYS)
-
-
-def _merge(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def _merge(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return what the subsystem gives that runs; the last one where none does."""
     merged: Signal | None = None
-    for place in range(1, _ways(node) + 1):
+    for place in range(1, min(int(node.number("Inputs", "2")), _MOST_WAYS) + 1):
         source = reader.network.source(node, place)
         condition = None if source is None else _condition(reader, source[0])
         inside = None if source is None else reader.network.inside(*source)
@@ -303,8 +297,10 @@ def _merge(reader: SignalReader, node: Node, _: int) -> Signal | None:
     return merged
 
 
-def bus_output(reader: SignalReader, node: Node, number: int) -> Signal:
-    """Return an output of a subsystem that is a bus of its own making: all of its signals."""
+def subsystem(reader: Tracer, node: Node, number: int) -> Signal | None:
+    """Return an output of a subsystem that runs under a condition, or that is a bus of its own making."""
+    if not reader.network.elements(node, number):
+        return _conditional(reader, node, number) if reader.network.is_conditional(node) else None
     ports = _elements(reader, node, number).values()
     return signal(value for port in ports for value in flat(reader.input(port)))
 

@@ -1,20 +1,23 @@
-"""Blocks that give signals of time, and physical signals: converters, arithmetic, sources."""
+"""Blocks that give signals of time, physical signals (converters, arithmetic, sources), and what sensors measure."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up, of_parameters
-from simrob_drake.simulink.signals.dynamics import filtered, with_states
+from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up
+from simrob_drake.simulink.signals.dynamics import blocks, filtered
 from simrob_drake.simulink.signals.forms import (
+    MOST_ELEMENTS,
+    PARTS,
     TIME,
-    Rule,
+    Form,
     Signal,
-    SignalReader,
+    Term,
     Value,
     flat,
     mapped,
@@ -23,18 +26,21 @@ from simrob_drake.simulink.signals.forms import (
     terms_of,
 )
 from simrob_drake.simulink.signals.matlab import FORMULAS
+from simrob_drake.simulink.signals.tracing import Rule, Tracer
+from simrob_drake.simulink.signals.translation import Translation, as_signal
+from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.evaluate import matrix
 
 
-def _constant(_: SignalReader, node: Node, __: int) -> Signal:
+def _constant(_: Tracer, node: Node, __: int) -> Signal:
     value = node.matrix("Value" if "constant" not in node.block.parameters else "constant", "1").astype(object)
     return value.reshape(-1) if 1 in value.shape and node.text("VectorParams1D", "on") == "on" else value
 
 
-def repeated(times: Any, values: Any, time: Value = TIME, *, stairs: bool = False) -> Value:
+def _repeated(times: Any, values: Any, *, stairs: bool) -> Value:
     """Return a table over time that begins anew at its end."""
     begin, period = float(times[0]), float(times[-1] - times[0])
-    turns = (time - begin) / period
+    turns = (TIME - begin) / period
     phase = begin + period * (turns - applied("floor", turns))
     return _stairs(times, values, phase) if stairs else looked_up(phase, times, values, clip=True)
 
@@ -47,7 +53,7 @@ def _stairs(times: Any, values: Any, time: Value) -> Value:
     return looked_up(time, points, held, clip=True)
 
 
-def _repeating(_: SignalReader, node: Node, __: int) -> Signal:
+def _repeating(_: Tracer, node: Node, __: int) -> Signal:
     if node.kind == "Repeating Sequence":
         times, values = node.numbers("rep_seq_t", "[0 2]"), node.numbers("rep_seq_y", "[0 2]")
     elif node.kind == "Repeating Sequence Interpolated":
@@ -60,28 +66,28 @@ def _repeating(_: SignalReader, node: Node, __: int) -> Signal:
         raise node.refusal(f"has {times.size} times for {values.size} values; the times must rise, with as many values")
     jumps = np.flatnonzero(np.diff(times) == 0)
     times[jumps] -= 1e-9 * (times[-1] - times[0])  # two values at one time are a jump
-    return signal([repeated(times, values, stairs=node.kind == "Repeating Sequence Stair")])
+    return signal([_repeated(times, values, stairs=node.kind == "Repeating Sequence Stair")])
 
 
-def _workspace(_: SignalReader, node: Node, __: int) -> Signal:
+def _workspace(_: Tracer, node: Node, __: int) -> Signal:
     value = node.value("VariableName", "[0 0]")
     if isinstance(value, dict) and "time" in value and isinstance(value.get("signals"), dict):
         times, values = matrix(value["time"]).reshape(-1), matrix(value["signals"]["values"])
-        table = np.column_stack([times, values.reshape(times.size, -1)])
+        rows = np.column_stack([times, values.reshape(times.size, -1)])
     else:
-        table = node.matrix("VariableName", "[0 0]")
-    if table.shape[1] < 2 or not np.all(np.isfinite(table)) or np.any(np.diff(table[:, 0]) < 0):
+        rows = node.matrix("VariableName", "[0 0]")
+    if rows.shape[1] < 2 or not np.all(np.isfinite(rows)) or np.any(np.diff(rows[:, 0]) < 0):
         raise node.refusal("needs a matrix of times that rise, and values")
-    if len(table) < 2:
-        return table[0, 1:].astype(object)
-    times, after = table[:, 0].copy(), node.text("OutputAfterFinalValue", "Extrapolation")
+    if len(rows) < 2:
+        return rows[0, 1:].astype(object)
+    times, after = rows[:, 0].copy(), node.text("OutputAfterFinalValue", "Extrapolation")
     same = np.flatnonzero(np.diff(times) == 0)
     times[same] -= 1e-9 * max(times[-1] - times[0], 1e-9)
     stairs = node.text("Interpolate", "on") == "off"
     found = []
-    for column in table[:, 1:].T:
+    for column in rows[:, 1:].T:
         if after == "Cyclic repetition":
-            value = repeated(times, column, stairs=stairs)
+            value = _repeated(times, column, stairs=stairs)
         elif stairs:
             value = _stairs(times, column, TIME)
         else:
@@ -109,13 +115,13 @@ def _converter_unit(node: Node, values: Signal) -> float:
     return node.in_si(text, "Unit", ("rad" if getattr(terms[0].of, "turns", True) else "m") if sensed else "")
 
 
-def out_of_physics(reader: SignalReader, node: Node, _: int) -> Signal | None:
+def out_of_physics(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return what a PS-Simulink Converter gives."""
     values = reader.physical(node, "lconn", 1)
     return None if values is None else scaled(values, 1.0 / _converter_unit(node, values))
 
 
-def _into_physics(reader: SignalReader, node: Node, _: int) -> Signal:
+def _into_physics(reader: Tracer, node: Node, _: int) -> Signal:
     values = reader.input(node)
     values = scaled(values, _converter_unit(node, values))
     if node.text("FilteringAndDerivatives", "provide") != "filter":
@@ -126,16 +132,41 @@ def _into_physics(reader: SignalReader, node: Node, _: int) -> Signal:
 
 
 def _lookup(node: Node) -> Callable[[Value], Value]:
-    table = node.numbers("x_t", "[1 2 3]"), node.numbers("y_t", "[1 2 3]")
-    return lambda u: looked_up(u, *table, clip=node.text("extrap_method", "") not in ("1", "linear"))
+    points = node.numbers("x_t", "[1 2 3]"), node.numbers("y_t", "[1 2 3]")
+    return lambda u: looked_up(u, *points, clip=node.text("extrap_method", "") not in ("1", "linear"))
 
 
 PHYSICAL: dict[str, Rule] = {
     "Simulink-PS Converter": _into_physics,
     **{kind: rule for kind, rule in FORMULAS.items() if kind.startswith("PS ")},
-    "PS Lookup Table (1D)": of_parameters(_lookup),
-    "PS Integrator": lambda reader, node, _: with_states(
-        reader, node, "integrator", {"initial": node.quantity("x0", "x")}
-    ),
+    "PS Lookup Table (1D)": lambda reader, node, _: mapped(_lookup(node), reader.input(node)),
+    "PS Integrator": lambda reader, node, _: blocks(reader, node, "integrator", {"initial": node.quantity("x0", "x")}),
 }
 """What blocks give at their right port 1, by type."""
+
+
+SENSOR = "Transform Sensor"
+_FIRST_PORT = 2  # after the follower's frame
+
+
+def sensed(node: Node) -> dict[int, Callable[[], Signal]]:
+    """Return what gives the signals of a Transform Sensor, by the number of their right port."""
+    asked = [name for name in table("sensing") if node.is_on(f"Sense{name}")]
+    return {port: partial(_measured, node, name, port) for port, name in enumerate(asked, start=_FIRST_PORT)}
+
+
+def _measured(node: Node, name: str, port: int = 0) -> Signal:
+    if (formula := table("sensing")[name]) is None:
+        return signal([Form({Term("open", node, (port - 1) * MOST_ELEMENTS): 1.0})])
+    parts = {part: matrix(signal([part_of(node, index)])) for index, part in enumerate(PARTS)}
+    return as_signal(Translation(parts).value(formula))
+
+
+def part_of(node: Node, index: int) -> Form:
+    """Return a part of what a sensor of the block measures, as ``PARTS`` has them."""
+    return Form({Term("sensed", node, index): 1.0})
+
+
+def orientation(node: Node) -> Signal:
+    """Return the rotation matrix (3, 3) of a frame in the model's world, which a sensor of the block measures."""
+    return _measured(node, "R")

@@ -1,88 +1,53 @@
 """Follow signals from where they are used to where they come from."""
 
+from __future__ import annotations
+
 import math
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TypeAlias
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.simulink.mechanics.bodies import ContactPair
-from simrob_drake.simulink.mechanics.joints import Joint
 from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import ARITHMETIC
-from simrob_drake.simulink.signals.dynamics import DYNAMICS, LAG
 from simrob_drake.simulink.signals.forms import (
     MOST_ELEMENTS,
     Form,
     Primitive,
-    Rule,
     Signal,
     Term,
-    TermKind,
     Value,
     flat,
     name_after,
     signal,
 )
-from simrob_drake.simulink.signals.frame_sensing import SENSOR, sensed
-from simrob_drake.simulink.signals.matlab import MATLAB
-from simrob_drake.simulink.signals.networks import NETWORKS, outputs_of
-from simrob_drake.simulink.signals.routing import ROUTING, bus_output, conditional
-from simrob_drake.simulink.signals.sources import PHYSICAL, SOURCES, out_of_physics
 
-RULES: dict[str, Rule] = {
-    **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **MATLAB, **PHYSICAL, **NETWORKS,
-    "PS-Simulink Converter": out_of_physics,
-}  # fmt: skip
-"""What each type of block gives."""
-_SENSED: dict[str, TermKind] = {kind: kind for kind in ("q", "w", "a", "t")}
+LAG = 1e-3
+"""Time constant [s] of what stands for a derivative of something that is not measured, or breaks an algebraic loop."""
 _MOST_GUESSES = 5
+_Shapes: TypeAlias = dict[Node, tuple[int, ...]]
 
 
 class Tracer:
-    """Knows what each output of a model is made of.
+    """Knows what each output of a model is made of, by the rules of its blocks.
 
     Attributes:
         network: the connections.
         opened: blocks that are left open, in the order they were met, and what is wrong with their parameters.
     """
 
-    def __init__(self, network: Connections, joints: list[Joint], contacts: list[ContactPair]) -> None:
-        self.network = network
+    def __init__(self, network: Connections, rules: Mapping[str, Rule]) -> None:
+        self.network, self._rules = network, rules
         self.opened: dict[Node, str] = {}
         self._known: dict[tuple[Node, int], Signal] = {}
         self._made: dict[Node, list[Signal]] = {}
         self._under_way: list[tuple[Node, int]] = []
-        self._shapes: dict[tuple[Node, int], tuple[int, ...]] = {}
-        self._guesses: dict[tuple[Node, int], tuple[int, ...]] | None = None
+        self._shapes: _Shapes = {}
+        self._guesses: _Shapes | None = None
         self._physical: dict[Place, Callable[[], Signal]] = {}
-        for joint in joints:
-            self._offer_sensed(joint)
-        for contact in contacts:
-            if contact.senses_distance:
-                self._offer(contact.node, contact.senses_distance, partial(_each, Term("distance", contact.node)))
-        for node in network.expanded.nodes:
-            if node.kind == SENSOR:
-                for number, give in sensed(node).items():
-                    self._offer(node, number, give)
-            elif node.kind in PHYSICAL:
-                self._offer(node, 1, partial(self.output, node))
-            for number, (_, side, port) in enumerate(outputs_of(node) if node.kind in NETWORKS else (), start=1):
-                self._offer(node, port, partial(self.output, node, number), side)
 
-    def _offer_sensed(self, joint: Joint) -> None:
-        for number, (freedom, what) in joint.outputs.items():
-            term = (
-                Term(_SENSED[what], freedom)
-                if what in _SENSED
-                else Term("open", joint.node, (number - 1) * MOST_ELEMENTS)
-            )
-            self._offer(joint.node, number, partial(_each, term))
-        for number, parts in joint.senses.items():
-            terms = [Term("sensed", joint.node, part) for part in parts]
-            self._offer(joint.node, number, partial(_each, *(terms or [Term("open", joint.node, number)])))
-
-    def _offer(self, node: Node, number: int, give: Callable[[], Signal], side: str = "rconn") -> None:
+    def offer(self, node: Node, number: int, give: Callable[[], Signal], side: str = "rconn") -> None:
+        """Take note of what gives the physical signal at a port."""
         self._physical[self.network.net(node, side, number)] = give
 
     def physical(self, node: Node, side: str, number: int) -> Signal | None:
@@ -96,11 +61,8 @@ class Tracer:
 
     def input(self, node: Node, number: int = 1) -> Signal:
         """Return the signal at an input; an unconnected one is 0, as in Simulink, and is noted."""
-        if node.kind in PHYSICAL and node.kind != "Simulink-PS Converter":
-            found = self.physical(node, "lconn", number)
-        else:
-            source = self.network.source(node, number)
-            found = None if source is None else self.output(*source)
+        source = self.network.source(node, number)
+        found = self.physical(node, "lconn", number) if source is None else self.output(*source)
         if found is None:
             node.note("defaulted", f"input {number} is not connected: it is 0")
             return signal([0.0])
@@ -108,10 +70,7 @@ class Tracer:
 
     def inputs(self, node: Node) -> list[Signal]:
         """Return the signals at the inputs of a block that is left open."""
-        found: list[Signal] = []
-        while (source := self.network.source(node, len(found) + 1)) is not None:
-            found.append(self.output(*source))
-        return found
+        return [self.output(*source) for source in self.network.sources(node)]
 
     def once(self, node: Node, make: Callable[[], list[Signal]]) -> list[Signal]:
         """Return all outputs of a block, which are made at the first of them."""
@@ -121,35 +80,42 @@ class Tracer:
             self._made[node] = make()
         return self._made[node]
 
-    def shape(self, node: Node, number: int = 1) -> tuple[int, ...]:
-        """Return the shape of what an input takes, of a block through which loops go.
+    def shape(self, node: Node) -> tuple[int, ...]:
+        """Return the shape of what the first input takes, of a block through which loops go.
 
         The loop is followed with a guess of the shape until it comes round to the same; what is found on the way is
         forgotten.
         """
-        key = node, number
-        if key in self._shapes:
-            return self._shapes[key]
+        if node in self._shapes:
+            return self._shapes[node]
         if self._guesses is not None:  # within another search
-            if key not in self._guesses:
-                self._guesses[key] = (1,)
-                self._guesses[key] = self.input(node, number).shape
-            return self._guesses[key]
-        kept, self._under_way, way = dict(self._known), [], self._under_way
-        opened, entries = dict(self.opened), list(node.findings.report.entries)
-        guesses = {key: (1,)}
+            if node not in self._guesses:
+                self._guesses[node] = (1,)
+                self._guesses[node] = self.input(node).shape
+            return self._guesses[node]
+        guesses: _Shapes = {node: (1,)}
         for _ in range(_MOST_GUESSES):
-            self._guesses = dict(guesses)
-            found = {one: self.input(*one).shape for one in list(guesses)}
-            found |= {one: shape for one, shape in self._guesses.items() if one not in found}
-            self._known = dict(kept)
+            with self._guessing(guesses) as guessed:
+                found = {one: self.input(one).shape for one in guesses}
+            found = guessed | found
             if found == guesses:
                 break
             guesses = found
-        self._guesses, self._under_way, self.opened = None, way, opened
-        node.findings.report.entries[:] = entries
         self._shapes |= guesses
-        return self._shapes[key]
+        return self._shapes[node]
+
+    @contextmanager
+    def _guessing(self, guesses: _Shapes) -> Iterator[_Shapes]:
+        """Follow signals with guesses of shapes, to which others are added; else all that is found is forgotten."""
+        entries = self.network.expanded.findings.report.entries
+        kept = self._known, self._under_way, self.opened, entries.copy()
+        self._known, self._under_way, self.opened = dict(self._known), [], dict(self.opened)
+        self._guesses = dict(guesses)
+        try:
+            yield self._guesses
+        finally:
+            self._known, self._under_way, self.opened, entries[:] = kept
+            self._guesses = None
 
     def output(self, node: Node, number: int = 1) -> Signal:
         """Return the signal at an output."""
@@ -168,10 +134,7 @@ class Tracer:
         return found
 
     def _computed(self, node: Node, number: int) -> Signal:
-        rule = conditional if node.children and self.network.is_conditional(node) else RULES.get(node.kind)
-        if self.network.elements(node, number):
-            rule = bus_output
-        why = ""
+        rule, why = self._rules.get(node.kind), ""
         try:
             found = rule(self, node, number) if rule is not None else None
         except InvalidModel as problem:
@@ -179,18 +142,18 @@ class Tracer:
         return self._open(node, number, why) if found is None else found
 
     def _open(self, node: Node, number: int, why: str = "") -> Signal:
-        if node not in self.opened:
-            self.opened[node] = why
-        return _each(Term("open", node, (number - 1) * MOST_ELEMENTS))
+        self.opened.setdefault(node, why)
+        return signal([Form({Term("open", node, (number - 1) * MOST_ELEMENTS): 1.0})])
 
     def _broken(self, node: Node, number: int) -> Signal:
         """Return an output that depends on itself at once: late by a filter, for no net of blocks solves for it."""
         if self._guesses is not None:
-            return _each(Term("open", node))
+            return signal([Form({Term("open", node): 1.0})])
         way = [one.path for one, _ in self._under_way]
         loop = " → ".join([*way[way.index(node.path) :], node.path])
         node.note("approximated", f"an algebraic loop, late by {LAG:g} s: {loop}")
-        shape = self._shape_of(node, number)
+        with self._guessing({}):
+            shape = self.output(node, number).shape
 
         def late(index: int) -> Primitive:
             parameters = {"numerator": [1.0], "denominator": [LAG, 1.0]}
@@ -205,14 +168,6 @@ class Tracer:
         values = flat(self.output(node, number))
         return values[min(index, len(values) - 1)]
 
-    def _shape_of(self, node: Node, number: int) -> tuple[int, ...]:
-        """Return the shape of an output that is being computed, by computing it with a guess."""
-        kept, way = dict(self._known), self._under_way
-        self._under_way, self._guesses = [], {}
-        shape: tuple[int, ...] = self.output(node, number).shape
-        self._known, self._under_way, self._guesses = kept, way, None
-        return shape
 
-
-def _each(*terms: Term) -> Signal:
-    return signal(Form({term: 1.0}) for term in terms)
+Rule: TypeAlias = Callable[[Tracer, Node, int], Signal | None]
+"""What a block gives at an output; None where it is not understood."""

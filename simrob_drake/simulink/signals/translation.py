@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Self
 
@@ -21,11 +20,10 @@ from simrob_drake.simulink.signals.arithmetic import (
     looked_up,
     whole,
 )
-from simrob_drake.simulink.signals.forms import Form, Primitive, Value, computed, flat, mapped, signal
+from simrob_drake.simulink.signals.forms import Form, Primitive, Signal, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, count, matrix
-from simrob_drake.simulink.values.script import Statement, lines_of
-from simrob_drake.simulink.values.syntax import NotUnderstood
+from simrob_drake.simulink.values.syntax import NotUnderstood, Statement, lines_of
 
 _ENDED = "return"  # where it is kept whether a function has returned
 _PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number
@@ -38,42 +36,41 @@ class Translation(CodeRun):
     in the branch that is not taken gets 1 there. Persistent variables are delays by a period.
     """
 
-    def __init__(self, *arguments: Any, period: float | None = None) -> None:
-        """Take what :class:`CodeRun` takes, and the time between samples [s]; None where nothing says it."""
+    def __init__(
+        self, *arguments: Any, period: float | None = None, own: Mapping[str, Callable[..., Value]] | None = None
+    ) -> None:
+        """Take what :class:`CodeRun` takes, and more.
+
+        Args:
+            arguments: what that takes.
+            period: the time between samples [s]; None where nothing says it.
+            own: further functions, of values, by name.
+        """
         self._guards: list[Value] = []
-        self._period, self._within = period, False
+        self._period, self._within, self._own = period, False, own or {}
         self._kept: dict[str, Any] = {}  # persistent variables as they are at a sample; None before they have begun
         self._last: Translation | None = None  # the run of the function that was called last
         super().__init__(*arguments)
 
     def _base(self) -> Algebra:
-        return Algebra(self._operators(), {**NUMBERS.functions, **self._own_functions()})
-
-    def _operators(self) -> dict[str, Callable[..., Any]]:
         each: dict[str, Callable[..., Value]] = {
             "./": lambda a, b: a / self._guarded(b),
-            ".^": lambda a, b: _power(self._guarded(a), b),
-            "&": lambda a, b: _both("and", a, b),
-            "|": lambda a, b: _both("or", a, b),
+            **dict.fromkeys((".^", "power"), lambda a, b: _power(self._guarded(a), b)),
+            **dict.fromkeys(("&", "&&"), partial(_both, "and")),
+            **dict.fromkeys(("|", "||"), partial(_both, "or")),
             **{sign: partial(compared, flow) for sign, flow in OPERATORS.items()},
-        }
-        each |= {"&&": each["&"], "||": each["|"]}
-        return {**NUMBERS.operators, **{name: on_symbols(NUMBERS.operators[name], one) for name, one in each.items()}}
-
-    def _own_functions(self) -> dict[str, Callable[..., Any]]:
-        each: dict[str, Callable[..., Value]] = {
             **{name: partial(self._applied, name) for name in FUNCTIONS if name not in ("min", "max", "pow")},
             **MATH,
             **{f"{name}d": (lambda u, name=name: applied(name, u * (np.pi / 180))) for name in ("sin", "cos", "tan")},
-            "power": lambda a, b: _power(self._guarded(a), b),
             "not": lambda u: joined("not", u),
             "isnan": lambda u: 0.0,
             **dict.fromkeys(("double", "single", "logical", "boolean"), lambda u: u),
             **{name: partial(whole, name) for name in INTEGERS},
+            **self._own,
         }
-        found = {name: on_symbols(NUMBERS.functions.get(name), one) for name, one in each.items()}
         return {
-            **found,
+            **NUMBERS,
+            **{name: _on_symbols(NUMBERS.get(name), one) for name, one in each.items()},
             **{name: partial(_extreme, name) for name in ("min", "max")},
             "norm": _norm, "inv": _inverse, "interp1": _table,
         }  # fmt: skip
@@ -187,8 +184,9 @@ class Translation(CodeRun):
         for way, guard in ((yes, condition), (no, joined("not", condition))):
             self.variables.clear()
             self.variables.update(before)
-            with self._guard(guard):
-                way()
+            self._guards.append(guard)
+            way()
+            self._guards.pop()
             left.append(dict(self.variables))
         first, second = left
         ended = chosen(condition, *(one.get(_ENDED, 0.0) for one in left))
@@ -199,11 +197,11 @@ class Translation(CodeRun):
                                if name not in first or name not in second})  # fmt: skip
         self.variables[_ENDED] = ended
 
-    @contextmanager
-    def _guard(self, condition: Value) -> Iterator[None]:
-        self._guards.append(condition)
-        yield
-        self._guards.pop()
+
+def as_signal(value: Any) -> Signal:
+    """Return a matrix as a signal: a column is a vector."""
+    array = matrix(value).astype(object)
+    return array.reshape(-1, order="F") if array.shape[1] == 1 else array
 
 
 def _both(operator: str, first: Value, second: Value) -> Value:
@@ -224,8 +222,8 @@ def _power(base: Value, exponent: Value) -> Value:
     return result
 
 
-def on_symbols(numeric: Callable[..., Any] | None, symbolic: Callable[..., Value]) -> Callable[..., Any]:
-    """Return a function of matrices: numeric where all are of numbers, else element by element."""
+def _on_symbols(numeric: Callable[..., Any] | None, symbolic: Callable[..., Value]) -> Callable[..., Any]:
+    """Return a function of matrices: numeric where all are of numbers, if there is one, else element by element."""
 
     def function(*arrays: Any) -> Any:
         values = [matrix(array) for array in arrays]
@@ -238,7 +236,7 @@ def on_symbols(numeric: Callable[..., Any] | None, symbolic: Callable[..., Value
 
 def _norm(array: Any, kind: Any = 2) -> Any:
     if matrix(array).dtype != object:
-        return NUMBERS.functions["norm"](array, kind)
+        return NUMBERS["norm"](array, kind)
     if count(kind) != 2:
         raise NotUnderstood("a norm that is not the second")
     return matrix(signal([applied("sqrt", sum((one * one for one in _elements(array)), start=0.0))]))
@@ -247,7 +245,7 @@ def _norm(array: Any, kind: Any = 2) -> Any:
 def _inverse(array: Any) -> Any:
     values = matrix(array)
     if values.dtype != object:
-        return NUMBERS.functions["inv"](values)
+        return NUMBERS["inv"](values)
     if (found := inverse(values.astype(object))) is None:
         raise NotUnderstood(f"the inverse of {' x '.join(map(str, values.shape))} signals")
     return found

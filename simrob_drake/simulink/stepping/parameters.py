@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,8 +67,7 @@ def elements(ports: StationPorts) -> tuple[dict[str, Element], dict[str, Element
     A robot's reference is an input alone.
     """
     named = _declared(ports)
-    inputs = _of_ports({name: port.size() for name, port in ports.inputs.items()}, named)
-    outputs = _of_ports({name: port.size() for name, port in ports.outputs.items()}, named)
+    inputs, outputs = _of_ports(ports.inputs, named), _of_ports(ports.outputs, named)
     return inputs, {name: element for name, element in outputs.items() if name not in inputs}
 
 
@@ -90,10 +90,10 @@ def _declared(ports: StationPorts) -> dict[str, dict[int, tuple[str, str]]]:
     return found
 
 
-def _of_ports(sizes: Mapping[str, int], named: Mapping[str, Mapping[int, tuple[str, str]]]) -> dict[str, Element]:
+def _of_ports(ports: Mapping[str, Any], named: Mapping[str, Mapping[int, tuple[str, str]]]) -> dict[str, Element]:
     found = {}
-    for port, size in sizes.items():
-        for place, (name, unit) in (named.get(port) or _undeclared(port, size)).items():
+    for port, own in ports.items():
+        for place, (name, unit) in (named.get(port) or _undeclared(port, own.size())).items():
             found[legal(name)] = Element(legal(name), port, place, unit)
     return found
 
@@ -207,10 +207,8 @@ def _unit(field: str, text: str) -> str:
     if field.endswith("_deg"):
         return "deg"
     found = re.search(r"\[([^],;]+)", text)
-    try:
-        if found:
+    if found:
+        with suppress(UnknownUnit):
             parse_unit(plain_unit(found[1]))
             return found[1]
-    except UnknownUnit:
-        pass
     return "1"

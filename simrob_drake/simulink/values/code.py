@@ -14,18 +14,20 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from simrob_drake.simulink.values.evaluate import NUMBERS, SEVERAL, Algebra, UndefinedVariable, evaluate, matrix
-from simrob_drake.simulink.values.script import (
+from simrob_drake.simulink.values.syntax import (
     KEYWORD,
+    Expression,
+    NotUnderstood,
     ScriptFunction,
     Section,
     Statement,
     functions_of,
     lines_of,
     names_in,
+    parse,
     sides,
     statements,
 )
-from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, parse
 
 MOST_STEPS = 20_000  # statements of one piece of code
 
@@ -89,9 +91,8 @@ class CodeRun:
         self.functions = {} if functions is None else functions
         self._steps = self.depth = 0
         known = {name: partial(self._first_of, name) for name in self.functions}
-        base = self._base()
         own: dict[str, Callable[..., Any]] = {"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter}
-        self._algebra = Algebra(base.operators, {**base.functions, **own, **known})
+        self._algebra: dict[str, Callable[..., Any]] = {**self._base(), **own, **known}
 
     def _base(self) -> Algebra:
         """Return what expressions are computed with, before functions of files."""
@@ -129,7 +130,7 @@ class CodeRun:
     def _learn(self, code: str) -> None:
         for name, function in functions_of(code).items():
             self.functions.setdefault(name, function)
-            self._algebra.functions.setdefault(name, partial(self._first_of, name))
+            self._algebra.setdefault(name, partial(self._first_of, name))
 
     def _exists(self, name: Any, *_: Any) -> float:
         if name in self.unknown:
@@ -308,13 +309,9 @@ class CodeRun:
                     return self._lookup(name)
             case ("name", (name,)):
                 return self.variables.get(name)
-            case ("field", (owner, field)):
-                known = self._known(owner, outside=True)
-                return known.get(field) if isinstance(known, dict) else None
-            case ("call", (owner, index)):
-                several = _listed(self._known(owner))
-                place = int(self._places(index[-1], len(several))[0])
-                return several[place] if place < len(several) else None
+            case _:
+                with suppress(NotUnderstood, UndefinedVariable):
+                    return self._value(target)
         return None
 
     def _changed(self, known: Any, index: tuple[Expression, ...], value: Any) -> Any:

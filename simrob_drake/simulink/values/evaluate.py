@@ -5,7 +5,6 @@ Values are matrices of shape (r, c), texts, structures (dict), and lists of thes
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -64,6 +63,10 @@ def _way(value: Any) -> int:
     return int(matrix(value).shape[0] == 1)
 
 
+def _on_way(function: Callable[..., Vector], value: Any) -> Vector:
+    return function(matrix(value), axis=_way(value))
+
+
 def _extreme(pairwise: np.ufunc, first: Any, second: Any = None) -> Vector:
     return _along(pairwise.reduce, first) if second is None else matrix(pairwise(matrix(first), matrix(second)))
 
@@ -91,7 +94,7 @@ def _joined(axis: int, *parts: Any) -> Vector:
     return np.concatenate([matrix(part) for part in parts if matrix(part).size], axis=axis)
 
 
-def _elementwise(function: Callable[..., Any]) -> Callable[..., Vector]:
+def _of_matrices(function: Callable[..., Any]) -> Callable[..., Vector]:
     def applied(*values: Any) -> Vector:
         with np.errstate(all="ignore"):
             return matrix(function(*(matrix(value) for value in values)))
@@ -133,7 +136,7 @@ _CONSTANTS = {
 }  # fmt: skip
 ELEMENTARY = _EACH.keys() | _CONSTANTS.keys()  # names that nobody gives a variable
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    **{name: _elementwise(function) for name, function in _EACH.items()},
+    **{name: _of_matrices(function) for name, function in _EACH.items()},
     **{name: lambda value=value: value for name, value in _CONSTANTS.items()},
     "zeros": lambda *sizes: np.zeros(_shape(sizes)),
     "ones": lambda *sizes: np.ones(_shape(sizes)),
@@ -142,20 +145,15 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: partial(_along, getattr(np, name)) for name in ("sum", "prod", "mean", "any", "all")},
     "min": partial(_extreme, np.minimum),
     "max": partial(_extreme, np.maximum),
-    "diff": lambda value: np.diff(matrix(value), axis=_way(value)),
-    "unwrap": lambda value: np.unwrap(matrix(value), axis=_way(value)),
+    **{name: partial(_on_way, getattr(np, name)) for name in ("diff", "unwrap", "cumsum")},
     "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), _way(value)),
     "polyval": lambda coefficients, at: np.polyval(matrix(coefficients).reshape(-1), matrix(at)),
-    "cumsum": lambda value: np.cumsum(matrix(value), axis=_way(value)),
     "norm": lambda u, p=2: np.linalg.norm(matrix(u).ravel() if 1 in matrix(u).shape else matrix(u), count(p) or None),
     "dot": lambda a, b: np.dot(matrix(a).reshape(-1), matrix(b).reshape(-1)),
     "cross": lambda a, b: np.cross(matrix(a).reshape(-1), matrix(b).reshape(-1)).reshape(matrix(a).shape),
-    "kron": lambda a, b: np.kron(matrix(a), matrix(b)),
-    "det": lambda value: np.linalg.det(matrix(value)),
-    "inv": lambda value: np.linalg.inv(matrix(value)),
+    **{name: _of_matrices(getattr(np, name)) for name in ("kron", "trace", "transpose", "fliplr", "flipud")},
+    **{name: _of_matrices(getattr(np.linalg, name)) for name in ("det", "inv")},
     "interp1": lambda x, y, at: np.interp(matrix(at), matrix(x).ravel(), matrix(y).ravel(), np.nan, np.nan),
-    "trace": lambda value: np.trace(matrix(value)),
-    "transpose": lambda value: matrix(value).T,
     "linspace": lambda start, stop, n=100: np.linspace(matrix(start)[0, 0], matrix(stop)[0, 0], count(np.floor(n))),
     "unique": _unique,
     "repmat": _repmat,
@@ -172,8 +170,6 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     },
     "rot90": lambda value, times=1: np.rot90(matrix(value), int(matrix(times)[0, 0])),
     "find": lambda value: np.flatnonzero(matrix(value).T).reshape((1, -1) if _way(value) else (-1, 1)) + 1,
-    "fliplr": lambda value: matrix(value)[:, ::-1],
-    "flipud": lambda value: matrix(value)[::-1],
     "horzcat": partial(_joined, 1),
     "vertcat": partial(_joined, 0),
     "tf": lambda numerator, denominator: {"numerator": matrix(numerator), "denominator": matrix(denominator)},
@@ -202,12 +198,8 @@ SEVERAL: dict[str, Callable[..., list[Any]]] = {
 Lookup = Callable[[str], Any]  # returns the value of a variable, or raises `UndefinedVariable`
 
 
-@dataclass(frozen=True)
-class Algebra:
-    """What an expression is computed with."""
-
-    operators: Mapping[str, Callable[[Vector, Vector], Any]]  # elementwise, on two matrices
-    functions: dict[str, Callable[..., Any]]  # by name, on matrices
+Algebra = Mapping[str, Callable[..., Any]]
+"""What an expression is computed with: operators, elementwise on two matrices, and functions of matrices, by name."""
 
 
 class UndefinedVariable(LookupError):
@@ -266,11 +258,11 @@ class _Evaluation:
         try:
             return self._lookup(name)
         except UndefinedVariable:
-            if name not in self._algebra.functions:
+            if name not in self._algebra:
                 raise
         values = [self.value(argument) for argument in arguments]
         try:
-            found = self._algebra.functions[name](*values)
+            found = self._algebra[name](*values)
         except TypeError as problem:
             if values:
                 raise
@@ -357,7 +349,7 @@ class _Evaluation:
         if operator == "-":
             return -value
         if operator == "~":
-            return matrix(self._algebra.operators["=="](value, np.zeros((1, 1))))
+            return matrix(self._algebra["=="](value, np.zeros((1, 1))))
         return value.T if operator == "'" else value
 
     def _binary(self, operator: str, one: Expression, other: Expression) -> Vector:
@@ -368,7 +360,7 @@ class _Evaluation:
         right = self.value(other)
         if operator in ("==", "~=") and (isinstance(left, str) or isinstance(right, str)):
             return matrix((left == right) == (operator == "=="))
-        first, second, each = matrix(left), matrix(right), self._algebra.operators
+        first, second, each = matrix(left), matrix(right), self._algebra
         lone = first.size == 1 or second.size == 1
         if operator == "*" and object in (first.dtype, second.dtype) and first.size * second.shape[1] > _MOST_PRODUCTS:
             raise NotUnderstood(f"multiplies matrices of signals by more than {_MOST_PRODUCTS} products")
@@ -384,15 +376,15 @@ class _Evaluation:
             if second.size == 1:
                 quotient = matrix(each["./"](first, second))
             elif object in (first.dtype, second.dtype):
-                quotient = matrix(first @ self._algebra.functions["inv"](second))
+                quotient = matrix(first @ self._algebra["inv"](second))
             else:
                 quotient = matrix(np.linalg.solve(second.T, first.T).T)
         return quotient.T if operator == "\\" else quotient
 
 
-_OPERATORS: dict[str, Callable[[Vector, Vector], Any]] = {
+NUMBERS: Algebra = {
+    **FUNCTIONS,
     "+": np.add, "-": np.subtract, ".*": np.multiply, "./": np.divide, ".^": np.power, "<": np.less, ">": np.greater,
     "<=": np.less_equal, ">=": np.greater_equal, "==": np.equal, "~=": np.not_equal,
     **dict.fromkeys(("&", "&&"), np.logical_and), **dict.fromkeys(("|", "||"), np.logical_or),
 }  # fmt: skip
-NUMBERS = Algebra(_OPERATORS, FUNCTIONS)

@@ -124,10 +124,7 @@ def _contents(data: bytes) -> dict[str, Any]:
 
 def variables_of_mat(file: Path, option: str = "--variables") -> dict[str, Any]:
     """Return the variables of a file, by name; errors as of :func:`contents_of_mat`."""
-    return _known(contents_of_mat(file, option))
-
-
-def _known(content: dict[str, Any]) -> dict[str, Any]:
+    content = contents_of_mat(file, option)
     return {name: value for name, raw in content.items() if (value := _plain(raw)) is not None}
 
 

@@ -1,7 +1,127 @@
-"""The syntax of the MATLAB expressions that are read: numbers, text, matrices, names, calls, fields, operators."""
+"""The syntax of MATLAB that is read: statements, sections and functions of code, and expressions.
+
+These are numbers, text, matrices, names, calls, fields, operators.
+"""
+
+from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import Any, NamedTuple
+
+KEYWORD = re.compile(r"(if|elseif|else|end|for|while|switch|case|otherwise|try|catch|function|return|break)\b")
+_SIGNATURE = re.compile(r"function(?:\s+|(?=\[))(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
+_OPENS = "if", "for", "while", "switch", "try", "function"
+_PARTS = "elseif", "else", "case", "otherwise", "catch"
+_PIECE = re.compile(r"""\"[^"\n]*"?|(?<![\w)\]}'.])'[^'\n]*'?|%[^\n]*|.""", re.DOTALL)
+"""A text, a comment, or a letter of code."""
+_EQUALS = re.compile(r"(?<![=~<>!])=(?!=)")
+
+
+class Section(NamedTuple):
+    """Statements from a keyword to its ``end``, in the parts that further keywords make of them."""
+
+    keyword: str
+    parts: list[tuple[str, list[Statement]]]  # the line of each part's keyword, and what follows
+
+
+Statement = str | Section
+
+
+class ScriptFunction(NamedTuple):
+    """A function of a script: its name, its inputs and outputs by name, and its statements."""
+
+    name: str
+    inputs: list[str]
+    outputs: list[str]
+    body: list[Statement]
+
+
+def functions_of(code: str) -> dict[str, ScriptFunction]:
+    """Return the functions of a script by name, the first of them first; none of a script without."""
+    code = re.sub(r"(function[^\n(]*\([^)]*\))", r"\1\n", code) if "function" in code else ""
+    return dict(_functions_in(statements(code)))
+
+
+def _functions_in(lines: list[Statement]) -> Iterator[tuple[str, ScriptFunction]]:
+    for line in lines:
+        for head, body in line.parts if isinstance(line, Section) else ():
+            if signature := _SIGNATURE.match(head):
+                several, one, name, inputs = signature.groups()
+                yield name, ScriptFunction(name, names_in(inputs or ""), names_in(several or one or ""), body)
+            yield from _functions_in(body)
+
+
+def lines_of(statement: Statement) -> Iterator[str]:
+    """Return the lines of a statement, and of all that is in it."""
+    if isinstance(statement, str):
+        yield statement
+        return
+    for head, body in statement.parts:
+        yield head
+        for inner in body:
+            yield from lines_of(inner)
+
+
+def sides(text: str) -> tuple[str, str]:
+    """Return what is left and right of the ``=`` of an assignment; nothing is left of a statement without."""
+    for match in _EQUALS.finditer(text):
+        before = text[: match.start()]
+        if sum(map(before.count, "([{")) == sum(map(before.count, ")]}")):
+            return before.strip(), text[match.end() :].strip()
+    return "", text
+
+
+def names_in(text: str) -> list[str]:
+    """Return the names of a list."""
+    return [name for name in re.split(r"[\s,]+", text) if name]
+
+
+def _nested(lines: list[str]) -> list[Statement]:
+    """Put the lines of sections together; functions end where the next begins where they have no end of their own."""
+    words = [match[1] if (match := KEYWORD.match(line)) else "" for line in lines]
+    ended = words.count("end") == sum(word in _OPENS for word in words)
+    around = [Section("", [("", [])])]
+    for line, word in zip(lines, words, strict=True):
+        if word == "function" and not ended:
+            del around[1:]
+        if word in _OPENS:
+            section = Section(word, [(line, [])])
+            around[-1].parts[-1][1].append(section)
+            around.append(section)
+        elif word == "end":
+            del around[max(1, len(around) - 1) :]
+        elif word in _PARTS and len(around) > 1:
+            around[-1].parts.append((line, []))
+        else:
+            around[-1].parts[-1][1].append(line)
+    return around[0].parts[0][1]
+
+
+def statements(code: str) -> list[Statement]:
+    """Split code into statements: at line ends, ``;`` and ``,`` outside brackets and texts; comments go."""
+    code = re.sub(r"\.\.\.[^\n]*(?:\n|$)", " ", code.replace("\r", ""))
+    code = re.sub(r"^[ \t]*%\{[ \t]*\n.*?^[ \t]*%\}[ \t]*$", "", code, flags=re.DOTALL | re.MULTILINE)
+    found, current, depth = list[str](), "", 0
+    for piece in (match[0] for match in _PIECE.finditer(code + "\n") if match[0][0] != "%"):
+        depth = max(0, depth + (piece in ("(", "[", "{")) - (piece in (")", "]", "}")))
+        if piece == "\n" and depth:
+            current += ";" if current.rstrip()[-1:] not in (";", ",", "[", "(", "{") else " "
+        elif piece in ("\n", ";", ",") and not depth:
+            found.append(current.strip())
+            current = ""
+        else:
+            current += piece
+    return _nested([part for statement in found for part in _without_else(statement) if part])
+
+
+def _without_else(statement: str) -> list[str]:
+    """Split ``else x = 1``, which some write on one line."""
+    for keyword in ("else", "try", "otherwise"):
+        if statement.startswith(keyword + " "):
+            return [keyword, statement[len(keyword) :].strip()]
+    return [statement]
+
 
 DEEPEST = 60  # brackets in brackets
 LONGEST = 200_000  # letters of one expression
@@ -136,7 +256,7 @@ class _Parser:
             node = Expression("unary", ("~" if sign == "!" else sign, self.expression(_BINDS["unary"])))
         else:
             node = self._atom()
-            while self._stands("(", "'", ".'", ".") or self._opens_cell(node):
+            while self._stands("(", "'", ".'", ".") or (self._stands("{") and node.kind in ("name", "call", "field")):
                 if self.here.text in ("(", "{"):
                     node = Expression("call", (node, self._arguments()))
                 elif self._next().text != ".":
@@ -147,9 +267,6 @@ class _Parser:
                     node = Expression("field", (node, self._next().text))
         self._depth -= 1
         return node
-
-    def _opens_cell(self, node: Expression) -> bool:
-        return self._stands("{") and node.kind in ("name", "call", "field")
 
     def _atom(self) -> Expression:
         token = self._next()
@@ -171,28 +288,23 @@ class _Parser:
         raise NotUnderstood(f"has '{token.text}' where a value should stand")
 
     def _arguments(self) -> tuple[Expression, ...]:
-        closing = ")" if self._next().text == "(" else "}"
-        found: list[Expression] = []
-        while not self._stands(closing):
-            if self._is_lone_colon():
-                self._next()
-                found.append(Expression("colon"))
-            else:
-                found.append(self.expression())
-            if self._stands(","):
-                self._next()
-            elif not self._stands(closing):
-                raise NotUnderstood("lacks a closing bracket")
-        self._close(closing)
-        return tuple(found)
+        rows = self._rows(")" if self._next().text == "(" else "}")
+        if len(rows) > 1:
+            raise NotUnderstood("has a ';' among arguments")
+        return rows[0] if rows else ()
 
     def _rows(self, closing: str) -> tuple[tuple[Expression, ...], ...]:
         rows: list[list[Expression]] = [[]]
         while not self._stands(closing):
-            if self._stands(";", ","):
+            if self._is_lone_colon():
+                self._next()
+                rows[-1].append(Expression("colon"))
+            elif self._stands(";", ","):
                 rows += [[]] if self._next().text == ";" else []
             else:
                 rows[-1].append(self.expression())
+                if not self._stands(",", ";", closing):
+                    raise NotUnderstood("lacks a closing bracket")
         self._close(closing)
         return tuple(tuple(row) for row in rows if row)
 

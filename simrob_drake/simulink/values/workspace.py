@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -58,10 +59,8 @@ def find_octave(folders: Iterable[Path] = ()) -> Octave:
 def _names_needed(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
     known = {}
     for name in dict.fromkeys(_NAME.findall(code)):
-        try:
+        with suppress(UndefinedVariable):  # a function, or a variable that the code sets
             known[name] = lookup(name)
-        except UndefinedVariable:
-            continue  # a function, or a variable that the code sets
     return known
 
 
@@ -103,6 +102,10 @@ class Variables:
     """Parameters that code of a mask sets of blocks in its subsystem, by their path there, once it has run."""
     spare: Callable[[str], Any] = lambda _: None  # what counts where no code tells a variable; None of nothing
 
+    def __post_init__(self) -> None:
+        if self.outer is not None:
+            self.octave, self.files = self.octave or self.outer.octave, self.files or self.outer.files
+
     def lookup(self, name: str) -> Any:
         """Return a variable's value (raises UndefinedVariable: no workspace has it)."""
         if name in self.pending:
@@ -129,29 +132,23 @@ class Variables:
             UndefinedVariable: it uses a variable that no workspace has.
             NotUnderstood: it is outside the subset.
         """
-        return CodeRun({}, self.lookup, self._of_all("files")).value(text)
+        return CodeRun({}, self.lookup, self.files).value(text)
 
     def run(self) -> None:
         """Run the code that sets further variables, unless it has run."""
         code, self.code = self.code, ""
         if not code:
             return
-        run = CodeRun(self.variables, self.lookup, self._of_all("files"), texts=self.texts)
+        run = CodeRun(self.variables, self.lookup, self.files, texts=self.texts)
         run.run(code)
         self.unknown |= run.unknown
         self.absent |= run.absent
         self.settings = run.settings
         lacking = self.unknown | run.incomplete
-        octave: Octave | None = self._of_all("octave") if lacking else None
-        if octave is not None:
-            found = octave(code, self._lookup_before)
+        if lacking and self.octave is not None:
+            found = self.octave(code, self._lookup_before)
             self.variables |= {name: value for name, value in found.items() if name in lacking}
             self.unknown -= found.keys()
-
-    def _of_all(self, what: str) -> Any:
-        """Return what this level has, or the next outer one that has it."""
-        own = getattr(self, what)
-        return own if own is not None or self.outer is None else self.outer._of_all(what)
 
     def _lookup_before(self, name: str) -> Any:
         if name in self.unknown:
