@@ -234,6 +234,28 @@ def test_a_rod_of_constant_length(tmp_path):
     np.testing.assert_allclose(apart, 1.0, atol=5e-4)
 
 
+@pytest.mark.parametrize(
+    ("kind", "about", "by"),
+    [("Parallel", "+Y", 0), ("Antiparallel", "+X", 180), ("Perpendicular", "+Y", 90), ("General", "+Y", 60)],
+)
+def test_a_tray_that_an_angle_keeps_level(tmp_path, kind, about, by):
+    """An arm falls with a tray on a ball at its end: kept level, that weighs there as a point, where its mass is."""
+    shop = Shop()
+    arm = shop.body("Arm", shop.placed("Stand", **UP), mass="2", inertia="0.05", com="[0.3 0 0]")
+    end = shop.placed("End", "[0.6 0 0]", arm, **{**UP, "RotationAngle": "-pi/2"})
+    tray = shop.body("Tray", end, "sm_lib/Joints/Spherical Joint", mass="1.5", com="[0 0 -0.2]",
+                     PositionTargetSpecify="on")  # fmt: skip
+    turn = {"RotationMethod": "StandardAxis", "RotationStandardAxis": about, "RotationAngle": f"{by}*pi/180"}
+    shop.couple("sm_lib/Constraints/Angle\nConstraint", shop.placed("Level", **turn), tray, ConstraintType=kind,
+                Angle="60", AngleUnits="deg")  # fmt: skip
+    imported, result = ran(tmp_path, shop, stop="0.8")
+    assert imported.fidelity == "mechanics complete"
+    inertia, moment = 0.05 + 2 * 0.09 + 1.5 * 0.36, 9.81 * (2 * 0.3 + 1.5 * 0.6)
+    angle, _ = expected(result.times, lambda s: [s[1], -moment * np.cos(s[0]) / inertia], [0, 0])
+    assert angle[-1] < -2
+    np.testing.assert_allclose(result["q.Tray_Ry"], angle, atol=1e-3 * abs(angle[-1]))
+
+
 def test_a_force_between_two_bodies(tmp_path):
     """2 N push two sliders apart."""
     shop = Shop()

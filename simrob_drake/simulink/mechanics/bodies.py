@@ -167,7 +167,10 @@ class _Frames:
             if node.text("JointMode") == "Locked":
                 self._join(*self._ends(node), _locked(joint), node)
             else:
-                self.joints.append((joint, *self._ends(node)))
+                base, follower = self._ends(node)
+                moved_end = (id(node), "tilt", 1)
+                self._join(moved_end, follower, joint.tilt, node)
+                self.joints.append((joint, base, moved_end))
         elif node.kind in (*GEARS, ROD, SPRING, BETWEEN):
             places = [self._network.net(node, side) for side in _ENDS]
             self.joints.append((node, places[0], places[1]))

@@ -164,6 +164,7 @@ _ROTATIONS: dict[str, Callable[[Node, str], RotationMatrix]] = {
 
 PRIMITIVES: dict[str, list[str]] = table("joints")["primitives"]
 JOINTS = PRIMITIVES.keys()
+ANGLE = "Angle Constraint"  # which is read as a joint of all that it leaves free
 
 _COUNTS = {"High": 1e-2, "Low": 3e-4}
 """How much a target counts that a joint asks for, by its priority; what nobody asks for counts 1e-5."""
@@ -210,6 +211,8 @@ class Joint:
     """What acts on the follower of a floating joint, and backwards on its base."""
     screw: dict[Freedom, float] = field(default_factory=dict)
     """How much each freedom counts in a sum of positions that is 0; empty without."""
+    tilt: RigidTransform = field(default_factory=RigidTransform)
+    """Pose of the follower's frame in the one that the freedoms move."""
 
 
 def read_joint(node: Node) -> Joint:
@@ -231,7 +234,21 @@ def read_joint(node: Node) -> Joint:
         freedom.lower, freedom.upper, freedom.stop = -inf, inf, None  # limits push nothing whose motion is given
     if node.kind == "Lead Screw Joint":
         _read_screw(node, joint)
+    if node.kind == ANGLE:
+        _read_angle(node, joint)
     return joint
+
+
+def _read_angle(node: Node, joint: Joint) -> None:
+    """Read an angle that is kept between two axes z: all that it leaves free is a joint, which starts anywhere."""
+    kept = {"Parallel": 0.0, "Antiparallel": np.pi, "Perpendicular": np.pi / 2}
+    chosen = node.text("ConstraintType", "Parallel")
+    angle = kept[chosen] if chosen in kept else node.number("Angle", "45*pi/180", unit="rad")
+    joint.tilt = RigidTransform(_TURNS["X"](angle), np.zeros(3))
+    if 0.0 < angle < np.pi:
+        joint.freedoms.append(Freedom(f"{node.path}_Rt", True, joint.tilt.rotation().matrix()[:, 2]))
+    for freedom in joint.freedoms:
+        freedom.start_counts = 0.0
 
 
 def _read_primitives(node: Node, joint: Joint, kinds: list[str]) -> None:
