@@ -1,5 +1,7 @@
 """Frames, solids, joints and contacts against their definitions."""
 
+import re
+
 import numpy as np
 import pytest
 import trimesh
@@ -650,6 +652,34 @@ def test_frames_on_the_centre_of_mass_and_on_old_solids(tmp_path):
         np.testing.assert_allclose(front.translation(), [0, 1.5, 0.5], atol=1e-12)
     with pytest.raises(InvalidModel, match="'circular curve 9', whose place is not known here"):
         frame_pose(wedge, parse_part(frame_xml("circular curve 9").encode()))
+
+
+@pytest.mark.parametrize(
+    ("kind", "feature", "along", "looks"),
+    [
+        ("Cylindrical Solid", "top surface", "+Z", [0, 0, 1]),
+        ("Extruded Solid", "bottom surface", "+Z", [0, 0, -1]),
+        ("Brick Solid", "+x surface", "-Z", [-1, 0, 0]),
+        ("Brick Solid", "+x surface", "+X", None),
+        ("Cylindrical Solid", "top curve", "+Z", None),
+    ],
+)
+def test_a_frame_looks_where_a_flat_side_of_its_solid_does(kind, feature, along, looks):
+    """Its z along what the side's own z is, its x along the reference frame's y."""
+    from simrob_drake.simulink.mechanics.solids import frame_pose
+    from simrob_drake.simulink.reading.graph import parse_part
+
+    follows = f"<Source>GeometricFeature</Source><SourceDirection>{along}</SourceDirection><FeatureName>{feature}"
+    text = frame_xml("").replace("GeometricFeature", "ReferenceFrame")
+    text = text.replace("<Source>ReferenceFrame</Source><SourceDirection>+Z</SourceDirection>", follows + "</FeatureName>")
+    frame = parse_part(text.replace("<SourceDirection>+X<", "<SourceDirection>+Y<").encode())
+    if looks is None:
+        with pytest.raises(InvalidModel, match=f"follows '{re.escape(feature)}', which is not known here"):
+            frame_pose(node(kind), frame)
+        return
+    turn = frame_pose(node(kind), frame).rotation().matrix()
+    np.testing.assert_allclose(turn @ [0, 0, 1], looks, atol=1e-12)
+    np.testing.assert_allclose(turn @ [1, 0, 0], [0, 1, 0], atol=1e-12)
 
 
 @pytest.mark.parametrize(
