@@ -240,6 +240,21 @@ def test_a_motion_beside_a_passive_joint_is_prescribed(tmp_path):
     result = simulate(config, duration=1.0, progress=False)
     np.testing.assert_allclose(result["q.Joint1"], 0.5 * np.sin(3 * result.times), atol=1e-4)
     assert np.ptp(result["q.Joint2"]) > 0.1
+    told = next(one.text for one in imported.report.of("read") if one.text.startswith("axis Joint1 "))
+    assert told.endswith("its motion is prescribed for 1 s, and holds then")
+
+
+def test_a_motion_of_an_hour_is_no_table_too_long_to_run(tmp_path):
+    """A sine of one turn in 1000 s, for 3600 s: at 200 rows a second its table would be refused."""
+    level = Level()
+    _, (joint, _) = hinges(level, {"MotionActuationMode": "InputMotion"}, {})
+    wave = level.block("Sin", "Wave", Amplitude="1", Frequency="2*pi/1000")
+    into = level.block(TO_PHYSICS, "In", Unit="rad")
+    level.wire(f"{wave}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    station = import_simulink(write_model(tmp_path / "a.slx", level, stop="3600"), tmp_path / "out").station
+    result = simulate(station, duration=0.5, progress=False)
+    np.testing.assert_allclose(result["q.A"], np.sin(2e-3 * np.pi * result.times), atol=1e-6)
 
 
 def test_a_motion_begins_where_its_filter_does(tmp_path):

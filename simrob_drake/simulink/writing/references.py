@@ -13,6 +13,7 @@ from simrob_drake.arguments import SHORTEST
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.parts.controllers.signal_flow import flow_over_time
+from simrob_drake.parts.references import MOST_VALUES
 from simrob_drake.results.record.state import JointState, State
 from simrob_drake.simulink.mechanics.bodies import GEARS, ROD, SPRING, Coupling
 from simrob_drake.simulink.mechanics.joints import Freedom
@@ -75,7 +76,8 @@ class JointMotions:
             if block.kind == "step"
         }  # fmt: skip
         corners = [corner for corner in steps if 0 < corner < self.duration]
-        even = np.linspace(0.0, self.duration, round(self.duration * RATE) + 1)
+        most = MOST_VALUES // (len(axes) + 1) - 2 * len(corners) - 1
+        even = np.linspace(0.0, self.duration, min(round(self.duration * RATE), most) + 1)
         times = np.unique(np.concatenate([even, corners, np.array(corners) - _CORNER]))
         moved = dict(zip(moving, over_time(list(moving.values()), times), strict=True))
         columns: dict[str, Vector] = {"time": times}

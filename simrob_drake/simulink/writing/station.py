@@ -19,8 +19,8 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Term, closure, terms_of
-from simrob_drake.simulink.signals.laws import Law
+from simrob_drake.simulink.signals.forms import Form, Term, closure, terms_of
+from simrob_drake.simulink.signals.laws import Law, of_time
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.flow import Sum, flows_of, frame_sensors
 from simrob_drake.simulink.writing.references import (
@@ -311,8 +311,12 @@ class StationWriter:
         if terms_of(law.net):
             self._report.add("read", freedom.name, f"axis {axis} of {robot}: driven by the blocks of its law")
             return
-        prescribed = "its motion is prescribed" if freedom.driven == "motion" else ""
-        drive = ("moved as its reference" if kinematic else prescribed) or (f"servo {shown}" if shown else "no servo")
+        drive = f"servo {shown}" if shown else "no servo"
+        if kinematic or freedom.driven == "motion":
+            drive = "moved as its reference" if kinematic else "its motion is prescribed"
+            motion = self._model.laws.get(freedom, Law()).reference
+            if isinstance(motion, Form) and of_time(motion):
+                drive += f" for {self._model.duration:g} s, and holds then"
         self._report.add("read", freedom.name, f"axis {axis} of {robot}: {drive}")
 
     def _place(self, freedom: Freedom) -> tuple[int, int]:
