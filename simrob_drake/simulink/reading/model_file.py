@@ -215,6 +215,13 @@ def referenced_by(block: SimulinkBlock) -> str:
     return next(filter(None, named), "").removesuffix(".slx").removesuffix(".mdl")
 
 
+def _filled(known: Any, other: Any) -> Any:
+    """Return a structure with the fields that it lacks, and another one has, at any depth; other values as they are."""
+    if not (isinstance(known, dict) and isinstance(other, dict)):
+        return known
+    return {**other, **{name: _filled(value, other.get(name)) for name, value in known.items()}}
+
+
 def _same(one: Any, other: Any) -> bool:
     """Tell whether two values are the same, matrices in structures and lists included."""
     if isinstance(one, dict) and isinstance(other, dict):
@@ -290,6 +297,7 @@ class Libraries:
                 first, known, others = offered.setdefault(name, (file.name, value, []))
                 if not _same(value, known) and not first.startswith(model.name):
                     others.append(file.name)
+                    offered[name] = first, _filled(known, value), others
         return offered
 
     def _names(self, system: System, seen: set[str]) -> set[str]:
