@@ -671,7 +671,9 @@ def test_a_frame_looks_where_a_flat_side_of_its_solid_does(kind, feature, along,
 
     follows = f"<Source>GeometricFeature</Source><SourceDirection>{along}</SourceDirection><FeatureName>{feature}"
     text = frame_xml("").replace("GeometricFeature", "ReferenceFrame")
-    text = text.replace("<Source>ReferenceFrame</Source><SourceDirection>+Z</SourceDirection>", follows + "</FeatureName>")
+    text = text.replace(
+        "<Source>ReferenceFrame</Source><SourceDirection>+Z</SourceDirection>", follows + "</FeatureName>"
+    )
     frame = parse_part(text.replace("<SourceDirection>+X<", "<SourceDirection>+Y<").encode())
     if looks is None:
         with pytest.raises(InvalidModel, match=f"follows '{re.escape(feature)}', which is not known here"):

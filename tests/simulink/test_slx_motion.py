@@ -257,6 +257,30 @@ def test_a_motion_of_an_hour_is_no_table_too_long_to_run(tmp_path):
     np.testing.assert_allclose(result["q.A"], np.sin(2e-3 * np.pi * result.times), atol=1e-6)
 
 
+def test_a_motion_that_cannot_be_computed_is_lost_and_no_other(tmp_path):
+    """The arc cosine of a ramp is none after a second; the other joint goes as its sine says."""
+    level = Level()
+    moved = {"MotionActuationMode": "InputMotion"}
+    _, joints = hinges(level, moved, moved)
+    rest, rod = level.block(REVOLUTE, "Passive"), level.block(INERTIA, "Rest", Mass="1", MomentsOfInertia="[1 1 1]")
+    level.connect("1#rconn:1", f"{rest}#lconn:1")
+    level.connect(f"{rest}#rconn:1", f"{rod}#rconn:1")
+    ramp, wave = level.block("Ramp", "Ramp"), level.block("Sin", "Wave", Frequency="3")
+    bent = level.block("Trigonometry", "Bent", Operator="acos")
+    level.wire(f"{ramp}#out:1", f"{bent}#in:1")
+    for source, joint in zip((bent, wave), joints, strict=True):
+        into = level.block(TO_PHYSICS, f"In {joint}", Unit="rad")
+        level.wire(f"{source}#out:1", f"{into}#in:1")
+        level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level, stop="2"), tmp_path / "out")
+    assert imported.fidelity == "1 Revolute Joint lost; 2 joints prescribed"
+    (lost,) = imported.report.of("lost")
+    assert (lost.element, lost.text[:37]) == ("A", "its motion is not there, it is held: ")
+    result = simulate(imported.station, duration=0.5, progress=False)
+    np.testing.assert_allclose(result["q.B"], np.sin(3 * result.times), atol=1e-4)
+    assert np.ptp(result["q.A"]) < 1e-6
+
+
 def test_a_motion_begins_where_its_filter_does(tmp_path):
     """A sine behind a converter's filter of 0.5 s, which begins at 0: 0.5 q' = sin(2 t) - q."""
     level = Level()

@@ -298,14 +298,14 @@ class SystemReader:
         counted = {name: counts.attrib[side]} if counts is not None and side in counts.attrib else {}
         linked = kind == "Reference"
         inner = element.find("System")
-        mask = element.find("Mask")
+        mask, before = element.find("Mask"), element.find("Object[@PropName='MaskObject']")
         return SimulinkBlock(
             sid=element.get("SID") or parameters.get("SID") or element.get("Name") or "",
             name=one_line(element.get("Name", "")),
             kind=one_line(source) if linked else kind,
             linked=linked,
             parameters={**counted, **self._defaults.get(kind, {}), **parameters},
-            mask=None if mask is None else read_mask(mask),
+            mask=read_mask(mask) if mask is not None else _mask_of_object(before) if before is not None else None,
             system=None if inner is None else self.system(inner, depth + 1),
         )
 
@@ -334,6 +334,18 @@ def _mask_parameter(element: Element) -> MaskParameter:
         kind=element.get("Type", "edit"),
         choices=() if options is None else tuple(option.text or "" for option in options.iter("Option")),
     )
+
+
+def _mask_of_object(element: Element) -> Mask:
+    """Return a mask as files up to R2016 have it, as an object of objects."""
+    rows = element.findall("Array[@PropName='Parameters']/Object") + element.findall("Object[@PropName='Parameters']")
+    parameters = []
+    for row in rows:
+        said = _parameters(row)
+        choices = tuple(cell.text or "" for cell in row.iterfind("*[@PropName='TypeOptions']/Cell"))
+        evaluated, kind = said.get("Evaluate", "on") == "on", said.get("Type", "edit")
+        parameters.append(MaskParameter(said.get("Name", ""), said.get("Value", ""), evaluated, kind, choices))
+    return Mask(tuple(parameters), _parameters(element).get("Initialization", ""))
 
 
 def one_line(text: str) -> str:
