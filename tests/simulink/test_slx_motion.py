@@ -145,6 +145,26 @@ def test_each_joint_has_the_stops_of_its_own(tmp_path):
     assert imported.report.of("repaired") + imported.report.of("dropped") == []
 
 
+def test_a_stop_as_hard_as_no_steel_is_run_through(tmp_path):
+    """A slide of 0.2 kg falls 1 cm onto a stop of 1e10 N/m, and rests there after sqrt(2 h / g)."""
+    level = Level()
+    figures = {"LowerLimitSpecify": "on", "LowerLimitStiffness": "1e10", "LowerLimitDamping": "1e9"}
+    world, slide = level.block(WORLD, "World"), level.block("sm_lib/Joints/Prismatic Joint", "Slide",
+                                                            **target("Position", "0.01", "m"), **figures)  # fmt: skip
+    load = level.block(INERTIA, "Load", Mass="0.2", MomentsOfInertia="[1 1 1]")
+    level.connect(f"{world}#rconn:1", f"{slide}#lconn:1")
+    level.connect(f"{slide}#rconn:1", f"{load}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    config = load_station(imported.station)
+    assert (config.joint_stops.stiffness, config.joint_stops.damping) == (1e8, 1e5)
+    assert "its stop of 1e+10 N/m is one of 1e+08" in [one.text for one in imported.report.of("approximated")]
+    result = simulate(config, duration=0.5, progress=False)
+    before = result.times < 0.95 * np.sqrt(0.02 / 9.80665)
+    fall = 0.01 - 0.5 * 9.80665 * result.times[before] ** 2
+    np.testing.assert_allclose(result["q.Slide"][before], fall, atol=1e-5)
+    assert np.abs(result["q.Slide"][result.times > 0.2]).max() < 1e-5
+
+
 def test_laws_may_read_a_rotation_matrix(tmp_path):
     """The angle of a hinge is atan2 of two entries of its frame's rotation matrix: T = -9 angle."""
     level = Level()

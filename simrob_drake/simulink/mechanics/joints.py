@@ -166,6 +166,9 @@ PRIMITIVES: dict[str, list[str]] = table("joints")["primitives"]
 JOINTS = PRIMITIVES.keys()
 ANGLE = "Angle Constraint"  # which is read as a joint of all that it leaves free
 
+_HARDEST, _HARD_LAG = 1e8, 1e-3
+"""N/m or N·m/rad: the stiffest stop that a solver gets through, and how long its damper takes for its spring [s]: what
+leans on it with 1000 N or N·m goes 10 µm or µrad in."""
 _COUNTS = {"High": 1e-2, "Low": 3e-4}
 """How much a target counts that a joint asks for, by its priority; what nobody asks for counts 1e-5."""
 
@@ -314,7 +317,9 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
             damping = node.number(f"{prefix}{end}LimitDamping", f"10{scale}", unit=f"{effort}*s/{length}")
             if stiffness <= 0 or damping < 0:
                 raise node.refusal(f"the stiffness of its {end.lower()} limit is not positive, or its damping negative")
-            stops.append((stiffness, damping))
+            if stiffness > _HARDEST:
+                node.note("approximated", f"its stop of {stiffness:g} {effort}/{length} is one of {_HARDEST:g}")
+            stops.append((min(stiffness, _HARDEST), min(damping, _HARDEST * _HARD_LAG)))
     freedom.stop = max(stops, default=None)
     if len(set(stops)) > 1:
         node.note("approximated", "its stops differ: both get the figures of the stiffer one")

@@ -221,9 +221,13 @@ def _nearest(tree: Tree, open_by: Callable[[Vector], Vector]) -> Vector:
     desired, asked = _desired(tree), np.array([freedom.start is not None for freedom in tree.freedoms])
     loose = ~asked & np.array([freedom.turns for freedom in tree.freedoms])
     anywhere = np.array([freedom.start_counts == 0.0 for freedom in tree.freedoms])
+    led, begun = np.eye(desired.size)[:, anywhere], desired
+
+    def open_alone(ways: Vector) -> Vector:
+        return open_by(begun + led @ ways)
+
     if anywhere.any():  # it begins where the others leave it
-        led = np.eye(desired.size)[:, anywhere]
-        desired = desired + led @ least_squares(lambda ways: open_by(desired + led @ ways), np.zeros(anywhere.sum())).x
+        desired = begun + led @ least_squares(open_alone, np.zeros(led.shape[1])).x
     found, rng = least_squares(open_by, desired), np.random.default_rng(0)
     for _ in range(_MOST_STARTS if loose.any() else 0):
         far = np.any(asked & (np.abs(found.x - desired) > _FAR))
