@@ -654,6 +654,21 @@ def test_frames_on_the_centre_of_mass_and_on_old_solids(tmp_path):
         frame_pose(wedge, parse_part(frame_xml("circular curve 9").encode()))
 
 
+@pytest.mark.parametrize("hung", ["sm_lib/Frames and Transforms/Reference Frame", INERTIA])
+def test_a_frame_on_an_unknown_feature_loses_nothing_where_nothing_weighs(tmp_path, hung):
+    level, blocks = mechanism()
+    frames = "<Frames>" + frame_xml("-x surface") + frame_xml("circular curve 9") + "</Frames>"
+    brick = level.block(BRICK, "Brick", SerializedFrames=frames, DoExposeReferenceFrame="off")
+    beyond, mark = level.block(TRANSFORM, "Beyond"), level.block(hung, "Mark", MomentsOfInertia="[1 1 1]")
+    level.connect(blocks["end"], f"{brick}#lconn:1")
+    level.connect(f"{brick}#rconn:1", f"{beyond}#lconn:1")
+    level.connect(f"{beyond}#rconn:1", f"{mark}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == ("1 Brick Solid lost" if hung == INERTIA else "mechanics complete")
+    (told,) = imported.report.of("lost" if hung == INERTIA else "approximated")
+    assert told.text.startswith("a frame is on 'circular curve 9', whose place is not known here; taken at its ref")
+
+
 @pytest.mark.parametrize(
     ("kind", "feature", "along", "looks"),
     [

@@ -308,11 +308,16 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
     for quantity, unit in (("Position", length), ("Velocity", f"{length}/s")):
         if node.is_on(f"{prefix}{quantity}TargetSpecify"):
             _ask(node, prefix, freedom, quantity, node.number(f"{prefix}{quantity}TargetValue", unit=unit))
+    _read_stops(node, prefix, freedom, effort, length)
+    return freedom
+
+
+def _read_stops(node: Node, prefix: str, freedom: Freedom, effort: str, length: str) -> None:
     stops = []
     for end in ("Lower", "Upper"):
         if node.is_on(f"{prefix}{end}LimitSpecify"):
             setattr(freedom, end.lower(), node.number(f"{prefix}{end}LimitBound", unit=length))
-            scale = "*180/pi" if turns else ""  # Simulink's own figures are those of a degree
+            scale = "*180/pi" if freedom.turns else ""  # Simulink's own figures are those of a degree
             stiffness = node.number(f"{prefix}{end}LimitStiffness", f"1e4{scale}", unit=f"{effort}/{length}")
             damping = node.number(f"{prefix}{end}LimitDamping", f"10{scale}", unit=f"{effort}*s/{length}")
             if stiffness <= 0 or damping < 0:
@@ -328,7 +333,6 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
         node.note("defaulted", "its limits are unknown: none are taken")
     if freedom.lower >= freedom.upper:
         raise node.refusal(f"its lower limit {freedom.lower:g} is not below its upper one, {freedom.upper:g}")
-    return freedom
 
 
 def _ask(node: Node, prefix: str, freedom: Freedom, quantity: str, value: float) -> None:
