@@ -189,6 +189,22 @@ def damaged(content, chance):
     return "<P ".join(pieces)
 
 
+@pytest.mark.parametrize(("value", "mass"), [("<Value>3</Value>", 3.0), ("<Value/>", 2.0)])
+def test_a_choice_of_a_mask_counts_what_it_says(tmp_path, value, mass):
+    """As the file lists its choices since R2022: with numbers, or by their places."""
+    members = "".join(f"<EnumerationMember><DescriptiveName>{name}</DescriptiveName>{number}</EnumerationMember>"
+                      for name, number in (("Left", "<Value>5</Value>"), ("Right", value)))  # fmt: skip
+    chosen = (
+        '<Mask><MaskParameter Name="side" Type="popup"><Value>Right</Value>'
+        f"<EnumerationTypeOptions>{members}</EnumerationTypeOptions></MaskParameter></Mask>"
+    )
+    level, inner = Level(), Level(first=100)
+    inner.block(INERTIA, "Load", Mass="side", MomentsOfInertia="[1 1 1]")
+    level.block("SubSystem", "Arm", inner=inner.xml(), mask=chosen)
+    (body,) = read_simulink(write_model(tmp_path / "a.slx", level)).bodies.bodies
+    assert [solid.weight.mass for solid in body.solids] == [mass]
+
+
 OBJECT = '<Object PropName="{}" ObjectID="1" ClassName="x">{}</Object>'
 
 

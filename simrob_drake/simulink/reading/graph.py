@@ -166,6 +166,7 @@ class MaskParameter:
     evaluated: bool = True  # whether the value is an expression, or text as it stands
     kind: str = "edit"  # of its field: ``edit``, ``popup``, ``checkbox`` ...
     choices: tuple[str, ...] = ()
+    counts: tuple[str, ...] = ()  # what each of these is as a number; without, or empty, its place
 
 
 @dataclass(frozen=True)
@@ -326,13 +327,15 @@ def read_mask(element: Element) -> Mask:
 
 
 def _mask_parameter(element: Element) -> MaskParameter:
-    options = element.find("TypeOptions")
+    options, members = element.find("TypeOptions"), element.findall("EnumerationTypeOptions/EnumerationMember")
+    named = options.iter("Option") if options is not None else (one.find("DescriptiveName") for one in members)
     return MaskParameter(
         name=element.get("Name", ""),
         value=element.findtext("Value") or "",
         evaluated=element.get("Evaluate", "on") == "on",
         kind=element.get("Type", "edit"),
-        choices=() if options is None else tuple(option.text or "" for option in options.iter("Option")),
+        choices=tuple(one.text or "" if one is not None else "" for one in named),
+        counts=tuple(member.findtext("Value") or "" for member in members),
     )
 
 
