@@ -50,6 +50,7 @@ def outputs(tmp_path, kind, inputs, parameters):
         ("Rounding", 1, {"Operator": "ceil"}, np.ceil),
         ("Rounding", 1, {"Operator": "round"}, lambda t: np.floor(t + 0.5)),
         ("Abs", 1, {}, np.abs),
+        ("Polyval", 1, {"Coefs": "[2 -3 0 0.5]"}, lambda t: np.polyval([2, -3, 0, 0.5], t)),
         ("MinMax", 2, {"Function": "max", "Inputs": "2"}, lambda t: np.maximum(t, 0.7)),
         ("MinMax", 2, {"Inputs": "2"}, lambda t: np.minimum(t, 0.7)),
         ("RelationalOperator", 2, {"Operator": "~="}, lambda t: t != 0.7),
