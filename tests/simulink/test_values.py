@@ -156,6 +156,10 @@ def test_code_that_makes_itself_without_end_is_passed_over():
     assert [float(workspace.value(name)[0, 0]) for name in ("b", "c")] == [2, 3]
 
 
+def test_a_semicolon_behind_an_expression_changes_nothing():
+    np.testing.assert_allclose(Variables(variables=VARIABLES).value("[L, 4]/2; "), [[1.5, 2.0]])
+
+
 def test_masks_look_outward_and_are_evaluated_outside():
     outer = Variables(variables={"a": 2.0, "b": 5.0})
     inner = Variables(outer=outer, pending={"a": lambda: outer.value("a*10")})

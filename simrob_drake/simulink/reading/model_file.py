@@ -201,6 +201,7 @@ BUILT_IN = {
     "sm_lib", "nesl_utility", "simulink", "slpidlib", "fl_lib", "fl_ps_legacy_lib", "simulink_extras", "robotcorelib",
     "robotmaniplib", "robotalgslib", "ee_lib", "sdl_lib", "batteryecm_lib", "SignalEditorBlockLib", "eml_lib", "sflib",
     "dspsrcs4", "dspsigops", "simscape", "sl3dlib", "sim3dlib", "uavlib", "autolibshared", "aerolibsixdof", "cstblocks",
+    "sharedtransform", "rllib", "mpclib", "vrlib",
 }  # fmt: skip
 """Libraries of MATLAB: their blocks are known by name, or not at all."""
 

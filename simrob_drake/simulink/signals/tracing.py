@@ -207,10 +207,12 @@ class Tracer:
 
     def _shape_of(self, node: Node, number: int) -> tuple[int, ...]:
         """Return the shape of an output that is being computed, by computing it with a guess."""
-        kept, way = dict(self._known), self._under_way
+        kept, way, opened = dict(self._known), self._under_way, dict(self.opened)
+        entries = list(node.findings.report.entries)
         self._under_way, self._guesses = [], {}
         shape: tuple[int, ...] = self.output(node, number).shape
-        self._known, self._under_way, self._guesses = kept, way, None
+        self._known, self._under_way, self._guesses, self.opened = kept, way, None, opened
+        node.findings.report.entries[:] = entries
         return shape
 
 
