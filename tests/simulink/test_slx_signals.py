@@ -136,8 +136,8 @@ def test_a_loop_of_a_vector_leaves_no_block_open_that_takes_an_element_of_it(tmp
     total = plant.block("Sum", "T", Inputs="+-")
     pull = plant.chain("Gain", "k", plant.chain("Mux", "q", *plant.positions, Inputs="2"), Gain="-3")
     half = plant.chain("Gain", "half", f"{total}#out:1", Gain="0.5")
-    for name in ("swap", "back"):
-        half = plant.chain("Selector", name, half, Indices="[2 1]")
+    each = [plant.chain("Fcn", f"of {index}", half, Expr=f"u({index})") for index in (2, 1)]
+    half = plant.chain("Selector", "back", plant.chain("Mux", "swapped", *each, Inputs="2"), Indices="[2 1]")
     plant.wire(pull, f"{total}#in:1")
     plant.wire(half, f"{total}#in:2")
     plant.drive(*plant.split(plant.chain("Bias", "all", f"{total}#out:1", Bias="1")))
