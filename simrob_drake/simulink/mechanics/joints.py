@@ -1,7 +1,7 @@
 """Joints, with limits, springs, starts and ports that drive and sense, and the poses of Rigid Transforms."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 
 import numpy as np
@@ -25,6 +25,11 @@ class Pull:
     stops: tuple[tuple[float, float, float], ...] = ()
     """Of a force, a place beyond which a spring pushes back, which way (1 up, -1 down), and how stiff it is."""
 
+    @property
+    def acts(self) -> bool:
+        """Whether there is anything to it."""
+        return bool(self.port or self.stiffness or self.damping or self.stops)
+
 
 def sensed_parts(node: Node) -> dict[int, tuple[int, ...]]:
     """Return which parts of a frame sensor the ports of a joint hand out, by the number of the right port."""
@@ -46,19 +51,25 @@ def read_pulls(node: Node) -> list[Pull]:
                 stops.append((bound, way, node.number(f"{kind}{end}LimitStiffness", "1e4", unit="N/m")))
         if stops:
             node.note("approximated", f"its stops along {kind[1]} are springs without dampers")
-        if driven or stiffness or damping or stops:
-            rest = node.number(f"{kind}EquilibriumPosition", unit="m") if stiffness else 0.0
-            pulls.append(Pull(place, port if driven else 0, stiffness, rest, damping, tuple(stops)))
+        rest = node.number(f"{kind}EquilibriumPosition", unit="m") if stiffness else 0.0
+        pulls.append(Pull(place, port if driven else 0, stiffness, rest, damping, tuple(stops)))
         port += driven
-    turning = node.number("SphDampingCoefficient", unit="N*m*s/rad")
-    for place, axis in enumerate(("X", "Y", "Z")):
+    for pull, axis in zip(_against_turning(node, "Sph"), "XYZ", strict=True):
         driven = node.is_on(f"SphActuateTorque{axis}")
-        if driven or turning:
-            pulls.append(Pull(3 + place, port if driven else 0, 0.0, 0.0, turning))
+        pulls.append(replace(pull, port=port if driven else 0))
         port += driven
-    if node.number("SphSpringStiffness", unit="N*m/rad"):
-        node.note("lost", "its spring against turning")
-    return pulls
+    return [pull for pull in pulls if pull.acts]
+
+
+def _against_turning(node: Node, prefix: str) -> list[Pull]:
+    """Return what resists turning in all directions alike: a spring, by angle and axis, and a damper."""
+    damping = node.number(f"{prefix}DampingCoefficient", unit="N*m*s/rad")
+    stiffness = node.number(f"{prefix}SpringStiffness", unit="N*m/rad")
+    slack = [node.text(name) for name in node.block.parameters if "Equilibrium" in name and "Method" in name]
+    if stiffness and any(method not in ("None", "") for method in slack):
+        node.note("lost", "its spring against turning: only one that is slack where both frames are one is read")
+        stiffness = 0.0
+    return [Pull(3 + place, 0, stiffness, 0.0, damping) for place in range(3)]
 
 
 AXES = {f"{sign}{name}": factor * row + 0.0 for sign, factor in (("+", 1.0), ("-", -1.0)) for name, row in
@@ -211,7 +222,7 @@ class Joint:
     senses: dict[int, tuple[int, ...]] = field(default_factory=dict)
     """Of a floating joint, which parts of a frame sensor a right port hands out; none of what is not measured."""
     pulls: list[Pull] = field(default_factory=list)
-    """What acts on the follower of a floating joint, and backwards on its base."""
+    """What acts on the follower of a floating joint or a ball, and backwards on its base."""
     screw: dict[Freedom, float] = field(default_factory=dict)
     """How much each freedom counts in a sum of positions that is 0; empty without."""
     tilt: RigidTransform = field(default_factory=RigidTransform)
@@ -262,6 +273,7 @@ def _read_primitives(node: Node, joint: Joint, kinds: list[str]) -> None:
         freedoms = _ball(node, prefix) if kind.startswith("S") else [_freedom(node, kind, prefix)]
         joint.freedoms += freedoms
         if kind.startswith("S"):
+            joint.pulls = [pull for pull in _against_turning(node, prefix) if pull.acts]
             left += sum(node.is_on(f"{prefix}ActuateTorque{end}") for end in ("X", "Y", "Z", ""))
             right += sum(node.is_on(f"{prefix}{sensed}") for sensed in table("joints")["ball"])
             continue
@@ -347,12 +359,8 @@ def _ball(node: Node, prefix: str) -> list[Freedom]:
     """Return a ball joint as three turns about x, y and z."""
     node.note("approximated", "ball joint as three turns about x, y and z: singular where the middle one is at 90°")
     turns = [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
-    damping = node.number(f"{prefix}DampingCoefficient", unit="N*m*s/rad")
-    for freedom in turns if damping > 0 else ():
-        freedom.damping = damping
-    limited = [end for end in ("Lower", "Upper") if node.is_on(f"{prefix}{end}LimitSpecify")]
-    if limited or node.number(f"{prefix}SpringStiffness", unit="N*m/rad"):
-        node.note("lost", "the spring and limits of a ball joint")
+    if any(node.is_on(f"{prefix}{end}LimitSpecify") for end in ("Lower", "Upper")):
+        node.note("lost", "the limits of a ball joint")
     if node.is_on(f"{prefix}PositionTargetSpecify"):
         for freedom, angle in zip(turns, xyz_angles(rotation(node, f"{prefix}PositionTarget")), strict=True):
             freedom.start, freedom.start_counts = angle, _COUNTS["High"]

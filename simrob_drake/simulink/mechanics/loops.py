@@ -154,7 +154,7 @@ def cuttable(link: Link) -> bool:
     held = any(
         one.damping or one.stiffness or one.start is not None or one.start_speed is not None for one in joint.freedoms
     )
-    return joint.node.kind in _CUT and not (joint.inputs or joint.outputs or held)
+    return joint.node.kind in _CUT and not (joint.inputs or joint.outputs or joint.pulls or held)
 
 
 def close(tree: Tree) -> None:
