@@ -596,16 +596,19 @@ def test_a_joint_of_three_freedoms_is_three_joints(tmp_path):
     assert [freedom.turns for freedom in robot.axes] == [False, False, True]
 
 
-def test_a_ball_joint_is_damped_about_each_axis_and_tells_what_it_lost(tmp_path):
+def test_a_ball_joint_tells_of_its_limits_and_of_a_spring_that_is_slack_elsewhere(tmp_path):
     level = Level()
-    given = {"DampingCoefficient": "2", "DampingCoefficientUnits": "N*m/(rad/s)", "SpringStiffness": "3"}
+    given = {"UpperLimitSpecify": "on", "SpringStiffness": "3", "EquilibriumRotationMethod": "StandardAxis"}
     world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/Spherical Joint", "Ball", **given)
     rod = level.block(INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]")
     level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
     level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
     model = read_simulink(write_model(tmp_path / "a.slx", level))
-    assert [freedom.damping for freedom in model.trees[0].freedoms] == [2.0, 2.0, 2.0]
-    assert [entry.text for entry in model.report.of("lost")] == ["the spring and limits of a ball joint"]
+    assert model.bodies.links[0].joint.pulls == []
+    assert sorted(entry.text for entry in model.report.of("lost")) == [
+        "its spring against turning: only one that is slack where both frames are one is read",
+        "the limits of a ball joint",
+    ]
 
 
 @pytest.mark.parametrize(
