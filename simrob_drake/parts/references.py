@@ -244,7 +244,7 @@ class SineWave(ReferenceSection):
 
 
 TIME_COLUMN = "time"
-_MOST_VALUES = 500_000  # more take a gigabyte of memory in a run
+MOST_VALUES = 500_000  # more take a gigabyte of memory in a run
 
 Interpolation = Literal["cubic", "linear", "hermite"]
 
@@ -276,8 +276,8 @@ class Table(ReferenceSection):
         values, lines = read_columns(self.file, [TIME_COLUMN, *names])
         if len(values) < 2:
             raise InvalidConfig(self.file, "", "holds fewer than two rows of values")
-        if values.size > _MOST_VALUES:
-            most = _MOST_VALUES // values.shape[1]
+        if values.size > MOST_VALUES:
+            most = MOST_VALUES // values.shape[1]
             raise InvalidConfig(self.file, "", f"holds {len(values)} rows; thin it out to at most {most}")
         times = values[:, 0]
         close = np.flatnonzero(np.diff(times) < SHORTEST)

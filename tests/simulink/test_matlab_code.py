@@ -112,3 +112,9 @@ def test_a_persistent_variable_is_what_it_was_at_the_last_sample():
         s, m = s + sample, [sample, m[0]]
     at_sample = np.array(expected)[np.floor(TIMES / 0.1 + 1e-9).astype(int)]
     np.testing.assert_allclose(np.transpose([total, older]), at_sample, atol=1e-9)
+
+
+def test_a_comment_that_speaks_of_a_function_stays_one():
+    code = " function y = f(a)\n% This function adds a rate (rad/s) to the\n% others.\ny = 2 * a;\n"
+    (function,) = functions_of(code).values()
+    assert (function.inputs, function.body) == (["a"], ["y = 2 * a"])

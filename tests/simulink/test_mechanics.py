@@ -1,5 +1,7 @@
 """Frames, solids, joints and contacts against their definitions."""
 
+import re
+
 import numpy as np
 import pytest
 import trimesh
@@ -594,16 +596,19 @@ def test_a_joint_of_three_freedoms_is_three_joints(tmp_path):
     assert [freedom.turns for freedom in robot.axes] == [False, False, True]
 
 
-def test_a_ball_joint_is_damped_about_each_axis_and_tells_what_it_lost(tmp_path):
+def test_a_ball_joint_tells_of_its_limits_and_of_a_spring_that_is_slack_elsewhere(tmp_path):
     level = Level()
-    given = {"DampingCoefficient": "2", "DampingCoefficientUnits": "N*m/(rad/s)", "SpringStiffness": "3"}
+    given = {"UpperLimitSpecify": "on", "SpringStiffness": "3", "EquilibriumRotationMethod": "StandardAxis"}
     world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/Spherical Joint", "Ball", **given)
     rod = level.block(INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]")
     level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
     level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
     model = read_simulink(write_model(tmp_path / "a.slx", level))
-    assert [freedom.damping for freedom in model.trees[0].freedoms] == [2.0, 2.0, 2.0]
-    assert [entry.text for entry in model.report.of("lost")] == ["the spring and limits of a ball joint"]
+    assert model.bodies.links[0].joint.pulls == []
+    assert sorted(entry.text for entry in model.report.of("lost")) == [
+        "its spring against turning: only one that is slack where both frames are one is read",
+        "the limits of a ball joint",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -650,6 +655,51 @@ def test_frames_on_the_centre_of_mass_and_on_old_solids(tmp_path):
         np.testing.assert_allclose(front.translation(), [0, 1.5, 0.5], atol=1e-12)
     with pytest.raises(InvalidModel, match="'circular curve 9', whose place is not known here"):
         frame_pose(wedge, parse_part(frame_xml("circular curve 9").encode()))
+
+
+@pytest.mark.parametrize("hung", ["sm_lib/Frames and Transforms/Reference Frame", INERTIA])
+def test_a_frame_on_an_unknown_feature_loses_nothing_where_nothing_weighs(tmp_path, hung):
+    level, blocks = mechanism()
+    frames = "<Frames>" + frame_xml("-x surface") + frame_xml("circular curve 9") + "</Frames>"
+    brick = level.block(BRICK, "Brick", SerializedFrames=frames, DoExposeReferenceFrame="off")
+    beyond, mark = level.block(TRANSFORM, "Beyond"), level.block(hung, "Mark", MomentsOfInertia="[1 1 1]")
+    level.connect(blocks["end"], f"{brick}#lconn:1")
+    level.connect(f"{brick}#rconn:1", f"{beyond}#lconn:1")
+    level.connect(f"{beyond}#rconn:1", f"{mark}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == ("1 Brick Solid lost" if hung == INERTIA else "mechanics complete")
+    (told,) = imported.report.of("lost" if hung == INERTIA else "approximated")
+    assert told.text.startswith("a frame is on 'circular curve 9', whose place is not known here; taken at its ref")
+
+
+@pytest.mark.parametrize(
+    ("kind", "feature", "along", "looks"),
+    [
+        ("Cylindrical Solid", "top surface", "+Z", [0, 0, 1]),
+        ("Extruded Solid", "bottom surface", "+Z", [0, 0, -1]),
+        ("Brick Solid", "+x surface", "-Z", [-1, 0, 0]),
+        ("Brick Solid", "+x surface", "+X", None),
+        ("Cylindrical Solid", "top curve", "+Z", None),
+    ],
+)
+def test_a_frame_looks_where_a_flat_side_of_its_solid_does(kind, feature, along, looks):
+    """Its z along what the side's own z is, its x along the reference frame's y."""
+    from simrob_drake.simulink.mechanics.solids import frame_pose
+    from simrob_drake.simulink.reading.graph import parse_part
+
+    follows = f"<Source>GeometricFeature</Source><SourceDirection>{along}</SourceDirection><FeatureName>{feature}"
+    text = frame_xml("").replace("GeometricFeature", "ReferenceFrame")
+    text = text.replace(
+        "<Source>ReferenceFrame</Source><SourceDirection>+Z</SourceDirection>", follows + "</FeatureName>"
+    )
+    frame = parse_part(text.replace("<SourceDirection>+X<", "<SourceDirection>+Y<").encode())
+    if looks is None:
+        with pytest.raises(InvalidModel, match=f"follows '{re.escape(feature)}', which is not known here"):
+            frame_pose(node(kind), frame)
+        return
+    turn = frame_pose(node(kind), frame).rotation().matrix()
+    np.testing.assert_allclose(turn @ [0, 0, 1], looks, atol=1e-12)
+    np.testing.assert_allclose(turn @ [1, 0, 0], [0, 1, 0], atol=1e-12)
 
 
 @pytest.mark.parametrize(

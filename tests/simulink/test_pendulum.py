@@ -117,6 +117,18 @@ def test_files_beside_a_model_that_lacks_nothing_are_left_alone(tmp_path, monkey
     assert len(searched) == 1
 
 
+def test_a_structure_that_two_scripts_fill_has_the_fields_of_both(tmp_path):
+    """What both set is as the likelier one says, which sets more variables of the model."""
+    (tmp_path / "drives.m").write_text("arm.gain.p = 70; theta0 = 20;\n")
+    (tmp_path / "loads.m").write_text("arm.gain.p = 60; arm.gain.w = 4;\n")
+    model = pendulum(tmp_path / "model.slx", workspace="", kp="arm.gain.p", kw="arm.gain.w")
+    imported = import_simulink(model, tmp_path / "out", assume=True)
+    assert load_station(imported.station).controllers["law"].blocks["Limit"].of == pytest.approx(
+        {"q.Shoulder": -70.0, "v.Shoulder": -4.0, "q_ref.Shoulder": 70.0}
+    )
+    assert imported.fidelity == "mechanics complete; 1 figure assumed"
+
+
 def test_a_script_called_after_the_model_counts_before_others(tmp_path):
     """As the DataFile that ``smimport`` writes: all robots of a folder have the same variable in theirs."""
     (tmp_path / "near").mkdir()

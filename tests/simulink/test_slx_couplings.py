@@ -234,6 +234,28 @@ def test_a_rod_of_constant_length(tmp_path):
     np.testing.assert_allclose(apart, 1.0, atol=5e-4)
 
 
+@pytest.mark.parametrize(
+    ("kind", "about", "by"),
+    [("Parallel", "+Y", 0), ("Antiparallel", "+X", 180), ("Perpendicular", "+Y", 90), ("General", "+Y", 60)],
+)
+def test_a_tray_that_an_angle_keeps_level(tmp_path, kind, about, by):
+    """An arm falls with a tray on a ball at its end: kept level, that weighs there as a point, where its mass is."""
+    shop = Shop()
+    arm = shop.body("Arm", shop.placed("Stand", **UP), mass="2", inertia="0.05", com="[0.3 0 0]")
+    end = shop.placed("End", "[0.6 0 0]", arm, **{**UP, "RotationAngle": "-pi/2"})
+    tray = shop.body("Tray", end, "sm_lib/Joints/Spherical Joint", mass="1.5", com="[0 0 -0.2]",
+                     PositionTargetSpecify="on")  # fmt: skip
+    turn = {"RotationMethod": "StandardAxis", "RotationStandardAxis": about, "RotationAngle": f"{by}*pi/180"}
+    shop.couple("sm_lib/Constraints/Angle\nConstraint", shop.placed("Level", **turn), tray, ConstraintType=kind,
+                Angle="60", AngleUnits="deg")  # fmt: skip
+    imported, result = ran(tmp_path, shop, stop="0.8")
+    assert imported.fidelity == "mechanics complete"
+    inertia, moment = 0.05 + 2 * 0.09 + 1.5 * 0.36, 9.81 * (2 * 0.3 + 1.5 * 0.6)
+    angle, _ = expected(result.times, lambda s: [s[1], -moment * np.cos(s[0]) / inertia], [0, 0])
+    assert angle[-1] < -2
+    np.testing.assert_allclose(result["q.Tray_Ry"], angle, atol=1e-3 * abs(angle[-1]))
+
+
 def test_a_force_between_two_bodies(tmp_path):
     """2 N push two sliders apart."""
     shop = Shop()
@@ -351,6 +373,37 @@ def test_a_spherical_pendulum_starts_at_the_speed_that_it_is_asked_for(tmp_path)
     path = expected(result.times, rate, np.concatenate([place, np.cross([2.0, 0, 0], place)]))[:3]
     found = np.array([result[f"tcp.{axis}"] for axis in "xyz"])
     np.testing.assert_allclose(found, path, atol=2e-3)
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_ball_joint_springs_back_by_its_angle_and_is_damped_in_all_directions(tmp_path, held):
+    """A body of 1.5 kg, 60° aside about an oblique axis; by Euler's equations of its quaternion."""
+    from scipy.spatial.transform import Rotation
+
+    shop, spring, damping = Shop(), 8.0 * held, 0.1
+    given = {"PositionTargetSpecify": "on", "PositionTargetRotationMethod": "ArbitraryAxis",
+             "PositionTargetRotationArbitraryAxis": "[1 2 -1]", "PositionTargetRotationAngle": "pi/3",
+             "SpringStiffness": str(spring), "DampingCoefficient": str(damping)}  # fmt: skip
+    shop.body("Ball", shop.placed("Stand"), "sm_lib/Joints/Spherical Joint", mass="1.5", inertia="0.05",
+              com="[0.1 0 -0.2]", **given)  # fmt: skip
+    imported, result = ran(tmp_path, shop)
+    assert imported.fidelity == "mechanics complete"
+    arm = np.array([0.1, 0.0, -0.2])
+    inertia = 0.05 * np.eye(3) + 1.5 * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+
+    def rate(state):
+        turn, speed = Rotation.from_quat(state[:4]), state[4:]
+        moment = np.cross(arm, turn.inv().apply([0, 0, -1.5 * 9.81])) - spring * turn.as_rotvec() - damping * speed
+        x, y, z, w = state[:4]
+        moving = 0.5 * np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]]) @ speed
+        return np.concatenate([moving, np.linalg.solve(inertia, moment - np.cross(speed, inertia @ speed))])
+
+    axis = np.array([1, 2, -1]) / np.sqrt(6)
+    begun = np.concatenate([Rotation.from_rotvec(np.pi / 3 * axis).as_quat(), np.zeros(3)])
+    path = Rotation.from_quat(expected(result.times, rate, begun)[:4].T)
+    found = Rotation.from_euler("XYZ", np.column_stack([result[f"q.Ball_R{axis}"] for axis in "xyz"]))
+    assert (path[0].inv() * path).magnitude().max() > 0.8
+    assert (path.inv() * found).magnitude().max() < 2e-3
 
 
 CONTACT = "sm_lib/Forces and\nTorques/Spatial\nContact Force"

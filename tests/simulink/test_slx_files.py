@@ -5,7 +5,7 @@ import random
 import zipfile
 
 import pytest
-from slx_files import Level, mask, pendulum, write_model
+from slx_files import INERTIA, Level, mask, pendulum, write_model
 
 from simrob_drake.errors import InvalidModel, SimrobError
 from simrob_drake.simulink.importing import import_simulink
@@ -187,3 +187,45 @@ def damaged(content, chance):
         if len(pieces) < 3:
             break
     return "<P ".join(pieces)
+
+
+@pytest.mark.parametrize(("value", "mass"), [("<Value>3</Value>", 3.0), ("<Value/>", 2.0)])
+def test_a_choice_of_a_mask_counts_what_it_says(tmp_path, value, mass):
+    """As the file lists its choices since R2022: with numbers, or by their places."""
+    members = "".join(f"<EnumerationMember><DescriptiveName>{name}</DescriptiveName>{number}</EnumerationMember>"
+                      for name, number in (("Left", "<Value>5</Value>"), ("Right", value)))  # fmt: skip
+    chosen = (
+        '<Mask><MaskParameter Name="side" Type="popup"><Value>Right</Value>'
+        f"<EnumerationTypeOptions>{members}</EnumerationTypeOptions></MaskParameter></Mask>"
+    )
+    level, inner = Level(), Level(first=100)
+    inner.block(INERTIA, "Load", Mass="side", MomentsOfInertia="[1 1 1]")
+    level.block("SubSystem", "Arm", inner=inner.xml(), mask=chosen)
+    (body,) = read_simulink(write_model(tmp_path / "a.slx", level)).bodies.bodies
+    assert [solid.weight.mass for solid in body.solids] == [mass]
+
+
+OBJECT = '<Object PropName="{}" ObjectID="1" ClassName="x">{}</Object>'
+
+
+def said(**values):
+    return "".join(f'<P Name="{name}" Class="char">{text}</P>' for name, text in values.items())
+
+
+@pytest.mark.parametrize("several", [True, False])
+def test_a_mask_of_objects_as_files_had_it_before_2016(tmp_path, several):
+    """What its parameters say, a choice among them, is what the code in it computes a mass of."""
+    options = '<Array PropName="TypeOptions" Type="Cell" Dimension="2*1"><Cell>light</Cell><Cell>heavy</Cell></Array>'
+    rows = [said(Name="rho", Type="edit", Value="3/2"), said(Name="kind", Type="popup", Value="heavy") + options]
+    if several:
+        array = "".join(f'<Object ObjectID="{number}">{row}</Object>' for number, row in enumerate(rows))
+        code, parameters = "m = 10 * rho * kind;", f'<Array PropName="Parameters" Dimension="1*2">{array}</Array>'
+    else:
+        code, parameters = "m = 20 * rho;", OBJECT.format("Parameters", rows[0])
+    level, inner = Level(), Level(first=100)
+    inner.block(INERTIA, "Load", Mass="m", MomentsOfInertia="[1 1 1]")
+    level.block(
+        "SubSystem", "Arm", inner=inner.xml(), mask=OBJECT.format("MaskObject", said(Initialization=code) + parameters)
+    )
+    (body,) = read_simulink(write_model(tmp_path / "a.slx", level)).bodies.bodies
+    assert [solid.weight.mass for solid in body.solids] == [pytest.approx(30.0)]

@@ -65,6 +65,8 @@ def outputs(tmp_path, kind, inputs, parameters):
         ("Rounding", 1, {"Operator": "ceil"}, np.ceil),
         ("Rounding", 1, {"Operator": "round"}, lambda t: np.floor(t + 0.5)),
         ("Abs", 1, {}, np.abs),
+        ("simulink/Discontinuities/Coulomb & Viscous Friction", 1, {"offset": "2", "gain": "3"}, lambda t: 3 * t + 2),
+        ("Polyval", 1, {"Coefs": "[2 -3 0 0.5]"}, lambda t: np.polyval([2, -3, 0, 0.5], t)),
         ("MinMax", 2, {"Function": "max", "Inputs": "2"}, lambda t: np.maximum(t, 0.7)),
         ("MinMax", 2, {"Inputs": "2"}, lambda t: np.minimum(t, 0.7)),
         ("RelationalOperator", 2, {"Operator": "~="}, lambda t: t != 0.7),
@@ -168,3 +170,19 @@ def test_vectors_are_multiplied_across(tmp_path):
     model = read_simulink(write_model(tmp_path / "a.slx", level))
     (node,) = (node for node in model.expanded.nodes if node.block.name == "B")
     np.testing.assert_allclose(flat(model.tracer.output(node)), np.cross([1, 2, 3], [4, -5, 7]))
+
+
+@pytest.mark.parametrize("angles", [(0.3, -0.4, 0.5), (2.0, 0.0, -1.0)])
+def test_rotation_angles_of_a_quaternion_are_those_of_a_turn_about_z_y_x(tmp_path, angles):
+    """Of any length; the angles in the order of their axes."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = 2.0 * Rotation.from_euler("ZYX", angles).as_quat()
+    level = Level()
+    source = level.block("Constant", "Q", Value=f"[{w} {x} {y} {z}]")
+    block = level.block("sharedtransform/Quaternions to Rotation Angles", "B", rotationOrder="ZYX")
+    level.wire(f"{source}#out:1", f"{block}#in:1")
+    model = read_simulink(write_model(tmp_path / "a.slx", level))
+    (node,) = (node for node in model.expanded.nodes if node.block.name == "B")
+    np.testing.assert_allclose([float(one) for one in flat(model.tracer.output(node))], angles, atol=1e-12)
+    assert not model.tracer.opened

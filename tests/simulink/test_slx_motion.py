@@ -145,6 +145,26 @@ def test_each_joint_has_the_stops_of_its_own(tmp_path):
     assert imported.report.of("repaired") + imported.report.of("dropped") == []
 
 
+def test_a_stop_as_hard_as_no_steel_is_run_through(tmp_path):
+    """A slide of 0.2 kg falls 1 cm onto a stop of 1e10 N/m, and rests there after sqrt(2 h / g)."""
+    level = Level()
+    figures = {"LowerLimitSpecify": "on", "LowerLimitStiffness": "1e10", "LowerLimitDamping": "1e9"}
+    world, slide = level.block(WORLD, "World"), level.block("sm_lib/Joints/Prismatic Joint", "Slide",
+                                                            **target("Position", "0.01", "m"), **figures)  # fmt: skip
+    load = level.block(INERTIA, "Load", Mass="0.2", MomentsOfInertia="[1 1 1]")
+    level.connect(f"{world}#rconn:1", f"{slide}#lconn:1")
+    level.connect(f"{slide}#rconn:1", f"{load}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    config = load_station(imported.station)
+    assert (config.joint_stops.stiffness, config.joint_stops.damping) == (1e8, 1e5)
+    assert "its stop of 1e+10 N/m is one of 1e+08" in [one.text for one in imported.report.of("approximated")]
+    result = simulate(config, duration=0.5, progress=False)
+    before = result.times < 0.95 * np.sqrt(0.02 / 9.80665)
+    fall = 0.01 - 0.5 * 9.80665 * result.times[before] ** 2
+    np.testing.assert_allclose(result["q.Slide"][before], fall, atol=1e-5)
+    assert np.abs(result["q.Slide"][result.times > 0.2]).max() < 1e-5
+
+
 def test_laws_may_read_a_rotation_matrix(tmp_path):
     """The angle of a hinge is atan2 of two entries of its frame's rotation matrix: T = -9 angle."""
     level = Level()
@@ -240,6 +260,45 @@ def test_a_motion_beside_a_passive_joint_is_prescribed(tmp_path):
     result = simulate(config, duration=1.0, progress=False)
     np.testing.assert_allclose(result["q.Joint1"], 0.5 * np.sin(3 * result.times), atol=1e-4)
     assert np.ptp(result["q.Joint2"]) > 0.1
+    told = next(one.text for one in imported.report.of("read") if one.text.startswith("axis Joint1 "))
+    assert told.endswith("its motion is prescribed for 1 s, and holds then")
+
+
+def test_a_motion_of_an_hour_is_no_table_too_long_to_run(tmp_path):
+    """A sine of one turn in 1000 s, for 3600 s: at 200 rows a second its table would be refused."""
+    level = Level()
+    _, (joint, _) = hinges(level, {"MotionActuationMode": "InputMotion"}, {})
+    wave = level.block("Sin", "Wave", Amplitude="1", Frequency="2*pi/1000")
+    into = level.block(TO_PHYSICS, "In", Unit="rad")
+    level.wire(f"{wave}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    station = import_simulink(write_model(tmp_path / "a.slx", level, stop="3600"), tmp_path / "out").station
+    result = simulate(station, duration=0.5, progress=False)
+    np.testing.assert_allclose(result["q.A"], np.sin(2e-3 * np.pi * result.times), atol=1e-6)
+
+
+def test_a_motion_that_cannot_be_computed_is_lost_and_no_other(tmp_path):
+    """The arc cosine of a ramp is none after a second; the other joint goes as its sine says."""
+    level = Level()
+    moved = {"MotionActuationMode": "InputMotion"}
+    _, joints = hinges(level, moved, moved)
+    rest, rod = level.block(REVOLUTE, "Passive"), level.block(INERTIA, "Rest", Mass="1", MomentsOfInertia="[1 1 1]")
+    level.connect("1#rconn:1", f"{rest}#lconn:1")
+    level.connect(f"{rest}#rconn:1", f"{rod}#rconn:1")
+    ramp, wave = level.block("Ramp", "Ramp"), level.block("Sin", "Wave", Frequency="3")
+    bent = level.block("Trigonometry", "Bent", Operator="acos")
+    level.wire(f"{ramp}#out:1", f"{bent}#in:1")
+    for source, joint in zip((bent, wave), joints, strict=True):
+        into = level.block(TO_PHYSICS, f"In {joint}", Unit="rad")
+        level.wire(f"{source}#out:1", f"{into}#in:1")
+        level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level, stop="2"), tmp_path / "out")
+    assert imported.fidelity == "1 Revolute Joint lost; 2 joints prescribed"
+    (lost,) = imported.report.of("lost")
+    assert (lost.element, lost.text[:37]) == ("A", "its motion is not there, it is held: ")
+    result = simulate(imported.station, duration=0.5, progress=False)
+    np.testing.assert_allclose(result["q.B"], np.sin(3 * result.times), atol=1e-4)
+    assert np.ptp(result["q.A"]) < 1e-6
 
 
 def test_a_motion_begins_where_its_filter_does(tmp_path):

@@ -155,6 +155,27 @@ def test_a_simple_gear_turns_a_joint(tmp_path, sense, sign):
     np.testing.assert_allclose(result["v.J"], sign * 2 * 3 / 0.5 * result.times, atol=1e-5)
 
 
+@pytest.mark.parametrize("figures", [{"radius": "4", "radius_unit": "cm"}, {"R": "0.04", "or": "1"}])
+def test_a_force_on_a_wheel_turns_its_axle(tmp_path, figures):
+    """5 N at 40 mm on a hinge of 0.5 kg m², whatever the file calls the radius."""
+    level, joint = hinge()
+    force, into = level.block("Constant", "Force", Value="5"), level.block(TO_PHYSICS, "In", Unit="1")
+    source = level.block("fl_lib/Mechanical/Mechanical Sources/Ideal Force Source", "Source")
+    ground = level.block("fl_lib/Mechanical/Translational Elements/Mechanical Translational Reference", "Ground")
+    held = level.block("fl_lib/Mechanical/Rotational Elements/Mechanical Rotational Reference", "Held")
+    wheel, face = level.block("fl_lib/Mechanical/Mechanisms/Wheel and Axle", "Wheel", **figures), faced(level, joint)
+    level.wire(f"{force}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{source}#rconn:1")
+    level.connect(f"{source}#lconn:1", f"{wheel}#rconn:1")
+    level.connect(f"{source}#rconn:2", f"{ground}#lconn:1")
+    level.connect(f"{wheel}#lconn:1", f"{face}#rconn:2")
+    level.connect(f"{face}#lconn:2", f"{held}#lconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(load_station(imported.station, TIGHT), duration=0.5, progress=False)
+    np.testing.assert_allclose(result["v.J"], 5 * 0.04 / 0.5 * result.times, atol=1e-5)
+
+
 @pytest.mark.parametrize("bound", [
     {"torque_speed_param": "ee.enum.electromech.envelope.torque_power", "torque_max": "0.3", "power_max": "6"},
     {"torque_speed_param": "1", "T_t": "[0.3 0.2 0]", "w_t": "[0 200 400]", "w_t_unit": "rpm"},

@@ -133,6 +133,23 @@ def test_an_algebraic_loop_is_late_by_a_filter(tmp_path):
     assert "late by 0.001 s: T → half → T" in entry.text
 
 
+def test_a_loop_of_a_vector_leaves_no_block_open_that_takes_an_element_of_it(tmp_path):
+    """Both of T = -3 q - T / 2 at once, swapped in the loop and back: T = -2 q, beside a push of 1."""
+    plant = Plant()
+    total = plant.block("Sum", "T", Inputs="+-")
+    pull = plant.chain("Gain", "k", plant.chain("Mux", "q", *plant.positions, Inputs="2"), Gain="-3")
+    half = plant.chain("Gain", "half", f"{total}#out:1", Gain="0.5")
+    each = [plant.chain("Fcn", f"of {index}", half, Expr=f"u({index})") for index in (2, 1)]
+    half = plant.chain("Selector", "back", plant.chain("Mux", "swapped", *each, Inputs="2"), Indices="[2 1]")
+    plant.wire(pull, f"{total}#in:1")
+    plant.wire(half, f"{total}#in:2")
+    plant.drive(*plant.split(plant.chain("Bias", "all", f"{total}#out:1", Bias="1")))
+    imported = import_simulink(write_model(tmp_path / "a.slx", plant, stop="1"), tmp_path / "out")
+    assert (imported.fidelity, imported.report.of("open")) == ("mechanics complete", [])
+    result = simulate(imported.station, progress=False)
+    np.testing.assert_allclose(result["q.B"], 0.5 * (1 - np.cos(np.sqrt(2) * result.times)), atol=2e-3)
+
+
 @pytest.mark.parametrize(
     ("kind", "parameters", "told"),
     [

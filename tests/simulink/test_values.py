@@ -33,6 +33,8 @@ VARIABLES = {
         ("1e3", [[1000]]),
         ("-2^2", [[-4]]),
         ("2^-1", [[0.5]]),
+        ("find([0 2 0 3 4] > 1, 2)", [[2, 4]]),
+        ("find([0; 2; 3])", [[2], [3]]),
         ("2^3^2", [[64]]),
         ("[1 -2 3]", [[1, -2, 3]]),
         ("[1 - 2]", [[-1]]),
@@ -162,6 +164,10 @@ def test_a_side_of_a_matrix_may_be_left_to_it():
 def test_code_that_makes_itself_without_end_is_passed_over():
     workspace = Variables(name="Mask", variables={}, code="s = 'eval(s)';\neval(s);\nb = 2;\neval('c = 3;');")
     assert [float(workspace.value(name)[0, 0]) for name in ("b", "c")] == [2, 3]
+
+
+def test_a_semicolon_behind_an_expression_changes_nothing():
+    np.testing.assert_allclose(Variables(variables=VARIABLES).value("[L, 4]/2; "), [[1.5, 2.0]])
 
 
 def test_masks_look_outward_and_are_evaluated_outside():

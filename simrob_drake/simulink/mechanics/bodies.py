@@ -142,6 +142,7 @@ Edges = dict[Place, list[tuple[Place, RigidTransform, Node]]]
 
 
 _ENDS = "lconn", "rconn"
+_SEEN = "Rigid Transform", "Reference Frame", "Graphic", "Spline"  # what neither weighs, holds nor tells
 
 
 class _Frames:
@@ -167,7 +168,10 @@ class _Frames:
             if node.text("JointMode") == "Locked":
                 self._join(*self._ends(node), _locked(joint), node)
             else:
-                self.joints.append((joint, *self._ends(node)))
+                base, follower = self._ends(node)
+                moved_end = (id(node), "tilt", 1)
+                self._join(moved_end, follower, joint.tilt, node)
+                self.joints.append((joint, base, moved_end))
         elif node.kind in (*GEARS, ROD, SPRING, BETWEEN):
             places = [self._network.net(node, side) for side in _ENDS]
             self.joints.append((node, places[0], places[1]))
@@ -200,16 +204,29 @@ class _Frames:
         for port in solid_ports(node):
             if isinstance(port.what, Element):
                 there = self._network.net(node, port.side, port.number)
-                self._join(place, there, self._pose_on(node, port.what), node)
+                self._join(place, there, self._pose_on(node, port.what, there), node)
 
-    def _pose_on(self, node: Node, frame: Element) -> RigidTransform:
+    def _pose_on(self, node: Node, frame: Element, there: Place) -> RigidTransform:
         """Return where a frame of a solid is; where that is not known it is lost, and in the solid's own frame."""
         solid = self.solids.get(node)
         try:
             return frame_pose(node, frame, None if solid is None else solid.weight)
         except InvalidModel as problem:
-            node.lose(problem, "; taken at its reference frame")
+            if self._only_seen(node, there):
+                node.note("approximated", f"{problem.problem}; taken at its reference frame, for nothing weighs there")
+            else:
+                node.lose(problem, "; taken at its reference frame")
             return RigidTransform()
+
+    def _only_seen(self, node: Node, there: Place) -> bool:
+        """Tell whether a frame of a solid carries nothing but marks and pictures."""
+
+        def ends(one: Node) -> list[Place]:
+            if one is node:
+                return [there]
+            return [self._network.net(one, side) for side in _ENDS] if one.kind == "Rigid Transform" else []
+
+        return all(one is node or one.kind in _SEEN for one in self._network.joined(node, ends))
 
 
 def _gather(edges: Edges, worlds: set[Place], bodies: Bodies, *, grounded: bool = True) -> None:

@@ -1,7 +1,7 @@
 """Joints, with limits, springs, starts and ports that drive and sense, and the poses of Rigid Transforms."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 
 import numpy as np
@@ -25,6 +25,11 @@ class Pull:
     stops: tuple[tuple[float, float, float], ...] = ()
     """Of a force, a place beyond which a spring pushes back, which way (1 up, -1 down), and how stiff it is."""
 
+    @property
+    def acts(self) -> bool:
+        """Whether there is anything to it."""
+        return bool(self.port or self.stiffness or self.damping or self.stops)
+
 
 def sensed_parts(node: Node) -> dict[int, tuple[int, ...]]:
     """Return which parts of a frame sensor the ports of a joint hand out, by the number of the right port."""
@@ -46,19 +51,25 @@ def read_pulls(node: Node) -> list[Pull]:
                 stops.append((bound, way, node.number(f"{kind}{end}LimitStiffness", "1e4", unit="N/m")))
         if stops:
             node.note("approximated", f"its stops along {kind[1]} are springs without dampers")
-        if driven or stiffness or damping or stops:
-            rest = node.number(f"{kind}EquilibriumPosition", unit="m") if stiffness else 0.0
-            pulls.append(Pull(place, port if driven else 0, stiffness, rest, damping, tuple(stops)))
+        rest = node.number(f"{kind}EquilibriumPosition", unit="m") if stiffness else 0.0
+        pulls.append(Pull(place, port if driven else 0, stiffness, rest, damping, tuple(stops)))
         port += driven
-    turning = node.number("SphDampingCoefficient", unit="N*m*s/rad")
-    for place, axis in enumerate(("X", "Y", "Z")):
+    for pull, axis in zip(_against_turning(node, "Sph"), "XYZ", strict=True):
         driven = node.is_on(f"SphActuateTorque{axis}")
-        if driven or turning:
-            pulls.append(Pull(3 + place, port if driven else 0, 0.0, 0.0, turning))
+        pulls.append(replace(pull, port=port if driven else 0))
         port += driven
-    if node.number("SphSpringStiffness", unit="N*m/rad"):
-        node.note("lost", "its spring against turning")
-    return pulls
+    return [pull for pull in pulls if pull.acts]
+
+
+def _against_turning(node: Node, prefix: str) -> list[Pull]:
+    """Return what resists turning in all directions alike: a spring, by angle and axis, and a damper."""
+    damping = node.number(f"{prefix}DampingCoefficient", unit="N*m*s/rad")
+    stiffness = node.number(f"{prefix}SpringStiffness", unit="N*m/rad")
+    slack = [node.text(name) for name in node.block.parameters if "Equilibrium" in name and "Method" in name]
+    if stiffness and any(method not in ("None", "") for method in slack):
+        node.note("lost", "its spring against turning: only one that is slack where both frames are one is read")
+        stiffness = 0.0
+    return [Pull(3 + place, 0, stiffness, 0.0, damping) for place in range(3)]
 
 
 AXES = {f"{sign}{name}": factor * row + 0.0 for sign, factor in (("+", 1.0), ("-", -1.0)) for name, row in
@@ -164,7 +175,11 @@ _ROTATIONS: dict[str, Callable[[Node, str], RotationMatrix]] = {
 
 PRIMITIVES: dict[str, list[str]] = table("joints")["primitives"]
 JOINTS = PRIMITIVES.keys()
+ANGLE = "Angle Constraint"  # which is read as a joint of all that it leaves free
 
+_HARDEST, _HARD_LAG = 1e8, 1e-3
+"""N/m or N·m/rad: the stiffest stop that a solver gets through, and how long its damper takes for its spring [s]: what
+leans on it with 1000 N or N·m goes 10 µm or µrad in."""
 _COUNTS = {"High": 1e-2, "Low": 3e-4}
 """How much a target counts that a joint asks for, by its priority; what nobody asks for counts 1e-5."""
 
@@ -207,9 +222,11 @@ class Joint:
     senses: dict[int, tuple[int, ...]] = field(default_factory=dict)
     """Of a floating joint, which parts of a frame sensor a right port hands out; none of what is not measured."""
     pulls: list[Pull] = field(default_factory=list)
-    """What acts on the follower of a floating joint, and backwards on its base."""
+    """What acts on the follower of a floating joint or a ball, and backwards on its base."""
     screw: dict[Freedom, float] = field(default_factory=dict)
     """How much each freedom counts in a sum of positions that is 0; empty without."""
+    tilt: RigidTransform = field(default_factory=RigidTransform)
+    """Pose of the follower's frame in the one that the freedoms move."""
 
 
 def read_joint(node: Node) -> Joint:
@@ -231,7 +248,21 @@ def read_joint(node: Node) -> Joint:
         freedom.lower, freedom.upper, freedom.stop = -inf, inf, None  # limits push nothing whose motion is given
     if node.kind == "Lead Screw Joint":
         _read_screw(node, joint)
+    if node.kind == ANGLE:
+        _read_angle(node, joint)
     return joint
+
+
+def _read_angle(node: Node, joint: Joint) -> None:
+    """Read an angle that is kept between two axes z: all that it leaves free is a joint, which starts anywhere."""
+    kept = {"Parallel": 0.0, "Antiparallel": np.pi, "Perpendicular": np.pi / 2}
+    chosen = node.text("ConstraintType", "Parallel")
+    angle = kept[chosen] if chosen in kept else node.number("Angle", "45*pi/180", unit="rad")
+    joint.tilt = RigidTransform(_TURNS["X"](angle), np.zeros(3))
+    if 0.0 < angle < np.pi:
+        joint.freedoms.append(Freedom(f"{node.path}_Rt", True, joint.tilt.rotation().matrix()[:, 2]))
+    for freedom in joint.freedoms:
+        freedom.start_counts = 0.0
 
 
 def _read_primitives(node: Node, joint: Joint, kinds: list[str]) -> None:
@@ -242,6 +273,7 @@ def _read_primitives(node: Node, joint: Joint, kinds: list[str]) -> None:
         freedoms = _ball(node, prefix) if kind.startswith("S") else [_freedom(node, kind, prefix)]
         joint.freedoms += freedoms
         if kind.startswith("S"):
+            joint.pulls = [pull for pull in _against_turning(node, prefix) if pull.acts]
             left += sum(node.is_on(f"{prefix}ActuateTorque{end}") for end in ("X", "Y", "Z", ""))
             right += sum(node.is_on(f"{prefix}{sensed}") for sensed in table("joints")["ball"])
             continue
@@ -288,16 +320,23 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
     for quantity, unit in (("Position", length), ("Velocity", f"{length}/s")):
         if node.is_on(f"{prefix}{quantity}TargetSpecify"):
             _ask(node, prefix, freedom, quantity, node.number(f"{prefix}{quantity}TargetValue", unit=unit))
+    _read_stops(node, prefix, freedom, effort, length)
+    return freedom
+
+
+def _read_stops(node: Node, prefix: str, freedom: Freedom, effort: str, length: str) -> None:
     stops = []
     for end in ("Lower", "Upper"):
         if node.is_on(f"{prefix}{end}LimitSpecify"):
             setattr(freedom, end.lower(), node.number(f"{prefix}{end}LimitBound", unit=length))
-            scale = "*180/pi" if turns else ""  # Simulink's own figures are those of a degree
+            scale = "*180/pi" if freedom.turns else ""  # Simulink's own figures are those of a degree
             stiffness = node.number(f"{prefix}{end}LimitStiffness", f"1e4{scale}", unit=f"{effort}/{length}")
             damping = node.number(f"{prefix}{end}LimitDamping", f"10{scale}", unit=f"{effort}*s/{length}")
             if stiffness <= 0 or damping < 0:
                 raise node.refusal(f"the stiffness of its {end.lower()} limit is not positive, or its damping negative")
-            stops.append((stiffness, damping))
+            if stiffness > _HARDEST:
+                node.note("approximated", f"its stop of {stiffness:g} {effort}/{length} is one of {_HARDEST:g}")
+            stops.append((min(stiffness, _HARDEST), min(damping, _HARDEST * _HARD_LAG)))
     freedom.stop = max(stops, default=None)
     if len(set(stops)) > 1:
         node.note("approximated", "its stops differ: both get the figures of the stiffer one")
@@ -306,7 +345,6 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
         node.note("defaulted", "its limits are unknown: none are taken")
     if freedom.lower >= freedom.upper:
         raise node.refusal(f"its lower limit {freedom.lower:g} is not below its upper one, {freedom.upper:g}")
-    return freedom
 
 
 def _ask(node: Node, prefix: str, freedom: Freedom, quantity: str, value: float) -> None:
@@ -321,12 +359,8 @@ def _ball(node: Node, prefix: str) -> list[Freedom]:
     """Return a ball joint as three turns about x, y and z."""
     node.note("approximated", "ball joint as three turns about x, y and z: singular where the middle one is at 90°")
     turns = [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
-    damping = node.number(f"{prefix}DampingCoefficient", unit="N*m*s/rad")
-    for freedom in turns if damping > 0 else ():
-        freedom.damping = damping
-    limited = [end for end in ("Lower", "Upper") if node.is_on(f"{prefix}{end}LimitSpecify")]
-    if limited or node.number(f"{prefix}SpringStiffness", unit="N*m/rad"):
-        node.note("lost", "the spring and limits of a ball joint")
+    if any(node.is_on(f"{prefix}{end}LimitSpecify") for end in ("Lower", "Upper")):
+        node.note("lost", "the limits of a ball joint")
     if node.is_on(f"{prefix}PositionTargetSpecify"):
         for freedom, angle in zip(turns, xyz_angles(rotation(node, f"{prefix}PositionTarget")), strict=True):
             freedom.start, freedom.start_counts = angle, _COUNTS["High"]

@@ -154,7 +154,7 @@ def cuttable(link: Link) -> bool:
     held = any(
         one.damping or one.stiffness or one.start is not None or one.start_speed is not None for one in joint.freedoms
     )
-    return joint.node.kind in _CUT and not (joint.inputs or joint.outputs or held)
+    return joint.node.kind in _CUT and not (joint.inputs or joint.outputs or joint.pulls or held)
 
 
 def close(tree: Tree) -> None:
@@ -220,6 +220,14 @@ def _nearest(tree: Tree, open_by: Callable[[Vector], Vector]) -> Vector:
 
     desired, asked = _desired(tree), np.array([freedom.start is not None for freedom in tree.freedoms])
     loose = ~asked & np.array([freedom.turns for freedom in tree.freedoms])
+    anywhere = np.array([freedom.start_counts == 0.0 for freedom in tree.freedoms])
+    led, begun = np.eye(desired.size)[:, anywhere], desired
+
+    def open_alone(ways: Vector) -> Vector:
+        return open_by(begun + led @ ways)
+
+    if anywhere.any():  # it begins where the others leave it
+        desired = begun + led @ least_squares(open_alone, np.zeros(led.shape[1])).x
     found, rng = least_squares(open_by, desired), np.random.default_rng(0)
     for _ in range(_MOST_STARTS if loose.any() else 0):
         far = np.any(asked & (np.abs(found.x - desired) > _FAR))

@@ -222,17 +222,29 @@ def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> Rigi
     directions = []
     for name in ("PrimaryAxis", "SecondaryAxis"):
         source = frame.findtext(f"Value/{name}/Source") or "ReferenceFrame"
-        if source not in ("ReferenceFrame", ""):
-            feature = frame.findtext(f"Value/{name}/FeatureName") or source
-            raise node.refusal(f"a frame follows '{feature}', which is not known here")
         default = "+Z" if name == "PrimaryAxis" else "+X"
+        along = frame.findtext(f"Value/{name}/SourceDirection") or default
+        feature = " ".join((frame.findtext(f"Value/{name}/FeatureName") or source).split())
+        direction = AXES.get(along, AXES[default]) if source == "ReferenceFrame" else _normal(node, feature, along)
+        if direction is None:
+            raise node.refusal(f"a frame follows '{feature}', which is not known here")
         axes.append(AXES.get(frame.findtext(f"Value/{name}/DefinedDirection") or default, AXES[default]))
-        directions.append(AXES.get(frame.findtext(f"Value/{name}/SourceDirection") or default, AXES[default]))
+        directions.append(direction)
     if abs(axes[0] @ axes[1]) > 0.5 or abs(directions[0] @ directions[1]) > 0.5:
         raise node.refusal("a frame has both axes along one line")
     own = np.column_stack([*axes, np.cross(axes[0], axes[1])])
     there = np.column_stack([*directions, np.cross(directions[0], directions[1])])
     return RigidTransform(RotationMatrix(there @ own.T), place)
+
+
+def _normal(node: Node, feature: str, along: str) -> Vector | None:
+    """Return where a flat side of a solid looks, or backwards for ``-Z``, shape (3,); None of what is not known."""
+    kind, side = solid_kind(node), feature.removesuffix(" surface").upper()
+    ends = {"TOP": "+Z", "BOTTOM": "-Z"} if kind in ("Cylindrical Solid", "Extruded Solid") else {}
+    ends = ends or (dict(zip(AXES, AXES, strict=True)) if kind == "Brick Solid" else {})
+    if side not in ends or along[-1:] != "Z" or not feature.endswith(" surface"):
+        return None
+    return -AXES[ends[side]] if along == "-Z" else AXES[ends[side]]
 
 
 def _origin(node: Node, frame: Element, weight: Weight | None) -> Vector:

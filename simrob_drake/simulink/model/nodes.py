@@ -319,7 +319,8 @@ def _reader(parameter: MaskParameter, text: str, outer: Variables) -> Callable[[
     if parameter.kind == "checkbox":
         text = "1" if text == "on" else "0"
     elif parameter.kind == "popup" and parameter.evaluated and text in parameter.choices:
-        text = str(parameter.choices.index(text) + 1)
+        place = parameter.choices.index(text)
+        text = "".join(parameter.counts[place : place + 1]) or str(place + 1)
     elif parameter.kind == "popup" or not parameter.evaluated:
         return lambda: text
 

@@ -163,6 +163,7 @@ class MaskParameter:
     evaluated: bool = True  # whether the value is an expression, or text as it stands
     kind: str = "edit"  # of its field: ``edit``, ``popup``, ``checkbox`` ...
     choices: tuple[str, ...] = ()
+    counts: tuple[str, ...] = ()  # what each of these is as a number; without, or empty, its place
 
 
 @dataclass(frozen=True)
@@ -278,14 +279,14 @@ class SystemReader:
         counted = {name: counts.attrib[side]} if counts is not None and side in counts.attrib else {}
         linked = kind == "Reference"
         inner = element.find("System")
-        mask = element.find("Mask")
+        mask, before = element.find("Mask"), element.find("Object[@PropName='MaskObject']")
         return SimulinkBlock(
             sid=element.get("SID") or parameters.get("SID") or element.get("Name") or "",
             name=one_line(element.get("Name", "")),
             kind=one_line(source) if linked else kind,
             linked=linked,
             parameters={**counted, **self._defaults.get(kind, {}), **parameters},
-            mask=None if mask is None else read_mask(mask),
+            mask=read_mask(mask) if mask is not None else _mask_of_object(before) if before is not None else None,
             system=None if inner is None else self.system(inner, depth + 1),
         )
 
@@ -306,14 +307,28 @@ def read_mask(element: Element) -> Mask:
 
 
 def _mask_parameter(element: Element) -> MaskParameter:
-    options = element.find("TypeOptions")
+    options, members = element.find("TypeOptions"), element.findall("EnumerationTypeOptions/EnumerationMember")
+    named = options.iter("Option") if options is not None else (one.find("DescriptiveName") for one in members)
     return MaskParameter(
         name=element.get("Name", ""),
         value=element.findtext("Value") or "",
         evaluated=element.get("Evaluate", "on") == "on",
         kind=element.get("Type", "edit"),
-        choices=() if options is None else tuple(option.text or "" for option in options.iter("Option")),
+        choices=tuple(one.text or "" if one is not None else "" for one in named),
+        counts=tuple(member.findtext("Value") or "" for member in members),
     )
+
+
+def _mask_of_object(element: Element) -> Mask:
+    """Return a mask as files up to R2016 have it, as an object of objects."""
+    rows = element.findall("Array[@PropName='Parameters']/Object") + element.findall("Object[@PropName='Parameters']")
+    parameters = []
+    for row in rows:
+        said = _parameters(row)
+        choices = tuple(cell.text or "" for cell in row.iterfind("*[@PropName='TypeOptions']/Cell"))
+        evaluated, kind = said.get("Evaluate", "on") == "on", said.get("Type", "edit")
+        parameters.append(MaskParameter(said.get("Name", ""), said.get("Value", ""), evaluated, kind, choices))
+    return Mask(tuple(parameters), _parameters(element).get("Initialization", ""))
 
 
 def one_line(text: str) -> str:

@@ -201,6 +201,7 @@ BUILT_IN = {
     "sm_lib", "nesl_utility", "simulink", "slpidlib", "fl_lib", "fl_ps_legacy_lib", "simulink_extras", "robotcorelib",
     "robotmaniplib", "robotalgslib", "ee_lib", "sdl_lib", "batteryecm_lib", "SignalEditorBlockLib", "eml_lib", "sflib",
     "dspsrcs4", "dspsigops", "simscape", "sl3dlib", "sim3dlib", "uavlib", "autolibshared", "aerolibsixdof", "cstblocks",
+    "sharedtransform", "rllib", "mpclib", "vrlib",
 }  # fmt: skip
 """Libraries of MATLAB: their blocks are known by name, or not at all."""
 
@@ -213,6 +214,13 @@ def referenced_by(block: SimulinkBlock) -> str:
     names = ("ModelFile", "ModelNameDialog", "ModelName") if block.kind == "ModelReference" else ()
     named = (block.parameters.get(name, "") for name in ("ReferencedSubsystem", *names))
     return next(filter(None, named), "").removesuffix(".slx").removesuffix(".mdl")
+
+
+def _filled(known: Any, other: Any) -> Any:
+    """Return a structure with the fields that it lacks, and another one has, at any depth; other values as they are."""
+    if not (isinstance(known, dict) and isinstance(other, dict)):
+        return known
+    return {**other, **{name: _filled(value, other.get(name)) for name, value in known.items()}}
 
 
 def _same(one: Any, other: Any) -> bool:
@@ -290,6 +298,7 @@ class Libraries:
                 first, known, others = offered.setdefault(name, (file.name, value, []))
                 if not _same(value, known) and not first.startswith(model.name):
                     others.append(file.name)
+                    offered[name] = first, _filled(known, value), others
         return offered
 
     def _names(self, system: System, seen: set[str]) -> set[str]:

@@ -250,8 +250,13 @@ def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
 def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
     """Return what signals, springs and dampers of a floating joint do to its follower, and to a base that can move."""
     node, wrench = link.joint.node, np.zeros(6).astype(object)
+    real, *turned = (part_of(node, index) for index in range(3, 7))
+    half = applied("sqrt", sum((part * part for part in turned), start=0.0))
+    share = 2.0 * applied("atan2", half, real) / applied("max", half, _SLOWEST)  # of the turn's axis and angle
     for pull in link.joint.pulls:
-        place, speed = part_of(node, pull.place % _PLACES), part_of(node, pull.place + 7)  # a torque has no spring
+        turns = pull.place >= _PLACES
+        place: Value = share * turned[pull.place - _PLACES] if turns else part_of(node, pull.place)
+        speed = part_of(node, pull.place + 7)
         if pull.port:
             wrench[pull.place] += _first(tracer, node, pull.port, "force")
         wrench[pull.place] -= pull.stiffness * (place - pull.rest) + pull.damping * speed

@@ -49,10 +49,10 @@ def elements() -> dict[str, NetworkBlock]:
     return {kind: NetworkBlock(*row) for kind, row in table("networks").items()}
 
 
-_OTHER_NAMES = {"L": ("l",), "K": ("Ki", "Kv")}  # other names of figures
+_OTHER_NAMES = {"L": ("l",), "K": ("Ki", "Kv"), "radius": ("R",)}  # other names of figures
 _AS_IS = {
     "parameterization": ("circuit_param", "1"), "lam_param": ("damping", "2"), "mech_orient": ("positive", "1"),
-    "friction_model": ("off",), "enable_backlash": ("false",), "mu_visc": ("[0, 0]", "[0 0]"),
+    "friction_model": ("off",), "or": ("1",), "enable_backlash": ("false",), "mu_visc": ("[0, 0]", "[0 0]"),
 }  # fmt: skip
 """Choices that a block may have, and with which of them its figures are those of its equations."""
 

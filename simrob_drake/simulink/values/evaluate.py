@@ -169,7 +169,9 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
         for name, kind in (("ischar", str), ("isstruct", dict), ("iscell", list))
     },
     "rot90": lambda value, times=1: np.rot90(matrix(value), int(matrix(times)[0, 0])),
-    "find": lambda value: np.flatnonzero(matrix(value).T).reshape((1, -1) if _way(value) else (-1, 1)) + 1,
+    "find": lambda value, most=1e9: np.reshape(
+        np.flatnonzero(matrix(value).T)[: int(np.max(most))] + 1, (1, -1) if _way(value) else (-1, 1)
+    ),
     "horzcat": partial(_joined, 1),
     "vertcat": partial(_joined, 0),
     "tf": lambda numerator, denominator: {"numerator": matrix(numerator), "denominator": matrix(denominator)},

@@ -39,7 +39,7 @@ class ScriptFunction(NamedTuple):
 
 def functions_of(code: str) -> dict[str, ScriptFunction]:
     """Return the functions of a script by name, the first of them first; none of a script without."""
-    code = re.sub(r"(function[^\n(]*\([^)]*\))", r"\1\n", code) if "function" in code else ""
+    code = re.sub(r"(?m)^([ \t]*function\b[^\n(]*\([^)]*\))", r"\1\n", code) if "function" in code else ""
     return dict(_functions_in(statements(code)))
 
 

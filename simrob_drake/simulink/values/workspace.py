@@ -132,7 +132,7 @@ class Variables:
             UndefinedVariable: it uses a variable that no workspace has.
             NotUnderstood: it is outside the subset.
         """
-        return CodeRun({}, self.lookup, self.files).value(text)
+        return CodeRun({}, self.lookup, self.files).value(text.rstrip("; "))
 
     def run(self) -> None:
         """Run the code that sets further variables, unless it has run."""

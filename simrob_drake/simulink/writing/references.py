@@ -10,9 +10,11 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.arguments import SHORTEST
+from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.parts.controllers.signal_flow import flow_over_time
+from simrob_drake.parts.references import MOST_VALUES
 from simrob_drake.results.record.state import JointState, State
 from simrob_drake.simulink.mechanics.bodies import GEARS, ROD, SPRING, Coupling
 from simrob_drake.simulink.mechanics.joints import Freedom
@@ -39,6 +41,7 @@ class JointMotions:
     start: dict[str, float]  # where each axis is at the beginning, by name [rad or m]
     duration: float  # of the run [s]
     table: Path  # the CSV file to write where positions change over time
+    report: ImportReport  # of the import, to tell what cannot be computed
 
     @property
     def moving(self) -> dict[Freedom, Form]:
@@ -75,14 +78,27 @@ class JointMotions:
             if block.kind == "step"
         }  # fmt: skip
         corners = [corner for corner in steps if 0 < corner < self.duration]
-        even = np.linspace(0.0, self.duration, round(self.duration * RATE) + 1)
+        most = MOST_VALUES // (len(axes) + 1) - 2 * len(corners) - 1
+        even = np.linspace(0.0, self.duration, min(round(self.duration * RATE), most) + 1)
         times = np.unique(np.concatenate([even, corners, np.array(corners) - _CORNER]))
-        moved = dict(zip(moving, over_time(list(moving.values()), times), strict=True))
+        moved = self._computed(moving, times)
         columns: dict[str, Vector] = {"time": times}
         for freedom, name in axes.items():
             columns[name] = moved.get(freedom, np.full_like(times, self._held(freedom)))
         rows = np.column_stack(list(columns.values()))
         np.savetxt(self.table, rows, fmt="%.12g", delimiter=",", header=",".join(columns), comments="")
+
+    def _computed(self, moving: Mapping[Freedom, Form], times: Vector) -> dict[Freedom, Vector]:
+        """Return positions over times (t,), by what they are of; what cannot be computed is lost, and held."""
+        try:
+            return dict(zip(moving, over_time(list(moving.values()), times), strict=True))
+        except (RuntimeError, ValueError, SimrobError) as problem:  # of one block
+            if len(moving) > 1:
+                alone = (self._computed({freedom: value}, times) for freedom, value in moving.items())
+                return {freedom: values for one in alone for freedom, values in one.items()}
+            (freedom,) = moving
+            self.report.add("lost", freedom.name, f"its motion is not there, it is held: {problem}")
+            return {}
 
     def _held(self, freedom: Freedom) -> float:
         """Return a constant position; an input is taken to hold the start."""

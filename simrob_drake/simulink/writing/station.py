@@ -9,6 +9,7 @@ from xml.etree.ElementTree import ElementTree, indent
 
 import numpy as np
 import yaml
+from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.constants import STANDARD_GRAVITY
@@ -19,8 +20,8 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Term, closure, terms_of
-from simrob_drake.simulink.signals.laws import Law
+from simrob_drake.simulink.signals.forms import Form, Term, Value, closure, terms_of
+from simrob_drake.simulink.signals.laws import Law, of_time
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.flow import Sum, flows_of, frame_sensors
 from simrob_drake.simulink.writing.references import (
@@ -133,7 +134,6 @@ class StationWriter:
     def _station(self, name: str, pieces: dict[str, Any]) -> dict[str, Any]:
         model = self._model
         kinematic = self._moved = self._kinematic()
-        duration = model.duration
         for piece, entry in pieces.items() if kinematic else ():
             if entry.pop("free", False):
                 entry["parent"] = "world"
@@ -142,7 +142,7 @@ class StationWriter:
             "description": f"{name}, from a Simulink model",
             "mode": "kinematic" if kinematic else "dynamic",
         }
-        robots = {key: self._robot(key, robot, duration, kinematic) for key, robot in self._files.robots.items()}
+        robots = {key: self._robot(key, robot, kinematic) for key, robot in self._files.robots.items()}
         content |= _robot_sections(robots)
         if not kinematic and (prescribed := self._prescribed()):
             content["prescribed"] = prescribed
@@ -163,8 +163,7 @@ class StationWriter:
             push.node.note("dropped", "a force, in a station without forces: what moves is prescribed")
         content |= coupling_sections(model, self._files, self._turn, self._names, kinematic=kinematic)
         content |= {} if kinematic else self._dynamics(content.get("sensors", {}), measured)
-        content["duration"] = duration
-        return content
+        return {**content, "duration": model.duration}
 
     def _terrain(self, name: str) -> dict[str, Any]:
         if (terrain := self._touching.terrain) is None:
@@ -229,7 +228,7 @@ class StationWriter:
                 branch.link.joint.node.note("lost", "nothing holds what it joins, which weighs nothing: left out")
         return kept if any(map(_weighs, kept)) else trees
 
-    def _robot(self, name: str, robot: RobotFile, duration: float, kinematic: bool) -> dict[str, Any]:
+    def _robot(self, name: str, robot: RobotFile, kinematic: bool) -> dict[str, Any]:
         folder = self._folder / name
         indent(robot.element)
         ElementTree(robot.element).write(folder / f"{name}.urdf", encoding="unicode", xml_declaration=True)
@@ -264,8 +263,7 @@ class StationWriter:
             entry["servo"] = servo_section(robot, laws)
             entry |= {"joint_stops": stops} if (stops := stop_section(robot)) else {}
         forms = {freedom: law.reference for freedom, law in laws.items()}
-        table = self._folder / f"{name}_reference.csv"
-        entry["reference"] = JointMotions(robot.axes, forms, start, duration, table).reference()
+        entry["reference"] = self._motions(f"{name}_reference", robot.axes, forms, start).reference()
         if kinematic and any(freedom.start_speed for freedom in robot.axes):
             self._report.add("dropped", name, "speeds at the start: what moves it is its reference")
         return entry
@@ -280,11 +278,16 @@ class StationWriter:
         for name, robot in self._files.robots.items():
             axes = {freedom: axis for freedom, axis in robot.axes.items() if freedom.driven == "motion"}
             forms = {freedom: self._model.laws.get(freedom, Law()).reference for freedom in axes}
-            table = self._folder / f"{name}_prescribed.csv"
-            found = JointMotions(axes, forms, self._starts(robot), self._model.duration, table).prescribed()
+            found = self._motions(f"{name}_prescribed", axes, forms, self._starts(robot)).prescribed()
             prefix = f"{name}." if len(self._files.robots) > 1 else ""
             sections |= {f"{prefix}{axis}": section for axis, section in found.items()}
         return sections
+
+    def _motions(
+        self, table: str, axes: dict[Freedom, str], values: dict[Freedom, Value | None], start: dict[str, float]
+    ) -> JointMotions:
+        file = self._folder / f"{table}.csv"
+        return JointMotions(axes, values, start, self._model.duration, file, self._report)
 
     def _starts(self, robot: RobotFile) -> dict[str, float]:
         return {axis: self._start(freedom) for freedom, axis in robot.axes.items()}
@@ -308,11 +311,14 @@ class StationWriter:
     def _tell(self, robot: str, axis: str, freedom: Freedom, law: Law, *, kinematic: bool) -> None:
         gains = {"kp": law.kp, "ki": law.ki, "kd": law.kd, "limit": law.limit if isfinite(law.limit) else 0.0}
         shown = ", ".join(f"{key} {value:.6g}" for key, value in gains.items() if value)
+        drive = f"servo {shown}" if shown else "no servo"
         if terms_of(law.net):
-            self._report.add("read", freedom.name, f"axis {axis} of {robot}: driven by the blocks of its law")
-            return
-        prescribed = "its motion is prescribed" if freedom.driven == "motion" else ""
-        drive = ("moved as its reference" if kinematic else prescribed) or (f"servo {shown}" if shown else "no servo")
+            drive = "driven by the blocks of its law"
+        elif kinematic or freedom.driven == "motion":
+            drive = "moved as its reference" if kinematic else "its motion is prescribed"
+            motion = self._model.laws.get(freedom, Law()).reference
+            if isinstance(motion, Form) and of_time(motion):
+                drive += f" for {self._model.duration:g} s, and holds then"
         self._report.add("read", freedom.name, f"axis {axis} of {robot}: {drive}")
 
     def _place(self, freedom: Freedom) -> tuple[int, int]:
@@ -388,11 +394,7 @@ def _upright(model: SimulinkModel) -> tuple[RigidTransform, float]:
         return RigidTransform(), strength
     up = -vector / strength
     axis = np.cross(up, [0.0, 0.0, 1.0])
-    if np.linalg.norm(axis) < 1e-9:
-        turn = RotationMatrix.MakeXRotation(np.pi)
-    else:
-        from pydrake.common.eigen_geometry import AngleAxis
-
-        turn = RotationMatrix(AngleAxis(float(np.arccos(np.clip(up[2], -1, 1))), axis / np.linalg.norm(axis)))
+    axis = axis / length if (length := np.linalg.norm(axis)) > 1e-9 else np.array([1.0, 0.0, 0.0])
+    turn = RotationMatrix(AngleAxis(float(np.arccos(np.clip(up[2], -1, 1))), axis))
     model.report.add("read", "gravity", f"points along {vector.round(4).tolist()}: the world is turned to put it down")
     return RigidTransform(turn), strength
