@@ -33,7 +33,7 @@ _AT_REST = 0.02
 """Largest error of a joint [rad] and speed [rad/s] of a robot that stands still; its weight alone costs up to 0.01."""
 _TAUGHT = 1.0  # deg from home
 _NEAR = 0.05  # m from the soles down to what a robot stands on
-_DOWN = (0.0, 0.03, 0.06, 0.1)  # how much lower the hips may be under a load or on a slope, in parts of their height
+_DOWN = (0.0, 0.03, 0.06, 0.1)  # how much lower the hips may be where the legs need it, in parts of their height
 _SAMPLE = 0.01  # s between the samples of the way into it
 
 
@@ -45,11 +45,13 @@ def planned_gait(
     steps: int | None = None,
     amplitude: float = 1.0,
     station: StationConfig | None = None,
+    bends: bool = False,
 ) -> JointMotion:
     """Plan a gait that suits a robot, what it carries, and the slope on which it stands; nothing moves.
 
     ``name`` is None for the first with steps for its feet, ``steps`` for gaits that go none; ``changes`` are of its
-    parameters, an amplitude scales its steps, ``station`` says where pieces will be. Raises SimrobError: as
+    parameters, an amplitude scales its steps, ``station`` says where pieces will be; with ``bends`` the hips come down
+    where the legs need it, as they do under a load or on a slope. Raises SimrobError: as
     :meth:`simrob_drake.LeggedRobot.walk`.
     """
     model = robot.model
@@ -75,7 +77,7 @@ def planned_gait(
     def plan(**others: Any) -> JointMotion:
         return gait.changed({**changes, **others}, amplitude, name).plan(walker, steps or 0, amplitude)
 
-    motion = _within_reach(plan, gait, bent=walker.differs and "bearing" not in changes)
+    motion = _within_reach(plan, gait, bent=(bends or walker.differs) and "bearing" not in changes)
     check_limits(robot.chain(robot.tools[0]), motion.times, motion.positions, lambda at: (0, f"{name} at {at:.2f} s"))
     return motion
 
@@ -114,14 +116,13 @@ def _within_reach(plan: Callable[..., JointMotion], gait: Gait, *, bent: bool) -
     """Return a planned motion; with ``bent`` knees the hips come down as far as the legs need it, and not too far."""
     if not bent or not isinstance(gait, SolvedGait):
         return plan()
-    own = gait.bearing
+    own, found = gait.bearing, list[OutOfReach]()
     for down in _DOWN:
         try:
             return plan(bearing=own.model_copy(update={"height": own.height * (1 - down)}).model_dump())
-        except OutOfReach:
-            if down == _DOWN[-1]:
-                raise
-    raise AssertionError
+        except OutOfReach as problem:
+            found.append(problem)
+    raise found[0]
 
 
 def _walker(robot: LeggedGeometry, station: ResolvedStation) -> Walker:

@@ -64,11 +64,11 @@ class ClimbMove(Move):
                 path = ClimbPath.of(robot, Climb.of(Walker.of(robot.model), self.gait, own), self.distance)
                 for place, aim in path.foreseen(robot).items():
                     with naming(f"{place:.2f} m ahead"):
-                        planned_gait(robot, self.gait, {**own, **aim})
+                        planned_gait(robot, self.gait, {**own, **aim}, bends=True)
             runs = list[SimulationResult]()
             while not (runs and runs[-1].ending != "completed") and (aim := path.aim(*path.seen(robot))):
                 with naming(name):
-                    motion = planned_gait(robot, self.gait, {**own, **aim})
+                    motion = planned_gait(robot, self.gait, {**own, **aim}, bends=True)
                 runs.append(perform(robot, motion))
             return replace(joined(runs), did=self.caption()) if runs else None
 

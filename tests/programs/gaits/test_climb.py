@@ -11,6 +11,7 @@ from simrob_drake.programs.gaits.feet import facing_rotation
 from simrob_drake.programs.gaits.footholds import BallFootholds
 from simrob_drake.programs.gaits.treads import SoleMargins, profile_ahead
 from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.legged_gait import planned_gait
 
 SOLE = SoleMargins(half=0.07, margin=0.02, overhang=0.03)
 SOLES = {"controllers": {}, "robot.feet": "soles", "contact.model": "hydroelastic_with_fallback", "floor.size": 8}
@@ -237,6 +238,17 @@ def test_a_robot_climbs_a_step_and_comes_down_again():
     assert robot.base_pose.translation() == pytest.approx([0.0, 0.55, 0.48], abs=0.012)
     on_top = np.abs(result["base.y"] - 0.245) < 0.01
     assert np.median(result["base.z"][on_top]) == pytest.approx(0.505, abs=0.005)
+
+
+def test_hips_come_down_where_a_stride_is_long():
+    robot = LeggedRobot(load_station("zjudancer_walking", SOLES))
+    heights = [planned_gait(robot, "climb", {"stride": way}, bends=True).root[0, 2, 3] for way in (0.15, 0.16)]
+    assert heights == pytest.approx([0.48, 0.48 * 0.97])
+    with pytest.raises(SimrobError, match=r"left_foot is out of reach by 3\.\d+ mm"):
+        planned_gait(robot, "climb", {"stride": 0.16})
+    # as high as it goes, too, it is out of reach: that is told
+    with pytest.raises(SimrobError, match=r"left_foot is out of reach by 6\.\d+ mm"):
+        planned_gait(robot, "climb", {"stride": 0.18}, bends=True)
 
 
 @pytest.mark.parametrize(
