@@ -116,7 +116,7 @@ class BallFootholds:
         def holds(shifts: Shifts) -> npt.NDArray[np.bool_]:
             places = wish + np.stack([shifts.real, shifts.imag], axis=-1)[..., np.newaxis, :] + under
             heights = self._height(places.reshape(-1, 2)).reshape(*shifts.shape, len(under))
-            return (np.ptp(heights, axis=-1) <= _EVEN) & (np.abs(heights - level).max(axis=-1) <= rise)
+            return np.asarray((np.ptp(heights, axis=-1) <= _EVEN) & (np.abs(heights - level).max(axis=-1) <= rise))
 
         shift = self._map.shift([complex(*wish)], 0j, holds, level, rise)
         if not holds(np.array([shift])).all():
