@@ -63,12 +63,13 @@ def main(names: list[str]) -> None:
     """Push and print."""
     for robot in names or FACING:
         for case, (station, changed) in CASES.items():
-            for step in (0.005, 0.0025):
-                place = {"forces": {"push": {"kind": "push", "force": [1, 0, 0]}}, "solver.max_step": step}
+            for step in (None, 0.005, 0.0025):
+                place = {"forces": {"push": {"kind": "push", "force": [1, 0, 0]}}}
+                place |= {"solver.max_step": step} if step else {}
                 runner = Runner(load_station(station.format(robot), {**changed, **place}))
                 turns = [math.radians(FACING[robot] + angle) for angle in SIDES.values()]
                 found = [f"{largest(runner, turn, 10.0):.1f} N" for turn in turns]
-                print(robot, case, f"{1e3 * step:g} ms", *found, sep=" | ", flush=True)
+                print(robot, case, f"{1e3 * step:g} ms" if step else "own steps", *found, sep=" | ", flush=True)
 
 
 if __name__ == "__main__":
