@@ -64,7 +64,7 @@ def main(names: list[str]) -> None:
     for robot in names or FACING:
         for case, (station, changed) in CASES.items():
             for step in (None, 0.005, 0.0025):
-                place = {"forces": {"push": {"kind": "push", "force": [1, 0, 0]}}}
+                place: dict[str, Any] = {"forces": {"push": {"kind": "push", "force": [1, 0, 0]}}}
                 place |= {"solver.max_step": step} if step else {}
                 runner = Runner(load_station(station.format(robot), {**changed, **place}))
                 turns = [math.radians(FACING[robot] + angle) for angle in SIDES.values()]
