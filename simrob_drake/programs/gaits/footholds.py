@@ -11,7 +11,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.feet import Foot
-from simrob_drake.programs.gaits.treads import SAMPLE, SoleMargins, profile_ahead
+from simrob_drake.programs.gaits.treads import AT_ONCE, SAMPLE, SoleMargins, profile_ahead
 from simrob_drake.walking.height_map import CELL, HeightMap
 from simrob_drake.walking.height_map import Places as Shifts
 
@@ -21,7 +21,6 @@ Height = Callable[[Vector], Vector]
 """Gives that of the ground (m,) [m] at places ahead and to the left (m, 2) [m]."""
 
 _ASIDE = 0.02  # m that a stride makes good, at most, of what the last ones went aside
-_AT_GOAL = 0.012  # m; a shorter way is not worth a stride
 _EVEN = 0.015  # m that the ground under a ball of a foot is uneven at most
 _ROUND = 0.02  # half of the square under a ball that has to be even [m]
 
@@ -38,8 +37,8 @@ class FootGoals:
 class Footholds(Protocol):
     """Chooses where feet go."""
 
-    def height(self, foot: str, place: Vector) -> float:
-        """Return how high the ground under a foot is [m]; raises InvalidParameter: it cannot be told."""
+    def height(self, place: Vector) -> float:
+        """Return the height of the ground at a place of a foot, (3,) [m]; raises InvalidParameter: it is not level."""
 
     def next(self, places: Places) -> FootGoals | None:
         """Return the next stride; None at the goal; raises InvalidParameter: no foothold, and the goal is farther."""
@@ -57,7 +56,7 @@ class SoleFootholds:
         ]
         self._ground = profile_ahead(height, distance, np.array(across))
 
-    def height(self, foot: str, place: Vector) -> float:
+    def height(self, place: Vector) -> float:
         """Return that of the tread."""
         tread = self._ground.tread(place[0])
         if tread is None:
@@ -89,27 +88,27 @@ class BallFootholds:
         middle = np.mean([foot.home[:2] for foot in feet.values()], axis=0)
         self._homes = {name: foot.home[:2] - middle + [0, foot.side * gait.widen] for name, foot in feet.items()}
 
-    def height(self, foot: str, place: Vector) -> float:
+    def height(self, place: Vector) -> float:
         """Return that of the ground beneath."""
         return float(self._height(place[np.newaxis, :2])[0])
 
     def next(self, places: Places) -> FootGoals | None:
         """Return a stride that brings the middle of the feet ahead."""
         middle = np.mean([place[:2] for place in places.values()], axis=0)
-        if middle[0] > self._distance - _AT_GOAL:
+        if middle[0] > self._distance - AT_ONCE:
             return None
         aim = np.array([min(middle[0] + self._gait.stride, self._distance), _kept_aside(middle[1])])
         goals = {name: self._foothold(name, aim + home, places[name]) for name, home in self._homes.items()}
-        if np.mean([goal[0] for goal in goals.values()]) < middle[0] + _AT_GOAL:
+        if np.mean([goal[0] for goal in goals.values()]) < middle[0] + AT_ONCE:
             if aim[0] < self._distance:
                 raise _ends(self._distance, float(middle[0]), "even places for the feet farther ahead")
             return None  # the goal itself is uneven
         ways = [np.linspace(places[name][:2], goals[name][:2], 1 + round(self._gait.stride / SAMPLE)) for name in goals]
-        heights = {name: self.height(name, goal) for name, goal in goals.items()}
+        heights = {name: self.height(goal) for name, goal in goals.items()}
         return FootGoals(goals, heights, float(self._height(np.concatenate(ways)).max()))
 
     def _foothold(self, name: str, wish: Vector, now: Vector) -> Vector:
-        level, rise = self.height(name, now), self._gait.rise
+        level, rise = self.height(now), self._gait.rise
         square = (_ROUND - CELL / 2) * np.array([-1, 0, 1])  # the map has rounded the place
         under = np.stack(np.meshgrid(square, square), axis=-1).reshape(-1, 2)
 

@@ -9,7 +9,7 @@ from simrob_drake.frames import Vector
 
 SAMPLE = 0.002  # m between the places that are looked at, along the way
 _LEVEL = 0.004  # m that a tread is uneven at most
-_AT_ONCE = 0.012  # m; a shorter way is not worth a stride
+AT_ONCE = 0.012  # m; a shorter way is not worth a stride
 
 _FARTHEST = 1.0  # soles that fit between two treads of which one leads to the other
 
@@ -70,7 +70,7 @@ class GroundProfile:
             return None
         after = next((each for each in self.treads if each.begin > here.end and self._fits(here, each, sole)), None)
         front = min(self._toe(here, after, sole) - sole.half, distance)
-        if front - place > _AT_ONCE:
+        if front - place > AT_ONCE:
             return StridePlan(min(place + longest, front), here.height, here.height)
         if after is None:
             return None
@@ -79,7 +79,7 @@ class GroundProfile:
 
     def reaches(self, place: float, distance: float) -> bool:
         """Tell whether soles at a place stand at the distance [m]."""
-        return place > distance - _AT_ONCE
+        return place > distance - AT_ONCE
 
     def _fits(self, here: Tread, there: Tread, sole: SoleMargins) -> bool:
         if there.begin - here.end > _FARTHEST * 2 * sole.half:

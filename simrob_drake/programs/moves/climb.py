@@ -119,7 +119,7 @@ class ClimbPath:
         stride = self.footholds.next(places)
         if stride is None:
             return {}
-        start = {name: self.footholds.height(name, place) for name, place in places.items()}
+        start = {name: self.footholds.height(place) for name, place in places.items()}
         low = min(start.values())
         return {
             "start": {name: (*place[:2], start[name] - low, _within(place[2])) for name, place in places.items()},
