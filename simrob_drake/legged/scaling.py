@@ -197,7 +197,7 @@ _QUICK = "com_rate", "lean_rate", "upright_rate", "deadband", "hurry_threshold"
 """Keys of the feedback that stay in a walk of quick, low steps."""
 _POWERS: Mapping[str, tuple[float, float]] = {
     **dict.fromkeys(("step_time", "settle", "min_swing_time", "max_swing_time", "late_touchdown"), (0, 1)),
-    **dict.fromkeys(("lift", "zmp_ahead", "deadband", "hurry_threshold", "brace_threshold"), (1, 0)),
+    **dict.fromkeys(("lift", "landing_height", "zmp_ahead", "deadband", "hurry_threshold", "brace_threshold"), (1, 0)),
     **dict.fromkeys(("ahead", "backward", "sideways", "max_foot_speed", "search_speed"), (1, -1)),
     **dict.fromkeys(("turn_deg", "com_rate", "lean_rate", "upright_rate", "lean_integral", "offset_rate"), (0, -1)),
     **dict.fromkeys(("heading_gain", "height_rate", "level_rate", "slope_rate"), (0, -1)),

@@ -15,6 +15,8 @@ from simrob_drake.sections import Duration, Length, NotNegative, Number, Positiv
 
 REACTING = "reacting"
 """The section of a robot's ``gaits.yaml``."""
+EVENEST, SOFTEST = 1.5, 1.875
+"""Largest speeds of a way from rest to rest, in mean ones: of one that speeds up at once, and of one of least jerk."""
 Share = Annotated[Number, Field(ge=0, le=1)]
 
 
@@ -125,6 +127,9 @@ class Feedback(Renamed):
     """How much of what a step lacks of the commanded way is added to the next ones."""
     heading_gain: NotNegative = 1.0
     """How fast the trunk turns back to where the commands have it look [1/s]."""
+    landing_height: NotNegative = 0.0
+    """How high a foot is held at the end of its swing, as legs give way under the weight: so it touches when it has
+    come to its place, not before, and slides less [m]."""
     early_touchdown: Share = 0.5
     """Part of a swing from which a foot that touches ends the step; 1: none does before its time. By then the foot has
     come to the height of the foot that stands."""
@@ -178,6 +183,8 @@ class WalkingParameters(Renamed):
     """How far ahead of it [m]."""
     lift_exponent: Annotated[Number, Field(ge=1, le=4)] = 3.0
     """How gently a foot lifts and lands: the height goes with (s (1 - s)) to this power, s from 0 to 1 in the swing."""
+    swing_peak: Annotated[Number, Field(ge=EVENEST, le=SOFTEST)] = SOFTEST
+    """The largest speed of a foot that swings, in its mean ones: 1.875 is soft, 1.5 asks least of slow joints."""
     settle: Duration = 0.6
     """Time to shift the weight before the first step [s]."""
     max_speed_change: tuple[Positive, Positive, Positive] = (0.06, 0.03, 15.0)

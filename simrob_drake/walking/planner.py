@@ -190,7 +190,7 @@ class WalkPlanner:
         if not step.active or after <= step.transfer or length <= 0:
             return stride, 0.0
         share = max(min((after - step.transfer) / length, 1.0), swing.share)
-        part, early = gone(swing.share, share), self._blind_part
+        part, early = gone(swing.share, share, self._parameters.swing_peak), self._blind_part
         way = eased(min(after / landing.time, 1.0))
         heading = step.heading_from + way * (landing.yaw - step.heading_from)
         stays = 1.0 - gone(swing.share / early, share / early)  # before the ground may be felt, and then no more
@@ -247,7 +247,8 @@ class WalkPlanner:
         return landing._replace(place=landing.place + shift * estimate.turn)
 
     def _lift(self, share: float) -> float:
-        return float(self._parameters.lift * (4.0 * share * (1.0 - share)) ** self._parameters.lift_exponent)
+        parameters, held = self._parameters, self._feedback.landing_height * eased(min(2.0 * share, 1.0))
+        return float(parameters.lift * (4.0 * share * (1.0 - share)) ** parameters.lift_exponent + held)
 
     def _felt(self, before: Stride, stride: Stride, estimate: Estimate) -> Stride:
         """Return the stride with its feet where they feel the ground, or seek it.

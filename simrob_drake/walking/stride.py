@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from simrob_drake.frames import Vector
+from simrob_drake.walking.parameters import EVENEST, SOFTEST
 from simrob_drake.walking.steps import Command, Landing
 
 
@@ -146,15 +147,20 @@ class Stride(NamedTuple):
         return cls(*[group._make(values[start:end]) for group, start, end in _GROUPS])
 
 
-def eased(share: float) -> float:
-    """Return how much of a way from rest to rest is done at a share of its time, both 0 to 1."""
-    return share**3 * (10.0 + share * (6.0 * share - 15.0))
+def eased(share: float, peak: float = SOFTEST) -> float:
+    """Return how much of a way from rest to rest is done at a share of its time, both 0 to 1.
+
+    ``peak`` is its largest speed in mean ones: 1.875 where accelerations begin and end at 0, 1.5 where they jump.
+    """
+    even = (SOFTEST - peak) / (SOFTEST - EVENEST)
+    soft = share**3 * (10.0 + share * (6.0 * share - 15.0))
+    return soft + even * (share * share * (3.0 - 2.0 * share) - soft) if even else soft
 
 
-def gone(before: float, now: float) -> float:
+def gone(before: float, now: float, peak: float = SOFTEST) -> float:
     """Return how much of what is left of a way from rest to rest is done between two shares of its time."""
-    left = 1.0 - eased(min(before, 1.0))
-    return min((eased(min(now, 1.0)) - 1.0 + left) / max(left, 1e-3), 1.0)
+    left = 1.0 - eased(min(before, 1.0), peak)
+    return min((eased(min(now, 1.0), peak) - 1.0 + left) / max(left, 1e-3), 1.0)
 
 
 _PLACES = [isinstance(value, complex) for group in Stride() for value in group]

@@ -1,7 +1,8 @@
-"""When feet slip: ``python -m tests.benchmarks.slipping [ROBOT]...``, for docs/results/walking.md.
+"""How far feet slip, and when: ``python -m tests.benchmarks.slipping [ROBOT[:DRAWS]]...``, for docs/results/walking.md.
 
-Each walk that reacts goes 10 s undisturbed, as its station ships. A stance is a time in which a foot touches, of 50 ms
-or more; for each foot, the mean of how far it slips in each tenth of a stance.
+Each walk that reacts goes 10 s undisturbed, as its station ships, and then with other draws of robot and floor. A
+stance is a time in which a foot touches, of 60 ms or more; for each foot, the mean of how far it slips in each tenth of
+a stance, and in a metre of the walk.
 """
 
 import sys
@@ -11,16 +12,18 @@ import numpy as np
 from simrob_drake import load_station, simulate
 from simrob_drake.frames import Vector
 from simrob_drake.results.record.touch import Slide
+from simrob_drake.results.record.walks import locomotion
+from simrob_drake.tuning.doubts import drawn
 
 ROBOTS = ("zjudancer", "roid1", "humanoid", "yobotics")
-RATE, SHORTEST = 200, 0.05  # looks [Hz], and a stance at least [s]
+SHORTEST = 0.06  # a stance at least [s]
 
 
-def tenths(slide: Slide) -> tuple[int, Vector]:
+def tenths(slide: Slide, rate: float) -> tuple[int, Vector]:
     """Return how many stances a foot had, and the mean of how far it slipped in each tenth of them, shape (10,) [m]."""
     edges = np.flatnonzero(np.diff(np.pad(slide.touching.astype(int), 1)))
     stances = [
-        (first, last) for first, last in zip(edges[::2], edges[1::2], strict=True) if last - first >= SHORTEST * RATE
+        (first, last) for first, last in zip(edges[::2], edges[1::2], strict=True) if last - first >= SHORTEST * rate
     ]
     found = np.zeros(10)
     for first, last in stances:
@@ -31,11 +34,27 @@ def tenths(slide: Slide) -> tuple[int, Vector]:
 
 def main(robots: list[str]) -> None:
     """Walk and print."""
-    for robot in robots or ROBOTS:
-        result = simulate(load_station(f"{robot}_walking", {"duration": 10, "sample_rate": RATE}), progress=False)
-        for (_, link), slide in result.touch.slides.items():
-            count, found = tenths(slide)
-            print(f"{robot} {link}: {count} stances, mm by tenth: {' '.join(f'{1e3 * each:.2f}' for each in found)}")
+    for asked in robots or ROBOTS:
+        robot, _, draws = asked.partition(":")
+        station = load_station(f"{robot}_walking")
+        ways = []
+        for draw in range(1 + int(draws or 0)):
+            changed = drawn(station, 300 + draw) if draw else {}
+            result = simulate(load_station(f"{robot}_walking", {**changed, "duration": 10}), progress=False)
+            ahead, slides = locomotion(result).ahead, result.touch.slides.items()
+            ways.append([1e3 * slide.total / ahead for _, slide in slides])
+            if not draw:
+                for ((_, link), slide), way in zip(slides, ways[0], strict=True):
+                    count, found = tenths(slide, result.touch.rate)
+                    parts = " ".join(f"{1e3 * each:.2f}" for each in found)
+                    print(f"{robot} {link}: {way:.0f} mm a metre, {count} stances, mm by tenth: {parts}", flush=True)
+        if draws:
+            means = np.mean(ways[1:], axis=1)
+            error = means.std(ddof=1) / np.sqrt(len(means))
+            print(
+                f"{robot}, {draws} draws: {means.mean():.0f} mm a metre and foot, standard error {error:.0f}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from simrob_drake.walking.estimator import Estimate
 from simrob_drake.walking.parameters import WalkingParameters
 from simrob_drake.walking.planner import WalkPlanner
 from simrob_drake.walking.steps import Command
-from simrob_drake.walking.stride import Ground, Learnt, Step, Stride, Swing, Trunk
+from simrob_drake.walking.stride import Ground, Learnt, Step, Stride, Swing, Trunk, eased
 
 OMEGA, PERIOD, HALF = 5.2, 0.01, 0.06
 TWO_FEET = StanceFeet([[0], [1]], [[0j], [0j]], [[0j], [0j]], HALF, 1.0)
@@ -404,6 +404,27 @@ class TestGait:
         share = now.swing.share
         assert 0.2 < share < 0.4
         assert height == pytest.approx(lift * (4 * share * (1 - share)) ** exponent)
+
+    @pytest.mark.parametrize("peak", [1.5, 1.7, 1.875])
+    def test_a_swing_peaks_at_what_its_key_says(self, peak: float) -> None:
+        made = planner(gait={"swing_peak": peak, "step_time": 3.0})
+        stride, places = at_rest(made), list[complex]()
+        while len(places) < 2 or stride.swing.share:
+            stride = later(made, stride, 1)
+            places += [stride.swing.place] if stride.swing.share else []
+        ways = np.abs(np.diff(places))
+        assert ways.max() / ways.mean() == pytest.approx(peak, rel=0.02)
+
+    def test_a_foot_is_held_over_the_ground_as_it_lands(self) -> None:
+        keys = {"lift": 0.04, "lift_exponent": 1.0}
+        low, high = planner(gait=keys), planner(gait=keys, landing_height=0.01)
+        stride = later(low, at_rest(low), 40 + 8)
+        early = eased(2 * high.sample(stride, COMMAND, None, OMEGA)[0].swing.share)
+        assert 0.3 < early < 0.99
+        for samples, part in ((0, early), (12, 1.0)):
+            now = later(low, stride, samples) if samples else stride
+            heights = [made.sample(now, COMMAND, None, OMEGA)[1] for made in (low, high)]
+            assert heights[1] - heights[0] == pytest.approx(0.01 * part)
 
     def test_the_zero_moment_point_rests_where_it_shall(self, swinging: Stride) -> None:
         side = 1.0 if swinging.step.standing == 0 else -1.0
