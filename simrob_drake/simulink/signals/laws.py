@@ -32,7 +32,8 @@ from simrob_drake.simulink.signals.forms import (
     Value,
     added,
     closure,
-    evaluated,
+    early,
+    of_time,
     signal,
     terms_of,
     widened,
@@ -94,17 +95,11 @@ def begin_on_motions(laws: dict[Freedom, Law]) -> None:
     for freedom, law in laws.items():
         if freedom.driven == "motion" and law.reference is not None and of_time(law.reference):
             try:
-                before, after = (_at(law.reference, time) for time in (0.0, _INSTANT))
+                before, after = (early(law.reference, time) for time in (0.0, _INSTANT))
             except (SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
                 continue
             freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
             freedom.start_counts = freedom.speed_counts = PRESCRIBED
-
-
-def _at(value: Value, time: float) -> float:
-    """Return a value of time alone, at a time [s] so early that its states are as at the start."""
-    own = {"time": time}
-    return evaluated(value, lambda term: None if isinstance(term.of, Primitive) else own.get(term.kind, 1.0), {}, time)
 
 
 def _first(tracer: Tracer, node: Node, number: int, how: str) -> Value:
@@ -198,11 +193,6 @@ def _asks(term: Term) -> bool:
     if term.kind in ("one", "input", "time"):
         return True
     return isinstance(term.of, Primitive) and of_time(Form({term: 1.0}))
-
-
-def of_time(value: Value) -> bool:
-    """Tell whether a value depends on time alone."""
-    return all(term.kind in ("one", "time", "block") for terms in closure([value]) for term in terms)
 
 
 @dataclass(frozen=True, eq=False)
