@@ -132,18 +132,24 @@ def undefined_variables(model: SimulinkModel) -> InvalidModel | None:
 
 def _gravity(expanded: Expanded, network: Connections, bodies: Bodies) -> Vector | None:
     """Return it [m/s²]; 0 where no block tells it, as in Simulink; None for a part of a model, or a CAD assembly."""
+    found: list[Vector] = []
     for node in expanded.nodes:
         if node.kind != "Mechanism Configuration" or node.block.commented != "off":
             continue
-        how = node.text("UniformGravity", "Constant")
-        if how == "None":
-            return np.zeros(3)
-        if network.net(node, "rconn") not in bodies.by_place:
-            node.note("dropped", "it is connected with no body")
-            continue
-        if how != "Constant":
-            node.note("lost", "its gravity comes from a signal; that of its dialog is taken")
-        return node.numbers("GravityVector", "[0 0 -9.80665]", unit="m/s^2", size=3)
+        how, connected = node.text("UniformGravity", "Constant"), network.net(node, "rconn") in bodies.by_place
+        own = np.zeros(3)
+        if how != "None":
+            own = node.numbers("GravityVector", "[0 0 -9.80665]", unit="m/s^2", size=3)
+            if not connected:
+                node.note("dropped", "it is connected with no body")
+            elif how != "Constant":
+                node.note("lost", "its gravity comes from a signal; that of its dialog is taken")
+        if connected:
+            found.append(own)
+            if not np.allclose(own, found[0]):
+                node.note("lost", "its gravity is not that of the model's first one, which is taken")
+    if found:
+        return found[0]
     whole = expanded.model.kind == "Model"
     if bodies.by_place and expanded.model.kind != "Assembly":
         lacking = "none: no Mechanism Configuration tells it" if whole else "the earth's: what it is put into tells it"

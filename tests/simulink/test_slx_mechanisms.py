@@ -192,6 +192,22 @@ def test_a_joint_that_is_not_connected_stops_no_other(tmp_path):
     assert [entry.element for entry in imported.report.of("dropped")] == ["Alone"]
 
 
+@pytest.mark.parametrize("driver", ["", "PMIOPort", "MyLib/Drive"])
+def test_an_open_torque_input_is_0_and_one_that_is_not_read_is_lost(tmp_path, driver):
+    def extend(level, joint):
+        other = level.block(REVOLUTE, "Other", TorqueActuationMode="InputTorque")
+        body = level.block(INERTIA, "Disk", Mass="1", MomentsOfInertia="[0.2 0.2 0.2]")
+        level.connect(f"{joint}#rconn:1", f"{other}#lconn:1")
+        level.connect(f"{other}#rconn:1", f"{body}#rconn:1")
+        if driver:
+            level.connect(f"{level.block(driver, 'Driver')}#rconn:1", f"{other}#lconn:2")
+
+    imported, _ = pulled(tmp_path, extend)
+    kinds = [entry.kind for entry in imported.report.entries if "nothing drives it" in entry.text]
+    assert kinds == ["lost" if "/" in driver else "defaulted"]
+    assert ("lost" in imported.fidelity) == ("/" in driver)
+
+
 def test_a_joint_on_which_nothing_weighs_is_held_and_the_others_move(tmp_path):
     def extend(level, joint):
         last = level.block(REVOLUTE, "Last")

@@ -75,6 +75,11 @@ class Connections:
         ports = [child for child in self.expanded.root.children.values() if child.kind == "PMIOPort"]
         return any(self._find((id(port), "conn", 1)) == here for port in ports)
 
+    def alone(self, node: Node, side: str, number: int) -> bool:
+        """Tell whether no other block has a part in a physical port's line."""
+        others = (one for one in self.on(self.net(node, side, number)) if one is not node)
+        return all(one.children or one.kind in _ASIDE for one in others)
+
     def source(self, node: Node, number: int = 1, side: str = "in") -> tuple[Node, int] | None:
         """Return the block and output that feed an input, through subsystems and tags; None where nothing does.
 
