@@ -332,17 +332,18 @@ class StationWriter:
         return 10**6, 0
 
     def _solver(self) -> dict[str, Any]:
-        trees = [robot.tree for robot in self._files.robots.values()]
-        if any(tree.closings or tree.gears for tree in trees):  # springs of joints tear at couplings that are springs
-            points = any(closing.kind in ("rod", "ball") for tree in trees for closing in tree.closings)
-            loops = [robot for robot in self._files.robots.values() if robot.tree.closings]
-            sprung = any(freedom.stiffness for robot in loops for freedom in robot.axes)
-            return _SOLVERS["points" if points or sprung or self._touching.ends else "loops"]
-        if any(not robot.tree.root.grounded and _is_moved(robot) for robot in self._files.robots.values()):
+        robots, touches = list(self._files.robots.values()), self._touching.ends
+        if any(robot.tree.closings or robot.tree.gears for robot in robots):
+            loops = [robot for robot in robots if robot.tree.closings]
+            points = any(closing.kind in ("rod", "ball") for robot in loops for closing in robot.tree.closings)
+            sprung = any(freedom.stiffness for robot in loops for freedom in robot.axes)  # they tear at couplings
+            return _SOLVERS["points" if points or sprung or touches else "loops"]
+        moved = [robot for robot in robots if _is_moved(robot)]  # which is late by a step of cenic
+        if moved and (touches or not all(robot.tree.root.grounded for robot in moved)):
             return _SOLVERS["walkers"]
         if any(push.jumps for push in self._model.pushes):
             return _SOLVERS["struck"]
-        return _SOLVERS["pieces" if not trees else "feet" if self._touching.ends else "arm"]
+        return _SOLVERS["pieces" if not robots else "feet" if touches else "arm"]
 
 
 def _as_yaml(content: dict[str, Any]) -> str:
