@@ -338,8 +338,7 @@ class StationWriter:
             points = any(closing.kind in ("rod", "ball") for robot in loops for closing in robot.tree.closings)
             sprung = any(freedom.stiffness for robot in loops for freedom in robot.axes)  # they tear at couplings
             return _SOLVERS["points" if points or sprung or touches else "loops"]
-        moved = [robot for robot in robots if _is_moved(robot)]  # which is late by a step of cenic
-        if moved and (touches or not all(robot.tree.root.grounded for robot in moved)):
+        if any(_is_moved(robot) and (touches or not robot.tree.root.grounded) for robot in robots):  # late in cenic
             return _SOLVERS["walkers"]
         if any(push.jumps for push in self._model.pushes):
             return _SOLVERS["struck"]
