@@ -35,11 +35,12 @@ from simrob_drake.simulink.writing.touching import ContactSections, StationFiles
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
 
 _INSIDE = 1e-8  # how far within its limits a joint starts at least [rad or m]: files hold degrees and radians
+TIED = {"kind": "discrete", "scheme": "sap", "time_step": 1e-4}  # by which couplings are constraints
 _SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-3, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-5, "max_step": 0.02},
     "loops": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4, "max_step": 0.01},
-    "points": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},
+    "points": TIED,
     "struck": {"kind": "discrete", "scheme": "sap", "time_step": 2e-4},  # by forces that jump: contact in signals
     "walkers": {"kind": "discrete", "scheme": "sap", "time_step": 5e-4},  # whose joints are moved along given motions
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
