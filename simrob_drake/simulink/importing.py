@@ -3,16 +3,16 @@
 import json
 import re
 from collections import Counter
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import chain
-from math import inf
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 from simrob_drake import simulate
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import SimrobError, counted
+from simrob_drake.files import content_of
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.mechanics.bodies import BETWEEN, GEARS, ROD, SPRING
@@ -23,7 +23,7 @@ from simrob_drake.simulink.signals.networks import NETWORKS
 from simrob_drake.simulink.signals.rules import RULES
 from simrob_drake.simulink.simulink_model import SimulinkModel, read_simulink, undefined_variables
 from simrob_drake.simulink.tables import table
-from simrob_drake.simulink.writing.station import TIED, StationWriter
+from simrob_drake.simulink.writing.station import SOLVERS, StationWriter
 from simrob_drake.simulink.writing.touching import StationFiles
 from simrob_drake.simulink.writing.urdf import plain
 
@@ -228,7 +228,7 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
         if files.content.get("couplings") and files.content["solver"]["kind"] == "continuous":
             _hold(work / file, files.content, model.report)
         elif files.content.get("contact"):  # which a solver's steps may be too long for
-            _tell_of_run(_try(work / file, _BEGUN), model.report)
+            _tell_of_run(*_try(work / file, _BEGUN), model.report)
         made = ImportedModel(model, files, station, outcomes(model))
         report = {
             "fidelity": made.fidelity,
@@ -245,20 +245,8 @@ _BEGUN = 1e-4  # s of a run that only shows whether it begins
 _OPEN = 1e-3  # m or rad, what a coupling may be open then and not be noted
 
 
-@dataclass(frozen=True)
-class _Trial:
-    """What the first moments of a run show."""
-
-    stops: str = ""  # why it does not go on
-    soft: dict[str, float] = field(default_factory=dict)  # couplings that are open, and by how much [m or rad]
-
-    @property
-    def worst(self) -> float:
-        """How far any coupling is open [m or rad]."""
-        return inf if self.stops else max(self.soft.values(), default=0.0)
-
-
-def _try(station: Path, duration: float) -> _Trial:
+def _try(station: Path, duration: float) -> tuple[str, dict[str, float]]:
+    """Return why a station does not go on from its first moments, and which couplings are open [m or rad]."""
     steps: list[float] = []
 
     def look(time: float, _: Any) -> None:
@@ -269,35 +257,35 @@ def _try(station: Path, duration: float) -> _Trial:
     try:
         result = simulate(station, duration=duration, progress=False, on_step=look)
     except SimrobError as problem:
-        return _Trial(str(problem).replace(str(station), station.name))
+        return str(problem).replace(str(station), station.name), {}
     if result.ending == "interrupted" and len(steps) < _MOST_TRIED:
         raise KeyboardInterrupt  # by the user
     gaps = (measure.entries for measure in result.verdict.measures if measure.criterion.name == "coupling_gap")
     soft = {entry.subject: entry.value for entry in chain.from_iterable(gaps) if entry.value > _OPEN}
-    return _Trial(result.message if result.ending in ("diverged", "failed") else "", soft)
+    return result.message if result.ending in ("diverged", "failed") else "", soft
 
 
-def _tell_of_run(trial: _Trial, report: ImportReport) -> None:
-    if trial.stops:
-        report.add("lost", "run", f"the station does not run as it is: {trial.stops}")
-    for name, gap in trial.soft.items():
+def _tell_of_run(stops: str, soft: dict[str, float], report: ImportReport) -> None:
+    if stops:
+        report.add("lost", "run", f"the station does not run as it is: {stops}")
+    for name, gap in soft.items():
         message = f"its coupling holds less than what pulls at it: {1e3 * gap:.3g} mm (or mrad) open"
         report.add("approximated", name, f"{message} within {_TRIED:g} s")
 
 
 def _hold(station: Path, content: dict[str, Any], report: ImportReport) -> None:
     """Let couplings that are springs too soft for what they hold be constraints of a discrete solver, if that helps."""
-    trial = _try(station, _TRIED)
-    if trial.worst > 0.0:
-        written = station.read_text(encoding="utf-8")
-        station.write_text(re.sub(r"(?m)^solver: .*$", f"solver: {json.dumps(TIED)}", written), encoding="utf-8")
-        tied = _try(station, _TRIED)
-        if tied.worst < trial.worst:
-            trial, content["solver"] = tied, TIED
+    stops, soft = _try(station, _TRIED)
+    if stops or soft:
+        written, tied = content_of(station), SOLVERS["points"]
+        station.write_bytes(re.sub(rb"(?m)^solver: .*$", f"solver: {json.dumps(tied)}".encode(), written))
+        why, still = _try(station, _TRIED)
+        if not why and (stops or max(still.values(), default=0.0) < max(soft.values())):
+            stops, soft, content["solver"] = "", still, tied
             report.add("read", "solver", "a discrete one, whose couplings are constraints: springs were too soft")
         else:
-            station.write_text(written, encoding="utf-8")
-    _tell_of_run(trial, report)
+            station.write_bytes(written)
+    _tell_of_run(stops, soft, report)
 
 
 def check_importable(model: SimulinkModel) -> None:

@@ -136,25 +136,19 @@ def _gravity(expanded: Expanded, network: Connections, bodies: Bodies) -> Vector
     for node in expanded.nodes:
         if node.kind != "Mechanism Configuration" or node.block.commented != "off":
             continue
-        how, connected = node.text("UniformGravity", "Constant"), network.net(node, "rconn") in bodies.by_place
-        own = np.zeros(3)
-        if how != "None":
-            own = node.numbers("GravityVector", "[0 0 -9.80665]", unit="m/s^2", size=3)
-            if not connected:
-                node.note("dropped", "it is connected with no body")
-            elif how != "Constant":
-                node.note("lost", "its gravity comes from a signal; that of its dialog is taken")
-        if connected:
+        how = node.text("UniformGravity", "Constant")
+        own = node.numbers("GravityVector", "[0 0 -9.80665]", unit="m/s^2", size=3) if how != "None" else np.zeros(3)
+        if network.net(node, "rconn") in bodies.by_place:
             found.append(own)
-            if not np.allclose(own, found[0]):
-                node.note("lost", "its gravity is not that of the model's first one, which is taken")
-    if found:
-        return found[0]
+            if how not in ("None", "Constant") or not np.allclose(own, found[0]):
+                node.note("lost", "its gravity comes from a signal, or differs; that of the first dialog is taken")
+        elif own.any():
+            node.note("dropped", "it is connected with no body")
     whole = expanded.model.kind == "Model"
-    if bodies.by_place and expanded.model.kind != "Assembly":
+    if not found and bodies.by_place and expanded.model.kind != "Assembly":
         lacking = "none: no Mechanism Configuration tells it" if whole else "the earth's: what it is put into tells it"
         expanded.findings.report.add("read", "gravity", lacking)
-    return np.zeros(3) if whole else None
+    return found[0] if found else np.zeros(3) if whole else None
 
 
 def _duration(expanded: Expanded) -> float:

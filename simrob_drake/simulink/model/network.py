@@ -191,7 +191,10 @@ class Connections:
         assert system is not None
         for net in system.nets:
             present = list(_present(owner, net))
-            places = [_place(node, port) for node, port in present]
+            places = [
+                (id(node), *(("conn", 1) if node.kind == "PMIOPort" else (port.side, port.number)))
+                for node, port in present
+            ]
             for (node, _), place in zip(present, places, strict=True):
                 self._wired.setdefault(node, set()).add(place)
             for place in places[1:]:
@@ -247,10 +250,6 @@ def _present(owner: Node, ports: list[Port]) -> Iterator[tuple[Node, Port]]:
         node = owner.children.get(port.block)
         if node is not None:
             yield node, port
-
-
-def _place(node: Node, port: Port) -> Place:
-    return (id(node), "conn", 1) if node.kind == "PMIOPort" else (id(node), port.side, port.number)
 
 
 def _ports(owner: Node | None, kind: str) -> list[Node]:

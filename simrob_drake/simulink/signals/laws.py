@@ -108,14 +108,11 @@ def _first(tracer: Tracer, node: Node, number: int, how: str) -> Value:
     if effort is not None and effort.size:
         first: Value = effort.ravel()[0]
         return first
-    deed: EntryKind = "lost"
-    message = "has no elements"
+    open_ = tracer.network.alone(node, "lconn", number)  # it is 0, as in Simscape
+    deed: EntryKind = "defaulted" if open_ else "lost"
+    message = "is not connected" if open_ else "comes from what is not read" if effort is None else "has no elements"
     if tracer.network.leads_outside(node, "lconn", number):
         deed, message = "defaulted", "comes from a port of the model"
-    elif effort is None:
-        message = "comes from what is not read"
-        if tracer.network.alone(node, "lconn", number):
-            deed, message = "defaulted", "is not connected"  # it is 0, as in Simscape
     node.note(deed, f"its {how} input {message}: nothing drives it")
     return 0.0
 

@@ -35,12 +35,11 @@ from simrob_drake.simulink.writing.touching import ContactSections, StationFiles
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
 
 _INSIDE = 1e-8  # how far within its limits a joint starts at least [rad or m]: files hold degrees and radians
-TIED = {"kind": "discrete", "scheme": "sap", "time_step": 1e-4}  # by which couplings are constraints
-_SOLVERS: dict[str, dict[str, Any]] = {
+SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-3, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-5, "max_step": 0.02},
     "loops": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4, "max_step": 0.01},
-    "points": TIED,
+    "points": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},  # by which couplings are constraints
     "struck": {"kind": "discrete", "scheme": "sap", "time_step": 2e-4},  # by forces that jump: contact in signals
     "walkers": {"kind": "discrete", "scheme": "sap", "time_step": 5e-4},  # whose joints are moved along given motions
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
@@ -338,12 +337,12 @@ class StationWriter:
             loops = [robot for robot in robots if robot.tree.closings]
             points = any(closing.kind in ("rod", "ball") for robot in loops for closing in robot.tree.closings)
             sprung = any(freedom.stiffness for robot in loops for freedom in robot.axes)  # they tear at couplings
-            return _SOLVERS["points" if points or sprung or touches else "loops"]
+            return SOLVERS["points" if points or sprung or touches else "loops"]
         if any(_is_moved(robot) and (touches or not robot.tree.root.grounded) for robot in robots):  # late in cenic
-            return _SOLVERS["walkers"]
+            return SOLVERS["walkers"]
         if any(push.jumps for push in self._model.pushes):
-            return _SOLVERS["struck"]
-        return _SOLVERS["pieces" if not robots else "feet" if touches else "arm"]
+            return SOLVERS["struck"]
+        return SOLVERS["pieces" if not robots else "feet" if touches else "arm"]
 
 
 def _as_yaml(content: dict[str, Any]) -> str:
