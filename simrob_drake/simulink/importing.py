@@ -225,7 +225,7 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
         files = StationWriter(model, work).write()
         file = f"{plain(path.stem)}.yaml"
         station = folder / file if files.content else None
-        if files.content.get("couplings") and files.content["solver"]["kind"] == "continuous":
+        if files.content.get("couplings"):
             _hold(work / file, files.content, model.report)
         elif files.content.get("contact"):  # which a solver's steps may be too long for
             _tell_of_run(*_try(work / file, _BEGUN), model.report)
@@ -276,7 +276,7 @@ def _tell_of_run(stops: str, soft: dict[str, float], report: ImportReport) -> No
 def _hold(station: Path, content: dict[str, Any], report: ImportReport) -> None:
     """Let couplings that are springs too soft for what they hold be constraints of a discrete solver, if that helps."""
     stops, soft = _try(station, _TRIED)
-    if stops or soft:
+    if (stops or soft) and content["solver"]["kind"] == "continuous":
         written, tied = content_of(station), SOLVERS["points"]
         station.write_bytes(re.sub(rb"(?m)^solver: .*$", f"solver: {json.dumps(tied)}".encode(), written))
         why, still = _try(station, _TRIED)

@@ -441,7 +441,7 @@ def test_a_cloud_that_cannot_be_read_loses_its_contact_alone(tmp_path, points, w
     assert why in entry.text
 
 
-@pytest.mark.parametrize("shop", [driven_crank("2"), table_on_points(1)])
+@pytest.mark.parametrize("shop", [driven_crank("2"), driven_crank("2", "2500"), table_on_points(1)])
 def test_a_station_that_does_not_run_is_told(tmp_path, monkeypatch, shop):
     def off(*_, **__):
         raise InvalidParameter("couplings.Pin", "0.01 m off at the start", "at most 0.001 m off")
