@@ -1,6 +1,7 @@
 """Import a Simulink model: to a folder with robots, pieces and a station that runs, and what became of every block."""
 
 import json
+import re
 from collections import Counter
 from dataclasses import asdict, dataclass
 from functools import cache
@@ -11,6 +12,7 @@ from typing import Any, Literal, NamedTuple, get_args
 from simrob_drake import simulate
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import SimrobError, counted
+from simrob_drake.files import content_of
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.mechanics.bodies import BETWEEN, GEARS, ROD, SPRING
@@ -21,7 +23,7 @@ from simrob_drake.simulink.signals.networks import NETWORKS
 from simrob_drake.simulink.signals.rules import RULES
 from simrob_drake.simulink.simulink_model import SimulinkModel, read_simulink, undefined_variables
 from simrob_drake.simulink.tables import table
-from simrob_drake.simulink.writing.station import StationWriter
+from simrob_drake.simulink.writing.station import SOLVERS, StationWriter
 from simrob_drake.simulink.writing.touching import StationFiles
 from simrob_drake.simulink.writing.urdf import plain
 
@@ -223,10 +225,10 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
         files = StationWriter(model, work).write()
         file = f"{plain(path.stem)}.yaml"
         station = folder / file if files.content else None
-        if files.content.get("couplings") and files.content["solver"]["kind"] == "continuous":
-            _try(work / file, model.report, _TRIED)
+        if files.content.get("couplings"):
+            _hold(work / file, files.content, model.report)
         elif files.content.get("contact"):  # which a solver's steps may be too long for
-            _try(work / file, model.report, _BEGUN)
+            _tell_of_run(*_try(work / file, _BEGUN), model.report)
         made = ImportedModel(model, files, station, outcomes(model))
         report = {
             "fidelity": made.fidelity,
@@ -243,8 +245,8 @@ _BEGUN = 1e-4  # s of a run that only shows whether it begins
 _OPEN = 1e-3  # m or rad, what a coupling may be open then and not be noted
 
 
-def _try(station: Path, report: ImportReport, duration: float) -> None:
-    """Note what the first moments of a run show: that it does not go on, and couplings too soft for what they hold."""
+def _try(station: Path, duration: float) -> tuple[str, dict[str, float]]:
+    """Return why a station does not go on from its first moments, and which couplings are open [m or rad]."""
     steps: list[float] = []
 
     def look(time: float, _: Any) -> None:
@@ -255,18 +257,35 @@ def _try(station: Path, report: ImportReport, duration: float) -> None:
     try:
         result = simulate(station, duration=duration, progress=False, on_step=look)
     except SimrobError as problem:
-        why = str(problem).replace(str(station), station.name)
-        report.add("lost", "run", f"the station does not run as it is: {why}")
-        return
+        return str(problem).replace(str(station), station.name), {}
     if result.ending == "interrupted" and len(steps) < _MOST_TRIED:
         raise KeyboardInterrupt  # by the user
-    if result.ending in ("diverged", "failed"):
-        report.add("lost", "run", f"the station does not run as it is: {result.message}")
     gaps = (measure.entries for measure in result.verdict.measures if measure.criterion.name == "coupling_gap")
-    for entry in chain.from_iterable(gaps):
-        if entry.value > _OPEN:
-            message = f"its coupling is a spring too soft for it: {1e3 * entry.value:.3g} mm (or mrad) open within"
-            report.add("approximated", entry.subject, f"{message} {_TRIED:g} s; take solver {{kind: discrete}}")
+    soft = {entry.subject: entry.value for entry in chain.from_iterable(gaps) if entry.value > _OPEN}
+    return result.message if result.ending in ("diverged", "failed") else "", soft
+
+
+def _tell_of_run(stops: str, soft: dict[str, float], report: ImportReport) -> None:
+    if stops:
+        report.add("lost", "run", f"the station does not run as it is: {stops}")
+    for name, gap in soft.items():
+        message = f"its coupling holds less than what pulls at it: {1e3 * gap:.3g} mm (or mrad) open"
+        report.add("approximated", name, f"{message} within {_TRIED:g} s")
+
+
+def _hold(station: Path, content: dict[str, Any], report: ImportReport) -> None:
+    """Let couplings that are springs too soft for what they hold be constraints of a discrete solver, if that helps."""
+    stops, soft = _try(station, _TRIED)
+    if (stops or soft) and content["solver"]["kind"] == "continuous":
+        written, tied = content_of(station), SOLVERS["points"]
+        station.write_bytes(re.sub(rb"(?m)^solver: .*$", f"solver: {json.dumps(tied)}".encode(), written))
+        why, still = _try(station, _TRIED)
+        if not why and (stops or max(still.values(), default=0.0) < max(soft.values())):
+            stops, soft, content["solver"] = "", still, tied
+            report.add("read", "solver", "a discrete one, whose couplings are constraints: springs were too soft")
+        else:
+            station.write_bytes(written)
+    _tell_of_run(stops, soft, report)
 
 
 def check_importable(model: SimulinkModel) -> None:

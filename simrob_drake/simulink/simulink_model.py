@@ -51,7 +51,7 @@ class SimulinkModel:
     tracer: Tracer  # that has followed its signals
     stopping: list[Node]  # contacts whose distance stops the simulation
     stops: dict[Node, Value]  # what else stops it, by the Stop block: as soon as the sum is not 0
-    gravity: Vector | None  # shape (3,) [m/s²]; None where the model does not tell
+    gravity: Vector | None  # shape (3,) [m/s²]; None where what is around it tells
     duration: float  # of a run [s]
     report: ImportReport  # what was found
 
@@ -113,7 +113,7 @@ def read_simulink(
     _tell_of_others(expanded, tracer)
     return SimulinkModel(
         path, expanded, network, bodies, world, trees, contacts, laws, pushes, tracer, stopping, stops,
-        _gravity(expanded), _duration(expanded), report,
+        _gravity(expanded, network, bodies), _duration(expanded), report,
     )  # fmt: skip
 
 
@@ -130,13 +130,25 @@ def undefined_variables(model: SimulinkModel) -> InvalidModel | None:
     return InvalidModel(model.path, "", f"variables that only MATLAB knows: {listed}{more}; {remedy}")
 
 
-def _gravity(expanded: Expanded) -> Vector | None:
+def _gravity(expanded: Expanded, network: Connections, bodies: Bodies) -> Vector | None:
+    """Return it [m/s²]; 0 where no block tells it, as in Simulink; None for a part of a model, or a CAD assembly."""
+    found: list[Vector] = []
     for node in expanded.nodes:
-        if node.kind == "Mechanism Configuration":
-            if node.text("UniformGravity", "Constant") == "None":
-                return np.zeros(3)
-            return node.numbers("GravityVector", "[0 0 -9.80665]", unit="m/s^2", size=3)
-    return None
+        if node.kind != "Mechanism Configuration" or node.block.commented != "off":
+            continue
+        how = node.text("UniformGravity", "Constant")
+        own = node.numbers("GravityVector", "[0 0 -9.80665]", unit="m/s^2", size=3) if how != "None" else np.zeros(3)
+        if network.net(node, "rconn") in bodies.by_place:
+            found.append(own)
+            if how not in ("None", "Constant") or not np.allclose(own, found[0]):
+                node.note("lost", "its gravity comes from a signal, or differs; that of the first dialog is taken")
+        elif own.any():
+            node.note("dropped", "it is connected with no body")
+    whole = expanded.model.kind == "Model"
+    if not found and bodies.by_place and expanded.model.kind != "Assembly":
+        lacking = "none: no Mechanism Configuration tells it" if whole else "the earth's: what it is put into tells it"
+        expanded.findings.report.add("read", "gravity", lacking)
+    return found[0] if found else np.zeros(3) if whole else None
 
 
 def _duration(expanded: Expanded) -> float:

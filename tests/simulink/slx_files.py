@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -72,18 +73,26 @@ def _texts(given: dict[str, str]) -> str:
 
 def write_model(
     path: Path, level: Level, *, workspace: str = "", kind: str = "Model", stop: str = "1", stored: bytes = b"",
-    source: dict[str, str] | None = None, callbacks: dict[str, str] | None = None, **parts: str,
+    source: dict[str, str] | None = None, callbacks: dict[str, str] | None = None, falls: bool = True, **parts: str,
 ) -> Path:  # fmt: skip
     """Write an `.slx` file; further parts by name are systems of their own.
+
+    Gravity of the earth is on its World, where nothing tells another and it ``falls``.
 
     Its workspace is code, the bytes ``stored``, or from where ``source`` says.
     """
     where = source or ({"WSMATLABCode": workspace} if workspace else {})
+    system = level.xml()
+    world = re.search(r'SID="(\d+)"><P Name="SourceBlock">' + WORLD, system)
+    if falls and world and "Mechanism Configuration" not in system:
+        gravity = Level([system.removesuffix("</System>").removeprefix("<System>")], first=9000)
+        gravity.connect(f"{gravity.block(MECHANISM, 'Gravity')}#rconn:1", f"{world[1]}#rconn:1")
+        system = gravity.xml()
     code = f"<ModelWorkspace>{_texts(where)}</ModelWorkspace>{_texts(callbacks or {})}"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("[Content_Types].xml", "<Types/>")
         archive.writestr("simulink/blockdiagram.xml", _DIAGRAM.format(kind=kind, workspace=code))
-        archive.writestr("simulink/systems/system_root.xml", level.xml())
+        archive.writestr("simulink/systems/system_root.xml", system)
         archive.writestr("simulink/configSet0.xml", f'<ConfigSet><P Name="StopTime">{stop}</P></ConfigSet>')
         if stored:
             archive.writestr("simulink/modelWorkspace.mxarray", stored)

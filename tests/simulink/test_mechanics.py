@@ -584,6 +584,32 @@ def test_gravity_to_the_side_turns_the_world(tmp_path, gravity):
     assert any("the world is turned" in entry.text for entry in imported.report.entries)
 
 
+@pytest.mark.parametrize(("how", "kind", "falls", "told"), [
+    ("absent", "Model", False, "none: no Mechanism Configuration tells it"),
+    ("loose", "Model", False, "it is connected with no body"),
+    ("commented", "Model", False, "none: no Mechanism Configuration tells it"),
+    ("absent", "Subsystem", True, "the earth's: what it is put into tells it"),
+    ("by a signal", "Model", True, "its gravity comes from a signal"),
+])  # fmt: skip
+def test_nothing_falls_where_no_gravity_is_told(tmp_path, how, kind, falls, told):
+    level = Level()
+    world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/6-DOF Joint", "Free")
+    ball = level.block("sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", Density="1000")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{ball}#rconn:1")
+    if how != "absent":
+        figures = {"commented": {"Commented": "on"}, "by a signal": {"UniformGravity": "TimeVarying"}}.get(how, {})
+        gravity = level.block("sm_lib/Utilities/Mechanism Configuration", "G", **figures)
+        if how != "loose":
+            level.connect(f"{world}#rconn:1", f"{gravity}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level, kind=kind, falls=False), tmp_path / "out")
+    result = simulate(imported.station, duration=0.5, progress=False)
+    drop = 9.80665 * 0.125 if falls else 0.0
+    np.testing.assert_allclose(result.piece_pose("Ball")[-1, 2], -drop, atol=1e-6)
+    assert any(told in entry.text for entry in imported.report.entries)
+    assert ("lost" in imported.fidelity) == (how == "by a signal")
+
+
 def test_a_joint_of_three_freedoms_is_three_joints(tmp_path):
     level = Level()
     world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/Planar Joint", "Plane")

@@ -192,6 +192,22 @@ def test_a_joint_that_is_not_connected_stops_no_other(tmp_path):
     assert [entry.element for entry in imported.report.of("dropped")] == ["Alone"]
 
 
+@pytest.mark.parametrize("driver", ["", "PMIOPort", "MyLib/Drive"])
+def test_an_open_torque_input_is_0_and_one_that_is_not_read_is_lost(tmp_path, driver):
+    def extend(level, joint):
+        other = level.block(REVOLUTE, "Other", TorqueActuationMode="InputTorque")
+        body = level.block(INERTIA, "Disk", Mass="1", MomentsOfInertia="[0.2 0.2 0.2]")
+        level.connect(f"{joint}#rconn:1", f"{other}#lconn:1")
+        level.connect(f"{other}#rconn:1", f"{body}#rconn:1")
+        if driver:
+            level.connect(f"{level.block(driver, 'Driver')}#rconn:1", f"{other}#lconn:2")
+
+    imported, _ = pulled(tmp_path, extend)
+    kinds = [entry.kind for entry in imported.report.entries if "nothing drives it" in entry.text]
+    assert kinds == ["lost" if "/" in driver else "defaulted"]
+    assert ("lost" in imported.fidelity) == ("/" in driver)
+
+
 def test_a_joint_on_which_nothing_weighs_is_held_and_the_others_move(tmp_path):
     def extend(level, joint):
         last = level.block(REVOLUTE, "Last")
@@ -227,10 +243,10 @@ def test_a_station_that_no_force_moves_says_so_first(tmp_path):
     assert imported.fidelity == "1 motion by forces lost"
 
 
-def test_what_could_touch_the_floor_swings_as_exactly(tmp_path):
-    """A ball of 1 kg at 0.2 m of a hinge, 0.3 m above a plane that it does not reach, let go level."""
+def over_a_floor(**actuation):
+    """A ball of 1 kg at 0.2 m of a hinge, 0.3 m above a plane that it does not reach, level; and the hinge."""
     level = Level()
-    world, joint, plane = level.block(WORLD, "World"), level.block(REVOLUTE, "J"), level.block(
+    world, joint, plane = level.block(WORLD, "World"), level.block(REVOLUTE, "J", **actuation), level.block(
         "sm_lib/Curves and Surfaces/Infinite Plane", "Floor")  # fmt: skip
     mount = level.block(TRANSFORM, "Mount", TranslationMethod="Cartesian", TranslationCartesianOffset="[0 0 0.3]",
                         RotationMethod="StandardAxis", RotationStandardAxis="+X", RotationAngle="-90",
@@ -245,9 +261,26 @@ def test_what_could_touch_the_floor_swings_as_exactly(tmp_path):
     level.connect(f"{arm}#rconn:1", f"{ball}#rconn:1")
     level.connect(f"{ball}#lconn:1", f"{touch}#lconn:1")
     level.connect(f"{plane}#rconn:1", f"{touch}#rconn:1")
+    return level, joint
+
+
+def test_what_could_touch_the_floor_swings_as_exactly(tmp_path):
+    level, _ = over_a_floor()
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
     assert load_station(imported.station).contact is not None
     result = simulate(imported.station, duration=0.6, progress=False)
     spin = 0.2**2 + 0.4 * 0.05**2
     angle, _ = solved(lambda _, state: [state[1], WEIGHT * 0.2 * np.cos(state[0]) / spin], [0, 0], result.times)
     np.testing.assert_allclose(result["q.J"], angle, atol=0.005 * np.ptp(angle))
+
+
+def test_a_motion_is_in_time_beside_a_floor(tmp_path):
+    """A hinge that a sine turns, with another one in the world that nothing drives."""
+    level, joint = over_a_floor(MotionActuationMode="InputMotion")
+    drive(level, joint, "Sin", "Motion", Amplitude="0.5", Frequency="3")
+    free, wheel = level.block(REVOLUTE, "Free"), level.block(INERTIA, "Wheel", Mass="1", MomentsOfInertia="[1 1 1]")
+    level.connect("1#rconn:1", f"{free}#lconn:1")
+    level.connect(f"{free}#rconn:1", f"{wheel}#rconn:1")
+    result = run(tmp_path, level, 2)
+    turned = result[next(name for name in result.names if name.endswith("q.J"))]
+    np.testing.assert_allclose(turned, 0.5 * np.sin(3 * result.times), atol=1e-3)

@@ -301,18 +301,19 @@ def test_a_motion_that_cannot_be_computed_is_lost_and_no_other(tmp_path):
     assert np.ptp(result["q.A"]) < 1e-6
 
 
-def test_a_motion_begins_where_its_filter_does(tmp_path):
-    """A sine behind a converter's filter of 0.5 s, which begins at 0: 0.5 q' = sin(2 t) - q."""
+@pytest.mark.parametrize("bias", [0.0, 0.7])
+def test_a_motion_begins_where_its_filter_does(tmp_path, bias):
+    """A sine behind a converter's filter of 0.5 s, which begins at its input: 0.5 q' = sin(2 t) + bias - q."""
     level = Level()
     _, (joint, _) = hinges(level, {"MotionActuationMode": "InputMotion"}, {"TorqueActuationMode": "NoTorque"})
-    wave = level.block("Sin", "Wave", Amplitude="1", Frequency="2")
+    wave = level.block("Sin", "Wave", Amplitude="1", Frequency="2", Bias=str(bias))
     into = level.block(TO_PHYSICS, "In", Unit="rad", FilteringAndDerivatives="filter", InputFilterTimeConstant="0.5")
     level.wire(f"{wave}#out:1", f"{into}#in:1")
     level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
     station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
     result = simulate(station, duration=1.0, progress=False)
     t = result.times
-    exact = (np.sin(2 * t) - np.cos(2 * t) + np.exp(-2 * t)) / 2
+    exact = bias + (np.sin(2 * t) - np.cos(2 * t) + np.exp(-2 * t)) / 2
     np.testing.assert_allclose(result["q.A"], exact, atol=1e-3)
 
 

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from slx_files import FROM_PHYSICS, INERTIA, MECHANISM, REVOLUTE, TO_PHYSICS, WORLD, Level, write_model
 
 from simrob_drake import load_station, simulate
+from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.importing import import_simulink
 from simrob_drake.simulink.signals.descriptors import reduced, without_fast
 from simrob_drake.simulink.simulink_model import read_simulink
@@ -430,3 +431,16 @@ def test_a_motion_sensor_tells_the_speed_and_the_angle(tmp_path):
     speed, angle = over_time([tracer.physical(node, "rconn", port)[0] for port in (2, 3)], times)
     np.testing.assert_allclose([np.abs(speed), np.abs(angle)], [times / 2, times**2 / 4], atol=1e-6)
     np.testing.assert_allclose(np.sign(speed), np.sign(angle))
+
+
+def test_an_inertia_of_a_shaft_is_no_body(tmp_path):
+    """Of a network alone nothing can move; a rotor beside a body does not fall as a piece."""
+    level = Level()
+    rotor = level.block("fl_lib/Mechanical/Rotational Elements/Inertia", "Rotor", inertia="0.1")
+    damper = level.block("fl_lib/Mechanical/Rotational Elements/Rotational Damper", "Oil", D="0.2")
+    level.connect(f"{rotor}#lconn:1", f"{damper}#rconn:1")
+    with pytest.raises(InvalidModel, match="holds no Simscape Multibody bodies"):
+        import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    level.connect(f"{level.block(WORLD, 'World')}#rconn:1", f"{level.block(INERTIA, 'Block', Mass='3')}#rconn:1")
+    files = import_simulink(write_model(tmp_path / "b.slx", level), tmp_path / "out").files
+    assert list(files.pieces) == ["Block"]

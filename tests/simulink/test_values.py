@@ -388,6 +388,17 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
     assert problem.value.why == "'callbacks' takes variables from nothing.m, other.mat, which is not there"
 
 
+def test_a_script_called_as_the_file_that_is_not_there_comes_before_a_heap_of_variables(tmp_path):
+    level = Level()
+    level.block(INERTIA, "Rod", Mass="m", CenterOfMass="[x y z]")
+    source = {"WSDataSource": "MAT-File", "WSSourceFileName": "C:\\at home\\rod_figures.mat"}
+    (tmp_path / "rod_figures.m").write_text("m = 2;")
+    (tmp_path / "heap.m").write_text("m = 3; x = 0; y = 0; z = 0;")
+    read = read_simulink(write_model(tmp_path / "a.slx", level, source=source), assume=True)
+    assert read.bodies.bodies[0].solids[0].weight.mass == 2.0
+    assert any("heap.m set it otherwise" in entry.text for entry in read.report.entries)
+
+
 def test_a_model_takes_variables_from_where_it_keeps_them(tmp_path):
     """From callbacks, a script or a `.mat` file, the model file itself; what a user gives comes first."""
 

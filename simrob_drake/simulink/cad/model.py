@@ -32,7 +32,7 @@ def read_cad_model(path: Path) -> Model:
         InvalidModel: as :func:`read_assembly`; a joint that is not known, or constraints that leave no joint's freedom.
     """
     writer = _Writer(path, *read_assembly(path))
-    return Model(path, "Model", writer.system(), notes=writer.notes)
+    return Model(path, "Assembly", writer.system(), notes=writer.notes)
 
 
 class _Writer:

@@ -139,7 +139,8 @@ def extrusion(node: Node) -> tuple[Shape, Weight]:
     thick = surface * length**3 / 12
     inertia = np.array([[yy * length + thick, -xy * length, 0], [-xy * length, xx * length + thick, 0], [0, 0, 0]])
     inertia[2, 2] = (xx + yy) * length
-    return Shape("mesh", mesh=_drawn_out(outline, length)), Weight(surface * length, np.array([x, y, 0.0]), inertia)
+    drawn = _skin([np.column_stack([outline, np.full(len(outline), z)]) for z in (-length / 2, length / 2)], outline)
+    return Shape("mesh", mesh=drawn), Weight(surface * length, np.array([x, y, 0.0]), inertia)
 
 
 def extrusion_outline(node: Node) -> Vector:
@@ -199,10 +200,6 @@ def _outline(node: Node, name: str) -> Vector:
     if len(outline) < 3 or abs(area(outline)) < 1e-15:
         raise node.refusal(f"{name} encloses no area")
     return outline if area(outline) > 0 else outline[::-1]
-
-
-def _drawn_out(outline: Vector, length: float) -> MeshPart:
-    return _skin([np.column_stack([outline, np.full(len(outline), z)]) for z in (-length / 2, length / 2)], outline)
 
 
 def _turned(outline: Vector, angle: float, scale: Vector) -> MeshPart:

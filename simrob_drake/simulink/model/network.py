@@ -75,6 +75,11 @@ class Connections:
         ports = [child for child in self.expanded.root.children.values() if child.kind == "PMIOPort"]
         return any(self._find((id(port), "conn", 1)) == here for port in ports)
 
+    def alone(self, node: Node, side: str, number: int) -> bool:
+        """Tell whether no other block has a part in a physical port's line."""
+        others = (one for one in self.on(self.net(node, side, number)) if one is not node)
+        return all(one.children or one.kind in _ASIDE for one in others)
+
     def source(self, node: Node, number: int = 1, side: str = "in") -> tuple[Node, int] | None:
         """Return the block and output that feed an input, through subsystems and tags; None where nothing does.
 
@@ -186,7 +191,10 @@ class Connections:
         assert system is not None
         for net in system.nets:
             present = list(_present(owner, net))
-            places = [_place(node, port) for node, port in present]
+            places = [
+                (id(node), *(("conn", 1) if node.kind == "PMIOPort" else (port.side, port.number)))
+                for node, port in present
+            ]
             for (node, _), place in zip(present, places, strict=True):
                 self._wired.setdefault(node, set()).add(place)
             for place in places[1:]:
@@ -242,10 +250,6 @@ def _present(owner: Node, ports: list[Port]) -> Iterator[tuple[Node, Port]]:
         node = owner.children.get(port.block)
         if node is not None:
             yield node, port
-
-
-def _place(node: Node, port: Port) -> Place:
-    return (id(node), "conn", 1) if node.kind == "PMIOPort" else (id(node), port.side, port.number)
 
 
 def _ports(owner: Node | None, kind: str) -> list[Node]:

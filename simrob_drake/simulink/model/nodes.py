@@ -49,6 +49,9 @@ class Findings:
             places.append(where)
 
 
+_TURNING = {f"{library}_lib/Mechanical/Rotational Elements/Inertia" for library in ("fl", "sdl")}
+
+
 @dataclass(eq=False)
 class Node:
     """A block of an expanded model."""
@@ -64,7 +67,10 @@ class Node:
     @property
     def kind(self) -> str:
         """What it is: its ``BlockType``, or the last part of its place in a library that is not at hand."""
-        return self.block.kind.rpartition("/")[2] if self.block.linked else self.block.kind
+        place = self.block.kind
+        if place in _TURNING:  # no solid of that name
+            return "Rotational Inertia"
+        return place.rpartition("/")[2] if self.block.linked else place
 
     def text(self, name: str, default: str = "") -> str:
         """Return a parameter as it is written."""

@@ -208,7 +208,7 @@ class Model:
     """A model file."""
 
     path: Path  # the file
-    kind: str  # ``Model``, ``Library`` or ``Subsystem``
+    kind: str  # ``Model``, ``Library``, ``Subsystem``, or ``Assembly`` of a CAD tool
     system: System  # its outermost level
     mask: Mask | None = None  # of a subsystem file as a whole
     code: str = ""  # of the model workspace, MATLAB assignments, or which file it is from

@@ -283,14 +283,18 @@ class Libraries:
     def offered(self, model: Model) -> dict[str, tuple[str, Any, list[str]]]:
         """Return what files set of the variables that a model names: file, value, and files that set it otherwise.
 
-        The likeliest file counts: that in the model's folder, or called after the model, before which none else counts;
-        then that which sets more of them.
+        The likeliest file counts: that called after the model, before which none else counts, or as one that the model
+        names and that is not there; then that in the model's folder, then that which sets more of them.
         """
-        names = self._names(model.system, {""})
+        names, named = self._names(model.system, {""}), " ".join([model.code, *model.callbacks.values()])
         found = {file: self._set_by(file, names) for file in self._files.values() if file.suffix in (".m", ".mat")}
 
         def rank(file: Path) -> tuple[bool, bool, int]:
-            return file.stem.startswith(model.name), file.parent == model.path.parent, len(found[file])
+            return (
+                file.stem.startswith(model.name) or file.stem in named,
+                file.parent == model.path.parent,
+                len(found[file]),
+            )
 
         offered: dict[str, tuple[str, Any, list[str]]] = {}
         for file in sorted(found, key=rank, reverse=True):

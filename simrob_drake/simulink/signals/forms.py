@@ -145,6 +145,17 @@ def evaluated(value: Value, leaf: Callable[[Term], float | None], known: dict[Te
     return total
 
 
+def of_time(value: Value) -> bool:
+    """Tell whether a value depends on time alone."""
+    return all(term.kind in ("one", "time", "block") for terms in closure([value]) for term in terms)
+
+
+def early(value: Value, time: float = 0.0) -> float:
+    """Return a value of time alone, at a time [s] so early that its states are as at the start."""
+    own = {"time": time}
+    return evaluated(value, lambda term: None if isinstance(term.of, Primitive) else own.get(term.kind, 1.0), {}, time)
+
+
 def computed(kind: str, *inputs: Value, **parameters: Any) -> Value:
     """Return what a block of one output makes of its inputs."""
     return Primitive(kind, parameters, lambda: inputs).outputs[0]

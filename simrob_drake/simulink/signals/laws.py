@@ -32,7 +32,8 @@ from simrob_drake.simulink.signals.forms import (
     Value,
     added,
     closure,
-    evaluated,
+    early,
+    of_time,
     signal,
     terms_of,
     widened,
@@ -94,17 +95,11 @@ def begin_on_motions(laws: dict[Freedom, Law]) -> None:
     for freedom, law in laws.items():
         if freedom.driven == "motion" and law.reference is not None and of_time(law.reference):
             try:
-                before, after = (_at(law.reference, time) for time in (0.0, _INSTANT))
+                before, after = (early(law.reference, time) for time in (0.0, _INSTANT))
             except (SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
                 continue
             freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
             freedom.start_counts = freedom.speed_counts = PRESCRIBED
-
-
-def _at(value: Value, time: float) -> float:
-    """Return a value of time alone, at a time [s] so early that its states are as at the start."""
-    own = {"time": time}
-    return evaluated(value, lambda term: None if isinstance(term.of, Primitive) else own.get(term.kind, 1.0), {}, time)
 
 
 def _first(tracer: Tracer, node: Node, number: int, how: str) -> Value:
@@ -113,11 +108,11 @@ def _first(tracer: Tracer, node: Node, number: int, how: str) -> Value:
     if effort is not None and effort.size:
         first: Value = effort.ravel()[0]
         return first
-    outside = tracer.network.leads_outside(node, "lconn", number)
-    message = (
-        "comes from a port of the model" if outside else "has no elements" if effort is not None else "is not connected"
-    )
-    deed: EntryKind = "defaulted" if outside else "lost"
+    open_ = tracer.network.alone(node, "lconn", number)  # it is 0, as in Simscape
+    deed: EntryKind = "defaulted" if open_ else "lost"
+    message = "is not connected" if open_ else "comes from what is not read" if effort is None else "has no elements"
+    if tracer.network.leads_outside(node, "lconn", number):
+        deed, message = "defaulted", "comes from a port of the model"
     node.note(deed, f"its {how} input {message}: nothing drives it")
     return 0.0
 
@@ -198,11 +193,6 @@ def _asks(term: Term) -> bool:
     if term.kind in ("one", "input", "time"):
         return True
     return isinstance(term.of, Primitive) and of_time(Form({term: 1.0}))
-
-
-def of_time(value: Value) -> bool:
-    """Tell whether a value depends on time alone."""
-    return all(term.kind in ("one", "time", "block") for terms in closure([value]) for term in terms)
 
 
 @dataclass(frozen=True, eq=False)

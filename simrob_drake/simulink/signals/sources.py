@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from simrob_drake.errors import SimrobError
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up
 from simrob_drake.simulink.signals.dynamics import blocks, filtered
@@ -19,8 +21,10 @@ from simrob_drake.simulink.signals.forms import (
     Signal,
     Term,
     Value,
+    early,
     flat,
     mapped,
+    of_time,
     scaled,
     signal,
     terms_of,
@@ -30,6 +34,8 @@ from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.evaluate import matrix
+
+_LATE = 0.02  # how long a filter takes to forget its start where that is told [s]
 
 
 def _constant(_: Tracer, node: Node, __: int) -> Signal:
@@ -128,7 +134,20 @@ def _into_physics(reader: Tracer, node: Node, _: int) -> Signal:
         return values
     lag = node.number("InputFilterTimeConstant", "0.001")
     denominator = [lag, 1.0] if node.text("SimscapeFilterOrder", "1") == "1" else [lag * lag, 2 * lag, 1.0]
-    return mapped(lambda value: filtered(node, value, [1.0], denominator), values)
+    return mapped(lambda value: _settled(node, value, denominator), values)
+
+
+def _settled(node: Node, value: Value, denominator: list[float]) -> Value:
+    """Return what a filter makes of a value: it begins at rest at what this begins with, as Simulink's does."""
+    if not isinstance(value, Form):
+        return value
+    begun = 0.0
+    if of_time(value):
+        with suppress(SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
+            begun = early(value)
+    elif denominator[-2] > _LATE:
+        node.note("approximated", "its filter begins at 0, not at its input")
+    return filtered(node, value - begun, [1.0], denominator) + begun
 
 
 def _lookup(node: Node) -> Callable[[Value], Value]:

@@ -20,8 +20,8 @@ from simrob_drake.simulink.mechanics.bodies import GEARS, ROD, SPRING, Coupling
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Form, Value, blocks_in, closure
-from simrob_drake.simulink.signals.laws import Law, of_time
+from simrob_drake.simulink.signals.forms import Form, Value, blocks_in, closure, of_time
+from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.flow import FlowWriter
 from simrob_drake.simulink.writing.touching import StationFiles

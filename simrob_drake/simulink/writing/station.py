@@ -20,8 +20,8 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Form, Term, Value, closure, terms_of
-from simrob_drake.simulink.signals.laws import Law, of_time
+from simrob_drake.simulink.signals.forms import Form, Term, Value, closure, of_time, terms_of
+from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.flow import Sum, flows_of, frame_sensors
 from simrob_drake.simulink.writing.references import (
@@ -35,11 +35,11 @@ from simrob_drake.simulink.writing.touching import ContactSections, StationFiles
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
 
 _INSIDE = 1e-8  # how far within its limits a joint starts at least [rad or m]: files hold degrees and radians
-_SOLVERS: dict[str, dict[str, Any]] = {
+SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-3, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-5, "max_step": 0.02},
     "loops": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4, "max_step": 0.01},
-    "points": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},
+    "points": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},  # by which couplings are constraints
     "struck": {"kind": "discrete", "scheme": "sap", "time_step": 2e-4},  # by forces that jump: contact in signals
     "walkers": {"kind": "discrete", "scheme": "sap", "time_step": 5e-4},  # whose joints are moved along given motions
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
@@ -332,17 +332,17 @@ class StationWriter:
         return 10**6, 0
 
     def _solver(self) -> dict[str, Any]:
-        trees = [robot.tree for robot in self._files.robots.values()]
-        if any(tree.closings or tree.gears for tree in trees):  # springs of joints tear at couplings that are springs
-            points = any(closing.kind in ("rod", "ball") for tree in trees for closing in tree.closings)
-            loops = [robot for robot in self._files.robots.values() if robot.tree.closings]
-            sprung = any(freedom.stiffness for robot in loops for freedom in robot.axes)
-            return _SOLVERS["points" if points or sprung or self._touching.ends else "loops"]
-        if any(not robot.tree.root.grounded and _is_moved(robot) for robot in self._files.robots.values()):
-            return _SOLVERS["walkers"]
+        robots, touches = list(self._files.robots.values()), self._touching.ends
+        if any(robot.tree.closings or robot.tree.gears for robot in robots):
+            loops = [robot for robot in robots if robot.tree.closings]
+            points = any(closing.kind in ("rod", "ball") for robot in loops for closing in robot.tree.closings)
+            sprung = any(freedom.stiffness for robot in loops for freedom in robot.axes)  # they tear at couplings
+            return SOLVERS["points" if points or sprung or touches else "loops"]
+        if any(_is_moved(robot) and (touches or not robot.tree.root.grounded) for robot in robots):  # late in cenic
+            return SOLVERS["walkers"]
         if any(push.jumps for push in self._model.pushes):
-            return _SOLVERS["struck"]
-        return _SOLVERS["pieces" if not trees else "feet" if self._touching.ends else "arm"]
+            return SOLVERS["struck"]
+        return SOLVERS["pieces" if not robots else "feet" if touches else "arm"]
 
 
 def _as_yaml(content: dict[str, Any]) -> str:
