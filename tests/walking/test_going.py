@@ -41,9 +41,9 @@ def test_two_calls_are_one_table_and_a_third_without_speeds_stops():
 
 def test_a_program_goes_and_remembers_it(tmp_path):
     robot = LeggedRobot(crouched())
-    robot.insert(0, {"go": {"ahead": 0.5, "turn_deg": 10, "duration": 0.4}})
+    robot.insert(0, {"go": {"ahead": 0.5, "turn_deg": 10, "duration": 1.2}})
     text = robot.save(tmp_path / "program.yaml").read_text()
-    assert "go: {ahead: 0.5, turn_deg: 10.0, duration: 0.4}" in text
+    assert "go: {ahead: 0.5, turn_deg: 10.0, duration: 1.2}" in text
     result = robot.run(Program.load(tmp_path / "program.yaml"))
     assert (result.did, result.ending) == ("go", "completed")
     (remark,) = result.summary()["remarks"]

@@ -191,7 +191,7 @@ def test_it_starts_walks_and_stops_by_commands() -> None:
 
 
 def test_a_push_that_fells_a_planned_walk_is_answered() -> None:
-    push = {"kind": "push", "start": 2.1, "force": [-20.0, 0, 0]}  # N, to the left: twice what planned walks withstand
+    push = {"kind": "push", "start": 2.1, "force": [10.0, 17.3, 0]}  # N, ahead and to the right
     settings = {"forces.push": push, "duration": 4.5}
     assert simulate(load_station("zjudancer_walking", settings)).stopped_by is None
     blind = {**settings, "controllers.walk.gait": {"feedback": None}}
