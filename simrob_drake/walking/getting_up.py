@@ -1,7 +1,7 @@
 """How a robot gets up: postures one after the other, from its belly and from its back, in its `gaits.yaml`."""
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -24,8 +24,6 @@ class RisingPosture(Strict):
     """To take it [s]."""
     target_deg: dict[str, Number] = Field(default_factory=dict)
     """Where axes go; `knee` is both `right_knee` and `left_knee`. Others stay, and are 0 at first."""
-    attempts: Literal["all", "odd", "even"] = "all"
-    """In which it is taken: an even one can try something else."""
     lean_deg: tuple[Number, Number] = (-180.0, 180.0)
     """How far ahead the trunk then leans, at least and at most; where it does not, the robot begins anew."""
 
@@ -42,12 +40,6 @@ class GettingUp(Strict):
     """From its belly."""
     back: Way
     """From its back."""
-
-    @property
-    def ways(self) -> list[list[RisingPosture]]:
-        """From the belly at odd and at even attempts, then from the back."""
-        other = {"odd": "even", "even": "odd"}
-        return [[each for each in way if each.attempts != other[at]] for way in (self.front, self.back) for at in other]
 
 
 def load_getting_up(model: RobotModel) -> GettingUp:

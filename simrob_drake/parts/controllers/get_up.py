@@ -51,14 +51,15 @@ class GetUp(LoopSection):
         """
         super().check(key, station)
         model = self.on_feet(key, station).model
-        for way in load_getting_up(model).ways:
+        own = load_getting_up(model)
+        for way in (own.front, own.back):
             postures(model, way)
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
         model = robot.model
         own, facing = load_getting_up(model), math.radians(gaits_file(model).facing_deg)
-        ways = [list(zip(way, postures(model, way), strict=True)) for way in own.ways]
+        ways = [list(zip(way, postures(model, way), strict=True)) for way in (own.front, own.back)]
         return Rising(self, ways, own.height, facing=facing, ground=site.plant.ground, name=model.name)
 
 
@@ -85,8 +86,8 @@ class Rising(SampledBlock):
     ) -> None:
         """Make the block of a section, for a robot of a name, which stands from a ``height`` of its root [m] on.
 
-        The ``ways`` from the belly at odd and at even attempts, then from the back, are postures and their angles (n,)
-        [rad]; ``facing`` is where the robot looks in the axes of its root, counterclockwise from x [rad].
+        The ``ways`` from the belly and from the back are postures and their angles (n,) [rad]; ``facing`` is where the
+        robot looks in the axes of its root, counterclockwise from x [rad].
         """
         self._section, self._ways, self._height, self._ground, self._name = section, ways, height, ground, name
         self._ahead = math.cos(facing), math.sin(facing)
@@ -129,8 +130,7 @@ class Rising(SampledBlock):
         """Wait until it lies still, and begin by how it lies."""
         if well < _REST and elapsed < _PATIENCE:
             return {"elapsed": elapsed, "well": well}
-        even = memory["attempt"][0] % 2  # the one that begins
-        return {"attempt": memory["attempt"] + 1, "way": 2.0 * (ahead < 0) + even, **_begin(_FIRST, memory["target"])}
+        return {"attempt": memory["attempt"] + 1, "way": float(ahead < 0), **_begin(_FIRST, memory["target"])}
 
     def _rising(self, memory: Named, elapsed: float, posture: RisingPosture, goal: Vector, ahead_deg: float) -> Changes:
         """Go on to a posture, and from there to the next if the trunk lies as it should."""
