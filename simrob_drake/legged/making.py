@@ -85,10 +85,11 @@ def make_legged(
         report = ImportReport(source)
         robot = write_robot(source, work, options, report)
         if robot.links_without_inertia:
-            made.assumed.append(f"inertias of {', '.join(robot.links_without_inertia)}: from their shapes")
-            robot = write_robot(
-                source, work, options.model_copy(update={"estimate_inertia": True}), ImportReport(source)
-            )
+            estimates = ImportReport(source)
+            robot = write_robot(source, work, options.model_copy(update={"estimate_inertia": True}), estimates)
+            known = {(entry.element, entry.text) for entry in report.entries}
+            new = [entry for entry in estimates.entries if (entry.element, entry.text) not in known]
+            made.assumed.extend(f"{entry.element}: {entry.text}" for entry in new)
         made.name = robot.name
         try:
             _Making(work, robot, made).run()

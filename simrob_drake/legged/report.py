@@ -196,6 +196,7 @@ def _lines(made: Made, picture: bool) -> Iterator[str]:
     failed = next((one.trial for one in made.attempts if not one.done), None)
     yield from ("", "## Next", "")
     yield f"- {made.problem}" if made.problem else "- nothing failed"
-    yield f"- to be tuned first: {_TUNE[failed or 'walks']}"
+    if made.attempts:
+        yield f"- to be tuned first: {_TUNE[failed or 'walks']}"
     if picture:
         yield from ("", f"![the last run]({PICTURE})")

@@ -172,6 +172,18 @@ def test_meshes_that_are_not_there_are_told_with_what_cannot_be_done(tmp_path):
     assert "4 collision shapes were not read, the first: link 'c0' <collision>: mesh 'feet/ball.stl'" in made.problem
 
 
+def test_masses_that_are_made_up_are_told_link_by_link(tmp_path):
+    tree = dog(ball=False)
+    for link in tree.robot.iterfind("link"):
+        link.remove(link.find("inertial"))
+    made = make_legged(tree.write(tmp_path), tmp_path / "made")
+    said = dict(line.split(": ", 1) for line in made.assumed)
+    assert said["link 'a0'"].startswith("has neither inertia nor shape; a small ball: 0.1 kg")
+    assert "of its shapes" in said["link 'trunk'"]
+    assert "no collision shape" in made.problem
+    assert "to be tuned first" not in (tmp_path / "made" / "legged.md").read_text()
+
+
 def test_a_root_that_the_urdf_has_not_is_told(tmp_path):
     file = dog().write(tmp_path)
     description = {"urdf": file.name, "base": "floating", "root": "pelvis", "axes": ["j0a"]}
