@@ -16,7 +16,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.clearance import Clearance, outline
-from simrob_drake.stations.stances import Leg, ends_of, legs_of, put_upright, straight
+from simrob_drake.stations.stances import Leg, alike, ends_of, legs_of, lengths, put_upright, straight
 from simrob_drake.walking.knees import Knee, knee_of
 
 _LONG = 1.25  # times as far as hips are apart ahead, that they are to the side: then the robot looks along its y
@@ -237,13 +237,6 @@ def _bare_ends(clearance: Clearance, robot: StationRobot) -> list[str]:
     ]
 
 
-def _length(robot: StationRobot, leg: Leg) -> float:
-    """Return how long a leg is from joint to joint, and to the point on which it stands [m]."""
-    joints = [robot.joints[axis] for axis in leg.axes[1:]]
-    ways = [joint.frame_on_parent().GetFixedPoseInBodyFrame().translation() for joint in joints]
-    return sum(float(np.linalg.norm(way)) for way in [*ways, leg.point])
-
-
 def _is_arm(robot: StationRobot, leg: Leg) -> bool:
     """Whether a chain starts on another link than the root."""
     return bool(robot.joints[leg.axes[0]].parent_body().index() != robot.root.body().index())
@@ -310,9 +303,9 @@ def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facin
         names = ", ".join(leg.foot.name() for leg in legs)
         raise _Unpaired(f"the legs of {robot.model.name} ({names}) are not left and right of its middle in pairs alike")
     for pair in pairs:
-        lengths = [_length(robot, leg) for leg in pair]
-        if np.ptp(lengths) > _ALIKE * max(lengths):
-            what = " and ".join(f"{leg.foot.name()} {way:.3f} m" for leg, way in zip(pair, lengths, strict=True))
+        ways = [lengths(clearance, robot, leg.axes, leg) for leg in pair]
+        if not alike(ways[0], ways[1], _ALIKE):
+            what = " and ".join(f"{leg.foot.name()} {way[0]:.3f} m" for leg, way in zip(pair, ways, strict=True))
             expected = f"a right and a left one are to be alike, within {_ALIKE:.0%}"
             raise SimrobError(f"{robot.model.name} has legs of unlike length ({what}); {expected}")
     for row, pair in zip(_ROWS_OF_LEGS[len(pairs)], pairs, strict=True):

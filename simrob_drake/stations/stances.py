@@ -53,20 +53,20 @@ def ends_of(clearance: Clearance, robot: StationRobot) -> list[tuple[RigidBody, 
 
 def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     """Return groups of chains that are alike, those that reach lowest at home or stretched out, else anyhow, first."""
-    groups = list[tuple[float, list[Leg]]]()
+    groups = list[tuple[Vector, list[Leg]]]()
     for body, axes in ends_of(clearance, robot):
         if len(axes) > 1:
-            joints = [robot.joints[axis] for axis in axes]
-            offsets = [joint.frame_on_parent().GetFixedPoseInBodyFrame().translation() for joint in joints[1:]]
-            size = sum(float(np.linalg.norm(offset)) for offset in offsets)
-            links, stood_on = [joint.child_body() for joint in joints], _foot(clearance, robot, body, axes[-1])
-            leg = Leg(axes, links, body, *stood_on)
-            for other, group in groups:
-                if len(group[0].axes) == len(axes) and abs(size - other) <= _ALIKE * max(other, size):
+            links, stood_on = (
+                [robot.joints[axis].child_body() for axis in axes],
+                _foot(clearance, robot, body, axes[-1]),
+            )
+            leg, own = Leg(axes, links, body, *stood_on), lengths(clearance, robot, axes)
+            for others, group in groups:
+                if len(group[0].axes) == len(axes) and alike(own, others, _ALIKE):
                     group.append(leg)
                     break
             else:
-                groups.append((size, [leg]))
+                groups.append((own, [leg]))
 
     pairs = [group for _, group in groups if len(group) > 1]
     natural = [robot.model.home, straight(robot)]
@@ -77,6 +77,25 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
         if legs:
             return [pairs[row] for row in legs]
     return []
+
+
+def lengths(clearance: Clearance, robot: StationRobot, axes: Sequence[int], foot: Leg | None = None) -> Vector:
+    """Return how long a chain is from joint to joint, and straight from its first to its last, shape (2,) [m].
+
+    Both up to the point on which a leg stands if that is asked for, where all axes are zero. Of a pair one may differ:
+    the first where joints are drawn at other places along their axes, the second where zero is another posture.
+    """
+    put_upright(clearance, robot, straight(robot))
+    places = [robot.joints[axis].frame_on_child().CalcPoseInWorld(clearance.context).translation() for axis in axes]
+    if foot is not None:
+        places.append(foot_place(clearance, foot))
+    ways = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    return np.array([ways.sum(), np.linalg.norm(places[-1] - places[0])])
+
+
+def alike(some: Vector, others: Vector, part: float) -> bool:
+    """Whether one of the lengths (2,) of two chains differs by a part of it at most."""
+    return bool((np.abs(some - others) <= part * np.maximum(some, others)).any())
 
 
 def _lowest(clearance: Clearance, robot: StationRobot, legs: list[Leg], postures: Iterable[Vector]) -> float:

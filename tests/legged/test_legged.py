@@ -109,6 +109,14 @@ def test_legs_whose_drawings_differ_by_a_little_are_a_pair(tmp_path):
     assert len(seen(tree.write(tmp_path))[0].legs) == 2
 
 
+def test_legs_are_a_pair_wherever_their_joints_are_drawn_along_their_axes(tmp_path):
+    tree = biped()
+    for joint, at in (("p1j", "0.03 0 -0.04"), ("p2j", "-0.03 0 0"), ("q1j", "0 0 -0.04")):
+        tree.robot.find(f"joint[@name='{joint}']/origin").set("xyz", at)
+    anatomy, _ = seen(tree.write(tmp_path))
+    assert sorted(limb.leg.foot.name() for limb in anatomy.legs) == ["p5", "q5"]
+
+
 def test_a_walk_scales_as_pendulums_do():
     (model, *_) = EXAMPLES[2]
     build, half, four = model.build, 0.5, 0.25
