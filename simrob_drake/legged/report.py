@@ -94,6 +94,7 @@ def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
 KICKS, CLIMBS = "kicks", "climbs"
 _RISE = {2: 0.05, 4: 0.1}  # of the step, by the number of legs, in heights of the centre of mass
 _TREAD, _BEFORE, _BEHIND = 0.5, 0.05, 0.15  # of the step, and of the ground before and behind feet, likewise
+_LONGER = 1.2  # times a sole, that the step is long at least
 
 
 def attempt_kick(station: Path) -> Attempt:
@@ -106,8 +107,8 @@ def attempt_climb(station: Path, height: float, facing_deg: float) -> Attempt:
 
     Its centre of mass is at a height [m], and it looks in a direction from the world's x [deg].
     """
-    front, legs = _front(station, facing_deg)
-    rise, tread = round(_RISE[legs] * height, 4), round(_TREAD * height, 4)
+    front, sole, legs = _feet(station, facing_deg)
+    rise, tread = round(_RISE[legs] * height, 4), round(max(_TREAD * height, _LONGER * sole), 4)
     start = round(front + _BEFORE * height, 4)
     way = round(start + tread + front + _BEHIND * height, 4)
     step = {"kind": "stairs", "height": rise, "size": tread, "length": tread, "start": start, "heading_deg": facing_deg}
@@ -119,13 +120,13 @@ def attempt_climb(station: Path, height: float, facing_deg: float) -> Attempt:
     return _attempt_move(CLIMBS, station, ClimbMove(distance=way), ground, f"comes over a step of {1e3 * rise:.0f} mm")
 
 
-def _front(station: Path, facing_deg: float) -> tuple[float, int]:
-    """Return how far its feet reach ahead of a robot's root [m], and their number."""
+def _feet(station: Path, facing_deg: float) -> tuple[float, float, int]:
+    """Return how far its feet reach ahead of a robot's root, how long the longest is [m], and their number."""
     robot = LeggedRobot(load_station(station))
     root = stacked(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])
     feet = Walker.of(robot.model).feet(robot.worn_feet)
     ahead = [foot.poses(robot.position[np.newaxis], root)[0, 0, 3] + max(foot.half[0], foot.over) for foot in feet]
-    return float(max(ahead)), len(feet)
+    return float(max(ahead)), 2 * float(max(foot.half[0] for foot in feet)), len(feet)
 
 
 def _attempt_move(trial: str, station: Path, move: Move, overrides: Mapping[str, Any], did: str) -> Attempt:

@@ -165,6 +165,7 @@ _STEADY = 0.04  # part of its height by which the centre of mass is within the s
 _UNDER = 0.02  # part of a leg's length by which feet may be off the centre of mass
 _LOAD = 0.9  # part of a motor's torque that standing may take
 _FORWARD = 2  # joints of a leg that steps ahead alone, not aside
+_TURNED = 0.05  # 1/rad; how much unlike others, by its length, a leg may bend to stay nearer to home
 _SHIFTS = 3  # how often the feet are put under the centre of mass
 
 
@@ -290,15 +291,32 @@ class Stances:
             posture = self._home.copy()
             posture[legs[0].axes] = first
             shape = self._bend(legs[0], posture)
-            for leg, solutions in zip(legs[1:], ways[1:], strict=True):
-                tried = []
-                for solution in solutions:
+            for leg, target, solutions in zip(legs[1:], targets[1:], ways[1:], strict=True):
+                mirrored = [self._solve(leg, target, length, seed) for seed in self._mirrored(legs[0], first, leg)]
+                known, tried = [*solutions, *(one for one in mirrored if one is not None)], []
+                for solution in known:
                     posture[leg.axes] = solution
-                    tried.append(float(np.linalg.norm(self._bend(leg, posture) - shape)))
-                posture[leg.axes] = solutions[int(np.argmin(tried))]
+                    unlike = np.linalg.norm(self._bend(leg, posture) - shape) / length
+                    tried.append(float(unlike + _TURNED * np.abs(solution - self._home[leg.axes]).max()))
+                posture[leg.axes] = known[int(np.argmin(tried))]
             stance = self._balanced(legs, posture, targets, length, f"with its legs bent to {part:.0%} of their length")
             if stance is not None:
                 yield from self._good(stance, legs, feet, length)
+
+    def _mirrored(self, leg: Leg, angles: Vector, other: Leg) -> Iterator[Vector]:
+        """Yield angles (k,) of another leg that bend it as one with angles (k,): mirrored to a side, and as it is."""
+        self._place(straight(self._robot))
+        own, others = (np.array([self._axis(axis) for axis in each.axes]) for each in (leg, other))
+        for mirror in ([-1, 1, -1], [1, -1, -1], [1, 1, 1]):  # of turns about ahead, left and up
+            senses = np.sum(own * mirror * others, axis=1)
+            yield np.where(senses < 0, -angles, angles)
+
+    def _axis(self, axis: int) -> Vector:
+        """Return the direction of an axis in the world (3,)."""
+        joint = self._robot.joints[axis]
+        own = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else np.zeros(3)
+        pose = joint.frame_on_child().CalcPoseInWorld(self._clearance.context)
+        return np.asarray(pose.rotation() @ own)
 
     def _bend(self, leg: Leg, posture: Vector) -> Vector:
         """Return where the links of a leg are, seen from the side, ahead of and under its hip, shape (2 k,) [m]."""

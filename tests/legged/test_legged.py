@@ -117,6 +117,20 @@ def test_legs_are_a_pair_wherever_their_joints_are_drawn_along_their_axes(tmp_pa
     assert sorted(limb.leg.foot.name() for limb in anatomy.legs) == ["p5", "q5"]
 
 
+def test_legs_without_limits_stand_alike(tmp_path):
+    tree = biped()
+    for ankle in ("p4j", "q4j"):
+        tree.robot.find(f"joint[@name='{ankle}']/origin").set("xyz", "0.02 0 -0.15")
+    for joint in tree.robot.iterfind("joint"):
+        joint.set("type", "continuous")
+        for bound in ("lower", "upper"):
+            del joint.find("limit").attrib[bound]
+    anatomy, stance = seen(tree.write(tmp_path))
+    right, left = (stance.posture[limb.leg.axes] for limb in anatomy.legs)
+    assert np.abs(right - left * [-1, -1, 1, 1, 1, -1]).max() < np.deg2rad(3)
+    assert np.abs(stance.posture).max() < np.deg2rad(100)
+
+
 def test_a_walk_scales_as_pendulums_do():
     (model, *_) = EXAMPLES[2]
     build, half, four = model.build, 0.5, 0.25
