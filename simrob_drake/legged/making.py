@@ -33,9 +33,9 @@ from simrob_drake.legged.scaling import (
     walk_of,
 )
 from simrob_drake.legged.soles import FootSole, feet_section, soles_of, write_soles
+from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.gait import Gait
-from simrob_drake.programs.gaits.kick import Kick
 from simrob_drake.programs.gaits.legs import ROWS
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE

@@ -12,8 +12,7 @@ import numpy as np
 from simrob_drake.errors import SimrobError
 from simrob_drake.interpolation import stacked
 from simrob_drake.legged.soles import EDGED
-from simrob_drake.programs.gaits.feet import facing_rotation
-from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.gaits.walker import Walker, facing_rotation
 from simrob_drake.programs.legged_robot import LeggedRobot
 from simrob_drake.programs.moves.climb import ClimbMove
 from simrob_drake.programs.moves.kick import KickMove

@@ -16,8 +16,8 @@ import numpy as np
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.legged.anatomy import Anatomy
 from simrob_drake.legged.soles import FootSole
+from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.climb import Climb
-from simrob_drake.programs.gaits.kick import Kick
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.stations.stances import Stance

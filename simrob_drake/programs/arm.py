@@ -13,7 +13,6 @@ from simrob_drake.arguments import instance
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike
 from simrob_drake.kinematics.analytic import SolverLike
-from simrob_drake.programs.automatic import pace_of, run_cells
 from simrob_drake.programs.geometry import ArmGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kinds import move_from
@@ -27,7 +26,7 @@ from simrob_drake.programs.moves.move_l import plan_move_l
 from simrob_drake.programs.moves.play import PlayMove
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import Planning
-from simrob_drake.programs.program import Program
+from simrob_drake.programs.program import Program, pace_of, run_cells
 from simrob_drake.programs.recorded import STATION, RecordedStation
 from simrob_drake.programs.stages import check_takes_time
 from simrob_drake.programs.time_optimal import Motors

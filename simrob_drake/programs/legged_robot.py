@@ -248,7 +248,7 @@ class LeggedRobot(LeggedGeometry):
 
         Args:
             automatic: whether to do that, or how, such as ``{"tolerance_deg": 3, "timeout": 20}``, the keys of
-                :class:`~simrob_drake.programs.automatic.Automatic`; as the program says unless given.
+                :class:`~simrob_drake.programs.program.Automatic`; as the program says unless given.
             strict: a run with warnings raises a ``VerdictError``, and leaves robot and program as they were.
 
         Returns:

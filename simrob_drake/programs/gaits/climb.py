@@ -15,12 +15,11 @@ from simrob_drake.blocks.references import smooth
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.biped import SIDES
-from simrob_drake.programs.gaits.feet import Foot
 from simrob_drake.programs.gaits.gait import Pace, SolvedGait
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import GaitPlan, Phase, gait_plan
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, moved_inside
-from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.gaits.walker import Foot, Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 from simrob_drake.sections import NotNegative, Number, Positive
 

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.climb import Climb
-from simrob_drake.programs.gaits.feet import Foot
 from simrob_drake.programs.gaits.treads import AT_ONCE, SAMPLE, SoleMargins, profile_ahead
+from simrob_drake.programs.gaits.walker import Foot
 from simrob_drake.walking.height_map import CELL, HeightMap
 from simrob_drake.walking.height_map import Places as Shifts
 

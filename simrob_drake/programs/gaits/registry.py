@@ -11,10 +11,9 @@ from pydantic import Field, create_model
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.biped import BipedWalk
+from simrob_drake.programs.gaits.biped import BipedWalk, Kick
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.gait import Gait
-from simrob_drake.programs.gaits.kick import Kick
 from simrob_drake.programs.gaits.quadruped import Crawl, Stand, Trot
 from simrob_drake.programs.gaits.sequences import March, Posing
 from simrob_drake.robots.catalog import RobotModel

@@ -1,4 +1,4 @@
-"""Steps by a gait that is planned before it begins (SimRob's Marcha)."""
+"""Gaits that are planned before they begin: steps (SimRob's Marcha), postures in a row, a stand on three legs."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -63,3 +63,23 @@ class WalkMove(GaitMove):
         """Return the motion, planned for a station."""
         changes = self.model_extra or {}
         return planned_gait(robot, self.gait, changes, steps=self.steps, amplitude=self.amplitude, station=station)
+
+
+class ActMove(GaitMove):
+    """Postures one after the other, or a stand on three legs."""
+
+    key: ClassVar[str] = "act"
+    title: ClassVar[str] = "Act"
+    brief: ClassVar[bool] = True
+    form: ClassVar[Mapping[str, str | float | None]] = {"name": "acts"}
+
+    name: str
+    """One of the robot's gaits that go no steps."""
+
+    def caption(self, *, robots: bool = False) -> str:
+        """Return which act."""
+        return f"act {self.name}"
+
+    def planned(self, robot: LeggedGeometry, station: StationConfig) -> JointMotion:
+        """Return the motion, planned for a station."""
+        return planned_gait(robot, self.name, self.model_extra or {}, station=station)

@@ -13,8 +13,7 @@ from simrob_drake.teach.pages.arm_jogging import ArmState, Jogging
 from simrob_drake.teach.pages.elements import KEYS, card, follow, rebuild
 from simrob_drake.teach.pages.move_forms import choices_of, offers, speed_field
 from simrob_drake.teach.pages.move_list import MoveList
-from simrob_drake.teach.pages.phrases import MILLI, Phrases, motions
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import MILLI, Phrases, Words, motions
 from simrob_drake.teach.session import Session
 
 _PIECES, _TOOLS = "pieces", "tools"

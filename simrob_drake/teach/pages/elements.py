@@ -7,8 +7,7 @@ from typing import Any
 
 from nicegui import ElementFilter, context, core, ui
 
-from simrob_drake.teach.pages.phrases import figure
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import Words, figure
 
 _DIGITS = 3  # behind the point
 _SLACK, _SAME = 0.5 * 10**-_DIGITS, 1e-6

@@ -11,8 +11,7 @@ from simrob_drake.robots.catalog import load_robot, robot_names
 from simrob_drake.stations.load import station_names
 from simrob_drake.teach.own_files import MOST
 from simrob_drake.teach.pages.elements import KEYS, follow, set_label
-from simrob_drake.teach.pages.phrases import matches
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import Words, matches
 from simrob_drake.teach.session import Session
 
 Files = dict[str, bytes]

@@ -12,7 +12,7 @@ from nicegui import background_tasks, context, ui
 
 from simrob_drake.teach.pages import plots
 from simrob_drake.teach.pages.elements import Dial, NumberField, follow, icon_button
-from simrob_drake.teach.pages.phrases import Content, Phrases, figure, matches
+from simrob_drake.teach.pages.words import Content, Phrases, figure, matches
 from simrob_drake.teach.run import shortfall
 from simrob_drake.teach.session import Session
 

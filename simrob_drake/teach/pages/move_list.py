@@ -10,8 +10,7 @@ from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.timeline import GRID
 from simrob_drake.teach.pages.elements import KEYS, follow, icon_button, set_label
 from simrob_drake.teach.pages.move_forms import Read, choices_of, stored_form, yaml_form
-from simrob_drake.teach.pages.phrases import Content, Phrases, figure
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import Content, Phrases, Words, figure
 from simrob_drake.teach.session import Session
 
 _Act = Callable[[int], object]

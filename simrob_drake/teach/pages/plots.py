@@ -11,8 +11,7 @@ from nicegui import context, ui
 
 from simrob_drake.results.colours import looks
 from simrob_drake.teach.pages.elements import follow
-from simrob_drake.teach.pages.phrases import Phrases
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import Phrases, Words
 from simrob_drake.teach.run import EndedRun
 from simrob_drake.teach.session import Session
 

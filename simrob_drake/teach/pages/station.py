@@ -17,9 +17,8 @@ from simrob_drake.teach.form import Field, as_text, form_fields
 from simrob_drake.teach.pages.block_picture import BlockPicture
 from simrob_drake.teach.pages.elements import card, follow
 from simrob_drake.teach.pages.form_view import FormView, tuners
-from simrob_drake.teach.pages.phrases import Phrases
 from simrob_drake.teach.pages.plots import AS_SHOWN, POSE, as_list, at, scope, watch
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import Phrases, Words
 from simrob_drake.teach.session import Session
 
 _MOST_FOUND = 25  # fields that a search shows

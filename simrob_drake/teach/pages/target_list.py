@@ -8,17 +8,17 @@ from nicegui import ui
 
 from simrob_drake.teach.pages.arm_jogging import ArmState
 from simrob_drake.teach.pages.elements import KEYS, icon_button, rebuild
-from simrob_drake.teach.pages.phrases import (
+from simrob_drake.teach.pages.words import (
     MILLI,
     WORLD,
     Phrases,
+    Words,
     figure,
     frame_words,
     joint_words,
     pose_words,
     work_objects,
 )
-from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
 
