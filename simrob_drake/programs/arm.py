@@ -33,8 +33,7 @@ from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
 from simrob_drake.results.files import Saved
 from simrob_drake.results.record.state import State
-from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.whole import joined
+from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
 

@@ -22,8 +22,7 @@ from simrob_drake.programs.stateful_station import GOES_ON
 from simrob_drake.programs.timeline import following
 from simrob_drake.results.record.run import fallen
 from simrob_drake.results.record.state import State
-from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.whole import joined
+from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.simulation import ReferenceLike
 from simrob_drake.stations.station import StationLike
 
@@ -327,7 +326,7 @@ class LeggedRobot(LeggedGeometry):
         self._replace(Program.load(file), str(file))
 
     def result(self) -> SimulationResult:
-        """Return :attr:`runs` as one result; see :func:`~simrob_drake.results.whole.joined`."""
+        """Return :attr:`runs` as one result; see :func:`~simrob_drake.results.result.joined`."""
         return joined(self.runs)
 
     def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:

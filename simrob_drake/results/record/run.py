@@ -74,7 +74,7 @@ class RecordedRun:
         references: what was given to simulate() in place of the configuration's references, by robot.
         did: what was done in it, in a few words, such as ``move_l of left``.
         moves: of arms that it was asked for, all from its start.
-        runs: of a program, the runs that follow each other in it; see :func:`simrob_drake.results.whole.joined`.
+        runs: of a program, the runs that follow each other in it; see :func:`simrob_drake.results.result.joined`.
         begun: of a program, the station in which it began; None of a single run.
         marks: of a program, when a run of it ended or a piece changed hands [s], and what that was in a few words.
         program: of a program, the YAML that does it again; empty where none can say it.
