@@ -39,19 +39,12 @@ class _Unpaired(SimrobError):
 
 @dataclass(frozen=True)
 class NamedLeg:
-    """A leg, called by its place.
+    """A leg, called by its place."""
 
-    Attributes:
-        name: such as ``left``, or ``front_left``.
-        left: on which side it is.
-        leg: its axes and links.
-        knee: of them.
-    """
-
-    name: str
-    left: bool
-    leg: Leg
-    knee: Knee
+    name: str  # such as ``left``, or ``front_left``
+    left: bool  # on which side it is
+    leg: Leg  # its axes and links
+    knee: Knee  # of them
 
     @property
     def foot(self) -> str:
@@ -61,23 +54,14 @@ class NamedLeg:
 
 @dataclass(frozen=True)
 class Anatomy:
-    """The limbs of a robot.
+    """The limbs of a robot."""
 
-    Attributes:
-        robot: whose.
-        clearance: that places it.
-        legs: right before left, front before rear.
-        facing: where it looks while its root is not turned, from the root's x axis [rad].
-        arms: the axes of chains that are in pairs and no legs.
-        head: the axes of others.
-    """
-
-    robot: StationRobot
-    clearance: Clearance
-    legs: list[NamedLeg]
-    facing: float
-    arms: list[list[int]]
-    head: list[int]
+    robot: StationRobot  # whose
+    clearance: Clearance  # that places it
+    legs: list[NamedLeg]  # right before left, front before rear
+    facing: float  # where it looks while its root is not turned, from the root's x axis [rad]
+    arms: list[list[int]]  # the axes of chains that are in pairs and no legs
+    head: list[int]  # the axes of others
 
     @property
     def groups(self) -> list[list[str]]:

@@ -36,21 +36,13 @@ TRIALS = "stands", "shifts its weight", "steps", "walks"
 
 @dataclass(frozen=True)
 class Attempt:
-    """What became of one of the trials.
+    """What became of one of the trials."""
 
-    Attributes:
-        trial: which.
-        done: whether the robot can do it.
-        outcome: what happened, in words.
-        ahead: how far it came [m].
-        result: the run; None if it could not begin.
-    """
-
-    trial: str
-    done: bool
-    outcome: str
-    ahead: float = 0.0
-    result: SimulationResult | None = None
+    trial: str  # which
+    done: bool  # whether the robot can do it
+    outcome: str  # what happened, in words
+    ahead: float = 0.0  # how far it came [m]
+    result: SimulationResult | None = None  # the run; None if it could not begin
 
     @property
     def lasted(self) -> float:
@@ -153,23 +145,14 @@ _TUNE = {
 
 @dataclass
 class Made:
-    """What was made of a robot.
+    """What was made of a robot."""
 
-    Attributes:
-        folder: where it stands.
-        name: of the robot.
-        found: what was seen in its tree, in words.
-        assumed: what was made up, in words.
-        attempts: what became of the trials.
-        problem: why something could not be done, in words; empty if all was.
-    """
-
-    folder: Path
-    name: str = ""
-    found: list[str] = field(default_factory=list)
-    assumed: list[str] = field(default_factory=list)
-    attempts: list[Attempt] = field(default_factory=list)
-    problem: str = ""
+    folder: Path  # where it stands
+    name: str = ""  # of the robot
+    found: list[str] = field(default_factory=list)  # what was seen in its tree, in words
+    assumed: list[str] = field(default_factory=list)  # what was made up, in words
+    attempts: list[Attempt] = field(default_factory=list)  # what became of the trials
+    problem: str = ""  # why something could not be done, in words; empty if all was
 
     def can(self, trial: str) -> bool:
         """Whether the robot passed a trial."""

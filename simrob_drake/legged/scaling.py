@@ -31,19 +31,12 @@ _SPHERES = 0.01  # m: what a sole of balls measures less than
 
 @dataclass(frozen=True)
 class Build:
-    """What of a robot counts for how it walks, as it stands in its walk.
+    """What of a robot counts for how it walks, as it stands in its walk."""
 
-    Attributes:
-        height: of the centre of mass over the ground [m].
-        mass: [kg].
-        spread: between the middles of a right and a left foot [m].
-        sole: length and width of one, between its spheres [m]; 0 of balls.
-    """
-
-    height: float
-    mass: float
-    spread: float
-    sole: tuple[float, float]
+    height: float  # of the centre of mass over the ground [m]
+    mass: float  # [kg]
+    spread: float  # between the middles of a right and a left foot [m]
+    sole: tuple[float, float]  # length and width of one, between its spheres [m]; 0 of balls
 
     @property
     def load(self) -> float:

@@ -27,19 +27,12 @@ _BALL = 0.06  # part of it within which points about a tip tell its roundness
 
 @dataclass(frozen=True)
 class FootSole:
-    """What a foot stands on.
+    """What a foot stands on."""
 
-    Attributes:
-        pose: of the sole in its body: z up and x ahead while the robot stands, the origin on the ground.
-        points: middles of its spheres there, shape (k, 3) [m].
-        radius: of these [m].
-        flat: whether it lies on the ground, or is a ball.
-    """
-
-    pose: RigidTransform
-    points: Vector
-    radius: float
-    flat: bool
+    pose: RigidTransform  # of the sole in its body: z up and x ahead while the robot stands, the origin on the ground
+    points: Vector  # middles of its spheres there, shape (k, 3) [m]
+    radius: float  # of these [m]
+    flat: bool  # whether it lies on the ground, or is a ball
 
 
 def soles_of(anatomy: Anatomy, stance: Stance) -> list[FootSole]:

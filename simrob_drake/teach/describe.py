@@ -105,17 +105,11 @@ _ALL = "*"
 
 @dataclass(frozen=True)
 class BlockMeaning:
-    """What a block stands for.
+    """What a block stands for."""
 
-    Attributes:
-        keys: sections and keys of the station, dotted; all that stands below them belongs to it.
-        signals: outputs of the station.
-        axis: whose entry of them counts; empty where all do, ``*`` of the joints of a subsystem.
-    """
-
-    keys: tuple[str, ...]
-    signals: tuple[str, ...]
-    axis: str = ""
+    keys: tuple[str, ...]  # sections and keys of the station, dotted; all that stands below them belongs to it
+    signals: tuple[str, ...]  # outputs of the station
+    axis: str = ""  # whose entry of them counts; empty where all do, ``*`` of the joints of a subsystem
 
     def holds(self, key: str) -> bool:
         """Tell whether a key of the station makes this block."""

@@ -151,24 +151,15 @@ class Moments:
 
 
 class EndedRun(NamedTuple):
-    """One thing that was run, however it ended, to be looked at again and compared with others.
+    """One thing that was run, however it ended, to be looked at again and compared with others."""
 
-    Attributes:
-        number: counts from 1 since the session was opened.
-        kind: of it.
-        begun: when it began, since the start of the station [s]; ``reached``: how far it came.
-        ending: ``completed``, ``monitor``, ``stopped``, ``diverged`` ... or ``died``.
-        signals: of each signal its times [s], shape (m,), and its values, shape (m, n).
-        moments: what it looked like.
-    """
-
-    number: int
-    kind: Kind
-    begun: float
+    number: int  # counts from 1 since the session was opened
+    kind: Kind  # of it
+    begun: float  # when it began, since the start of the station [s]; ``reached``: how far it came
     reached: float
-    ending: str
-    signals: dict[str, tuple[Vector, Vector]]
-    moments: Moments
+    ending: str  # ``completed``, ``monitor``, ``stopped``, ``diverged`` ... or ``died``
+    signals: dict[str, tuple[Vector, Vector]]  # of each signal its times [s], shape (m,), and its values, shape (m, n)
+    moments: Moments  # what it looked like
 
     def history(self, signal: str) -> list[tuple[float, Any]]:
         """Return the values of a signal as ``(time, value)`` in order of time; nothing of one that it has not."""
@@ -299,17 +290,11 @@ _STILL: Mapping[str, float] = {"deg": 5.0, "m": 0.01}  # deg/s or m/s
 
 
 class Shortfall(NamedTuple):
-    """What is left between asked and done.
+    """What is left between asked and done."""
 
-    Attributes:
-        off: how far the joint is from where it should be, positive beyond it [deg or m].
-        level: how much that is.
-        reason: why; nothing where nothing is to be told.
-    """
-
-    off: float
-    level: Level = ""
-    reason: Reason = ""
+    off: float  # how far the joint is from where it should be, positive beyond it [deg or m]
+    level: Level = ""  # how much that is
+    reason: Reason = ""  # why; nothing where nothing is to be told
 
 
 def level_of(off: float, unit: str) -> Level:

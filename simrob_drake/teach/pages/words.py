@@ -80,17 +80,11 @@ def texts_of(language: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Notice:
-    """What is to be told.
+    """What is to be told."""
 
-    Attributes:
-        key: of the section ``notice`` of the words; empty for an error, which has words of its own.
-        fills: what is filled in; ``text`` alone for an error.
-        wrong: whether something went wrong.
-    """
-
-    key: str = ""
-    fills: dict[str, Any] = field(default_factory=dict)
-    wrong: bool = False
+    key: str = ""  # of the section ``notice`` of the words; empty for an error, which has words of its own
+    fills: dict[str, Any] = field(default_factory=dict)  # what is filled in; ``text`` alone for an error
+    wrong: bool = False  # whether something went wrong
 
     def __str__(self) -> str:
         """Return it in English."""
