@@ -60,8 +60,7 @@ class Ticks:
     or ended at one and gone on with by another run, to the last bit.
     """
 
-    every: float
-    """Time from one to the next [s]."""
+    every: float  # time from one to the next [s]
     tell: Callable[[Moment], bool] = lambda moment: False
     """Is told of each that was reached, before the run goes on; True ends the run there."""
 

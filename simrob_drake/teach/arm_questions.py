@@ -17,8 +17,7 @@ from simrob_drake.programs.arm import Arm, Workcell
 from simrob_drake.programs.branches import Branch
 from simrob_drake.programs.moves.joints import targets_on
 
-BASE, TOOL = "base", "tool"
-"""Frames of every arm: of its foot, and of its tool centre point where its reference has it."""
+BASE, TOOL = "base", "tool"  # frames of every arm: of its foot, and of its tool centre point where its reference has it
 
 _UNITS = np.repeat([1.0, np.deg2rad(1.0)], 3)
 _EASY = 2.0  # times slower than the joints can

@@ -10,8 +10,7 @@ from simrob_drake.teach.move_runner import MoveRunner
 from simrob_drake.teach.program_book import ProgramBook
 from simrob_drake.teach.run_client import RunClient, done
 
-LONGEST = 600.0
-"""How long a drive lasts unless it is ended [s]."""
+LONGEST = 600.0  # how long a drive lasts unless it is ended [s]
 STANDS = (0.0, 0.0, 0.0)
 _DRIVE = GoMove(duration=LONGEST)
 

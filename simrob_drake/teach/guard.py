@@ -17,8 +17,7 @@ PROXY_TOKEN = "SIMROB_TOKEN"
 _PROXY_HEADER = "x-simrob-token"
 _SHORTEST = 16  # letters of it
 _PLACE = re.compile(r"(https?://[\w.-]+(:\d+)?)?(/[\w.~@%-]+)+/?")
-_TOKEN = "token"
-"""What a token is called in an address."""
+_TOKEN = "token"  # what a token is called in an address
 _NAMES = ("127.0.0.1", "localhost")
 _HEADERS = {
     "content-security-policy": "frame-ancestors 'self'",

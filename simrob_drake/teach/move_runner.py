@@ -23,8 +23,7 @@ from simrob_drake.teach.store import Taught, entries_of, with_change
 
 Action = Callable[[], Future[Any]]
 Then = Callable[[], object]
-MOVE = "move"
-"""A kind of command: what has the robot move, or stand elsewhere."""
+MOVE = "move"  # a kind of command: what has the robot move, or stand elsewhere
 Tried = tuple[Move, ...]
 
 

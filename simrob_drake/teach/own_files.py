@@ -13,10 +13,8 @@ from simrob_drake.importer.importing import REPORT_FILE
 from simrob_drake.importer.packages import ROBOT_SUFFIXES
 from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
 
-FOLDER = "own"
-"""Of what is taught, for these files; each set of them has a folder there."""
-MOST = 200_000_000
-"""Bytes of a set of files, unpacked."""
+FOLDER = "own"  # of what is taught, for these files; each set of them has a folder there
+MOST = 200_000_000  # bytes of a set of files, unpacked
 _LINES = 8  # of what an import did that are told at once
 _ORDER = (*YAML_SUFFIXES, *ROBOT_SUFFIXES)  # a station or a program names its robots' files
 

@@ -18,8 +18,7 @@ from simrob_drake.programs.moves.move import Move
 
 Kind = Literal["", "program", "tried", "free"]
 """What is run, or was last: the program, what is tried, or something that is neither stored nor waits to be."""
-_VALUES = 2400
-"""Values of a signal that are kept: two minutes of simulated time."""
+_VALUES = 2400  # values of a signal that are kept: two minutes of simulated time
 _MOMENTS = 20_000  # that can be gone back to
 _SAME = 1e-9  # s
 _ENDED = 10  # runs that can be compared
@@ -277,8 +276,7 @@ class TaughtRun:
         return self._moments.at(time)
 
 
-Level = Literal["", "amber", "red"]
-"""How much it is: nothing to speak of, to be seen, or a lot."""
+Level = Literal["", "amber", "red"]  # how much it is: nothing to speak of, to be seen, or a lot
 Reason = Literal["", "limit", "stop", "moving", "gains"]
 """The drive is at its limit, a stop holds the joint, it is on its way, or it rests where its gains hold it."""
 

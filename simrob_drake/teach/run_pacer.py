@@ -17,10 +17,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.timeline import Change, DragNow, DriveNow, Timeline
 from simrob_drake.simulation import Moment
 
-_FRAME = 1 / 25
-"""Time on the clock from one picture to the next [s]."""
-PATIENCE = 1.0
-"""How long a walk goes on without a word of who drives it [s] on the clock."""
+_FRAME = 1 / 25  # time on the clock from one picture to the next [s]
+PATIENCE = 1.0  # how long a walk goes on without a word of who drives it [s] on the clock
 
 
 News = dict[str, Any]

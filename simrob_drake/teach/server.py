@@ -25,8 +25,7 @@ from simrob_drake.teach.pages import gallery, shell
 from simrob_drake.teach.pendant import Pendant
 from simrob_drake.teach.session import Session
 
-PORT = 8100
-"""Where the pendant listens unless something else does."""
+PORT = 8100  # where the pendant listens unless something else does
 _HOST = "127.0.0.1"
 _PORTS = 100
 _GRACE = 2  # s for what is under way when the server ends

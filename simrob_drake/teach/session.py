@@ -33,8 +33,7 @@ from simrob_drake.teach.subjects import program_of, station_for
 
 __all__ = ["Session", "Topic"]
 
-SLOWEST, FASTEST = 0.1, 4.0
-"""Simulated time over the clock's that can be asked for."""
+SLOWEST, FASTEST = 0.1, 4.0  # simulated time over the clock's that can be asked for
 _PROGRAM = "program.yaml"
 _ANY = "idle", "running", "paused"  # phases in which a run can be gone on with, and back in
 

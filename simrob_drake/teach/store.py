@@ -118,8 +118,7 @@ def entries_of(moves: Sequence[Move]) -> list[dict[str, Any]]:
     return [move.entry() for move in moves]
 
 
-MOST_STEPS, MOST_LETTERS = 200, 2_000_000
-"""What is kept to go back to; the oldest is forgotten first."""
+MOST_STEPS, MOST_LETTERS = 200, 2_000_000  # what is kept to go back to; the oldest is forgotten first
 
 
 class History:
@@ -198,8 +197,7 @@ def _as_step(taught: Taught) -> tuple[Taught, str]:
     return taught, taught.model_dump_json()
 
 
-Fits = Callable[[Program], None]
-"""Raises an error that says why a program cannot be this robot's."""
+Fits = Callable[[Program], None]  # raises an error that says why a program cannot be this robot's
 
 _LARGEST = 8 * MOST_LETTERS  # bytes; letters may have four, and the newest step is kept however long it is
 

@@ -15,8 +15,7 @@ from simrob_drake.yaml_files import read_yaml
 
 _FOLDER = Path(__file__).parent / "lessons"
 _KINDS = "ended", "key", "moves", "pushed", "loop", "signal"
-Text = Annotated[dict[str, str], Field(min_length=1)]
-"""What is said, by language."""
+Text = Annotated[dict[str, str], Field(min_length=1)]  # what is said, by language
 
 
 class StepStart(NamedTuple):

@@ -15,10 +15,8 @@ from simrob_drake.programs.gaits.walker import Foot
 from simrob_drake.walking.height_map import CELL, HeightMap
 from simrob_drake.walking.height_map import Places as Shifts
 
-Places = Mapping[str, Vector]
-"""Of feet, by name: ahead, left [m] and turn [rad], in the frame of the way."""
-Height = Callable[[Vector], Vector]
-"""Gives that of the ground (m,) [m] at places ahead and to the left (m, 2) [m]."""
+Places = Mapping[str, Vector]  # of feet, by name: ahead, left [m] and turn [rad], in the frame of the way
+Height = Callable[[Vector], Vector]  # gives that of the ground (m,) [m] at places ahead and to the left (m, 2) [m]
 
 _ASIDE = 0.02  # m that a stride makes good, at most, of what the last ones went aside
 _EVEN = 0.015  # m that the ground under a ball of a foot is uneven at most

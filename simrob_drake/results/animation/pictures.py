@@ -42,8 +42,7 @@ from simrob_drake.results.record.run import RecordedRun, events_of
 from simrob_drake.stations.config import StationConfig
 
 Pixels = npt.NDArray[np.uint8]
-Frames: TypeAlias = int | Literal["events"]
-"""Of a strip: how many at even times, or one for each event."""
+Frames: TypeAlias = int | Literal["events"]  # of a strip: how many at even times, or one for each event
 
 _HEIGHT, _LOW, _FEW = 360, 240, 7  # pixels of a frame; of one of many, and how many are few
 _GAP = 6  # pixels between frames

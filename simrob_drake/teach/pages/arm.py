@@ -27,8 +27,7 @@ from simrob_drake.teach.pages.words import (
 )
 from simrob_drake.teach.session import Session
 
-_PIECES, _TOOLS = "pieces", "tools"
-"""What the forms of moves ask for that change what is in the arm's hand."""
+_PIECES, _TOOLS = "pieces", "tools"  # what the forms of moves ask for that change what is in the arm's hand
 _IN_ORDER = 2  # parts of the page that are used one after the other
 
 

@@ -13,8 +13,7 @@ from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
 _POSE = "base_pose"
-_BEFORE = 1.0
-"""Over how long the speed of a robot that sways is told [s]."""
+_BEFORE = 1.0  # over how long the speed of a robot that sways is told [s]
 _SIDEWAYS = (("chevron_left", "left", "KeyQ"), ("chevron_right", "right", "KeyE"))
 
 

@@ -12,8 +12,7 @@ from simrob_drake.teach.pages.words import Words, figure
 _DIGITS = 3  # behind the point
 _SLACK, _SAME = 0.5 * 10**-_DIGITS, 1e-6
 """How far beyond a limit a number may be shown, which stands for the limit then; and how far it is the same."""
-_DEBOUNCE = 600
-"""After the last key until a typed number counts, unless the user ends it with Enter [ms]."""
+_DEBOUNCE = 600  # after the last key until a typed number counts, unless the user ends it with Enter [ms]
 
 
 def step_of(unit: str) -> float:
@@ -212,8 +211,7 @@ def shortcuts() -> list[tuple[str, str]]:
     return [(props[KEYS], props.get("aria-label") or props.get("label", "")) for props in found]
 
 
-_PAUSE = 0.05
-"""From one look at the session to the next [s]."""
+_PAUSE = 0.05  # from one look at the session to the next [s]
 
 
 def follow(session: Any, update: Callable[[], object], *topics: str) -> None:

@@ -15,8 +15,7 @@ from simrob_drake.teach.pages.words import Phrases, Words
 from simrob_drake.teach.run import EndedRun
 from simrob_drake.teach.session import Session
 
-_PAUSE = 0.25
-"""From one picture to the next [s]: more often costs, and shows no more."""
+_PAUSE = 0.25  # from one picture to the next [s]: more often costs, and shows no more
 _POINTS = 120  # of a curve: more than that does not show in it
 POSE = 7  # numbers of a pose: of these the position is drawn
 _SAME = 1e-9  # s
@@ -25,8 +24,7 @@ _LINES: dict[str, Any] = {"-": "solid", "--": "dashed", "-.": [6, 3, 1, 3], ":":
 """Kinds of line as ECharts calls them."""
 AS_SHOWN = {"rad": ("°", 180 / pi), "rad/s": ("°/s", 180 / pi), "rad/s²": ("°/s²", 180 / pi)}
 """Units that are shown in others, and how many of these one is."""
-Row = tuple[float, Any]
-"""A time [s], and the value of a signal then."""
+Row = tuple[float, Any]  # a time [s], and the value of a signal then
 _FAINT = 1.0, 0.4  # of a run, and of one that is compared with it
 _FIRST = ("position", "torque")  # signals that are shown at first
 

@@ -25,10 +25,8 @@ _MOST_FOUND = 25  # fields that a search shows
 _MOST_SCOPES = 3
 _FEW = 6  # fields that a block shows unfolded
 _MOST_ENDINGS = 10
-_SHOWN = 0.25
-"""From one look at the values on the wires to the next [s]."""
-_PAUSE = 0.3
-"""From a change to the question what it does [s]: meanwhile others may come, and another tab."""
+_SHOWN = 0.25  # from one look at the values on the wires to the next [s]
+_PAUSE = 0.3  # from a change to the question what it does [s]: meanwhile others may come, and another tab
 _TAB = "station"
 _COLUMNS = "w-full grid gap-4 items-start grid-cols-[repeat(auto-fit,minmax(min(24rem,100%),1fr))]"
 

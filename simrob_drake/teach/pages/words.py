@@ -91,11 +91,9 @@ class Notice:
         return words("en")(f"notice.{self.key}", **self.fills) if self.key else str(self.fills.get("text", ""))
 
 
-Content = Mapping[str, Any]
-"""A move as a program's file has it, an axis as a description has it."""
+Content = Mapping[str, Any]  # a move as a program's file has it, an axis as a description has it
 
-Taught = Mapping[str, Mapping[str, Any]]
-"""Targets by name, as a session has them."""
+Taught = Mapping[str, Mapping[str, Any]]  # targets by name, as a session has them
 
 MINUS = "\N{MINUS SIGN}"
 _UNITS = {"deg": "°", "m": " m"}
