@@ -44,11 +44,7 @@ class Episode:
     """
 
     def __init__(self, config: StationConfig) -> None:
-        """Build the station.
-
-        Raises:
-            SimrobError: one that cannot be.
-        """
+        """Build the station; raises SimrobError: one that cannot be."""
         station = resolve(config)
         self._station, self._forces = station, dict(config.forces)
         name, self.section = next(iter(policies_of(config).items()))

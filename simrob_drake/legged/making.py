@@ -128,11 +128,7 @@ class _Making:
     """One robot's way from its tree to its walk."""
 
     def __init__(self, work: Path, robot: RobotModel, made: Made) -> None:
-        """Look at a robot that was written into a folder.
-
-        Raises:
-            SimrobError: it has no legs.
-        """
+        """Look at a robot that was written into a folder; raises SimrobError: it has no legs."""
         self._work, self._robot, self._made = work, robot, made
         clearance = at_home(robot)
         self._anatomy = anatomy_of(clearance, clearance.station.robots[ONLY_ROBOT])
@@ -140,11 +136,7 @@ class _Making:
         self._soles = list[str]()
 
     def run(self) -> None:
-        """Write all that can be, and try it.
-
-        Raises:
-            SimrobError: why not all could be.
-        """
+        """Write all that can be, and try it; raises SimrobError: why not all could be."""
         anatomy, made, name = self._anatomy, self._made, self._robot.name
         made.found += list(_described(anatomy))
         examples, count = EXAMPLES[min(len(anatomy.legs), 4)], len(anatomy.legs)

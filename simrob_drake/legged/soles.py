@@ -36,11 +36,7 @@ class FootSole:
 
 
 def soles_of(anatomy: Anatomy, stance: Stance) -> list[FootSole]:
-    """Return the soles of a robot's legs, from the outlines of its feet as it stands.
-
-    Raises:
-        SimrobError: a foot without a shape.
-    """
+    """Return the soles of a robot's legs, of the outlines of its feet; raises SimrobError: a foot without a shape."""
     put_upright(anatomy.clearance, anatomy.robot, stance.posture, stance.height)
     return [_sole(anatomy, limb, stance.height) for limb in anatomy.legs]
 

@@ -103,11 +103,7 @@ class Controller:
         return self._planner
 
     def frame(self, wobj: RecordValue | None) -> tuple[float, ...] | None:
-        """Return a work object's pose in the world, None for the world.
-
-        Raises:
-            LeftOut: one that a robot holds, or that another mechanical unit moves.
-        """
+        """Return a work object's pose in the world, None for the world; raises LeftOut: one that is held or moved."""
         frame = self._base
         if wobj is not None:
             if wobj["robhold"] or (wobj["ufmec"] and not wobj["ufprog"]):

@@ -91,11 +91,7 @@ def jogged_axes(arm: Arm, **how: Any) -> dict[str, float]:
 
 
 def inverse(arm: Arm, pose: Sequence[float], frame: str = BASE) -> dict[str, float]:
-    """Return the posture nearest to the arm's reference that brings its tool to a pose in a frame.
-
-    Raises:
-        Unreachable: tells why, and how near the best posture comes.
-    """
+    """Return the posture nearest to the arm's reference for a pose in a frame; raises Unreachable: why."""
     target = _frame(arm, frame) @ posed(pose, "pose")
     return _by_axis(arm, arm.joint(target, start=arm.reference))
 

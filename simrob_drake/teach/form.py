@@ -75,11 +75,7 @@ def as_text(value: Any) -> str:
 
 
 def as_value(field: Field, text: str) -> Any:
-    """Return what a text that was typed into a field stands for; what it says where it is empty is the default.
-
-    Raises:
-        InvalidConfig: it is no YAML.
-    """
+    """Return what a typed text stands for, of an empty one the default; raises InvalidConfig: it is no YAML."""
     if not text.strip():
         return field.default
     return text.strip() if field.kind in ("text", "choice") else parse_yaml(text, field.key)

@@ -71,10 +71,7 @@ def _subject(paths: Sequence[Path]) -> Path:
 
 
 def report_of(urdf: Path) -> str:
-    """Return what the import of a robot did, in lines; nothing if its file was not imported.
-
-    ``urdf`` is the file that the import has made.
-    """
+    """Return what the import that made a robot's file ``urdf`` did, in lines; nothing if it was not imported."""
     try:
         report = read_yaml(urdf.with_name(REPORT_FILE))  # JSON is YAML
     except SimrobError:

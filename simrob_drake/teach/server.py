@@ -163,11 +163,7 @@ def _serve_view(app: FastAPI, board: Board) -> None:
 
 
 def bound(port: int | None) -> socket.socket:
-    """Return a socket that is bound to a port of this computer alone.
-
-    Raises:
-        OutputError: the one asked for is taken.
-    """
+    """Return a socket bound to a port of this computer alone; raises OutputError: the one asked for is taken."""
     for one in [port] if port is not None else [*range(PORT, PORT + _PORTS), 0]:
         listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # one that was just left is free

@@ -249,11 +249,7 @@ class Store:
         return True
 
     def write(self, program: Program) -> bool:
-        """Write a program into the file; tell whether that was done, and not another editor's change lost by it.
-
-        Raises:
-            OutputError: the disk does not take it.
-        """
+        """Write a program into the file; tell whether no other editor's change was lost by it; raises OutputError."""
         if self._is_changed:
             return False
         text = program.text()
@@ -292,11 +288,7 @@ class Store:
         return self.file.exists() and _digest_of(self.file) != _digest(self._written)
 
     def load(self) -> History:
-        """Return what was saved, and as one more step what was changed by hand since.
-
-        Raises:
-            InvalidConfig: a damaged program.
-        """
+        """Return what was saved, and as one more step changes by hand; raises InvalidConfig: a damaged program."""
         before, steps = self._steps()
         if not self.file.exists():
             return steps or History(self._first)

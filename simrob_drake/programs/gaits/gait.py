@@ -70,11 +70,7 @@ class Gait(Strict):
         return found.changed(changes, amplitude, name)
 
     def changed(self, changes: Mapping[str, Any], amplitude: float, name: str) -> Self:
-        """Return it with other parameters, scaled by an amplitude.
-
-        Raises:
-            InvalidParameter, InvalidConfig: a parameter or an amplitude that cannot be.
-        """
+        """Return it with changes, scaled by an amplitude; raises InvalidParameter, InvalidConfig: what cannot be."""
         amplitude = number(amplitude, "amplitude")
         scaled = {key: amplitude * value for key in self.scaled if (value := getattr(self, key, 0.0))}
         return validated(type(self), {**self.model_dump(exclude_unset=True), **scaled, **changes}, f"gait {name}")

@@ -60,11 +60,7 @@ def load_gaits(robot: str | RobotModel) -> Any:
 
 
 def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
-    """Return a robot's gaits that go steps, or the others.
-
-    Raises:
-        InvalidParameter: the robot has none; InvalidConfig: a wrong entry of its file.
-    """
+    """Return a robot's gaits that go steps, or others; raises InvalidParameter: none; InvalidConfig: a wrong entry."""
     gaits = load_gaits(robot)
     return {name: gait for kind in KINDS if kind.steps == steps for name, gait in getattr(gaits, kind.section).items()}
 

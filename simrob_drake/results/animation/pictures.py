@@ -226,10 +226,7 @@ class Studio:
 
 
 class Still:
-    """A station before a camera, without a run: that goes beside a robot on legs.
-
-    Its pictures are (360, 480, 3).
-    """
+    """A station before a camera, without a run, in pictures (360, 480, 3): that goes beside a robot on legs."""
 
     def __init__(self, config: StationConfig) -> None:
         """Set the camera up; raises InvalidModel: a robot that cannot be built."""

@@ -126,11 +126,7 @@ class State:
         return cls(of_robots("position"), of_robots("velocity"), of_robots("reference"), joints, blocks)
 
     def check(self) -> None:
-        """Check that a run can begin here.
-
-        Raises:
-            InvalidParameter: something that is no number, as after a run in which a block failed.
-        """
+        """Check that a run can begin here; raises InvalidParameter: what is no number, as after a block failed."""
         vectors = [(f"{key} of {name}", values) for key in _OF_ROBOTS for name, values in self._entries(key, object)]
         for name, joint in self._entries("joints", JointState):
             vectors += [(name, joint.position), (name, joint.velocity)]

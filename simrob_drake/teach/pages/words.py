@@ -50,11 +50,7 @@ def languages() -> list[str]:
 
 
 def words(language: str) -> Words:
-    """Return the words of a language.
-
-    Raises:
-        UnknownName: there is no such language.
-    """
+    """Return the words of a language; raises UnknownName: there is no such language."""
     return Words(texts_of(one_of("language", language, languages())), _sentences_of(language))
 
 
