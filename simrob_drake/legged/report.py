@@ -51,12 +51,9 @@ class Attempt:
 
 
 def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
-    """Return what becomes of a trial of a station whose only loop, of all but the first trial, is ``walk``.
+    """Return what becomes of one of :data:`TRIALS` of a station.
 
-    Args:
-        station: whose.
-        trial: one of :data:`TRIALS`.
-        speed: of the walk [m/s].
+    Its only loop, in all but the first trial, is ``walk``, at a speed [m/s].
     """
     asked = {TRIALS[0]: 0.0, TRIALS[3]: speed}.get(trial, _CREEP)
     overrides: dict[str, Any] = {"duration": _STARTS + _SECONDS}

@@ -96,13 +96,8 @@ def walk_of(
 ) -> dict[str, Any]:
     """Return the section ``reacting`` of a robot's ``gaits.yaml``, scaled from a model's.
 
-    Args:
-        build: of the robot.
-        model: whose walk is taken.
-        height: of its root as it stands [m].
-        groups: the names of its feet that stand together.
-        posture: in which it stands, by axis [deg].
-        quick: let a larger robot take lower steps more often, and answer as quickly as the smaller one.
+    The robot stands in a ``posture`` by axis [deg], its root at a ``height`` [m], on feet of which ``groups`` stand
+    together. ``quick`` lets a larger robot take lower steps more often, and answer as quickly as the smaller one.
     """
     known = WalkingParameters(**gaits_file(load_robot(model.name)).section(REACTING)).model_dump(mode="json")
     length, time = build.height / model.build.height, build.time / model.build.time
@@ -134,13 +129,10 @@ def walk_of(
 
 
 def kick_of(build: Build, walk: Mapping[str, Any], inward: float, part: float = 1.0) -> dict[str, Any]:
-    """Return a kick of a robot's ``gaits.yaml``, scaled from that of the first robot that is known.
+    """Return a kick of a robot's ``gaits.yaml``, scaled from that of the first robot known, beside its ``walk``.
 
-    Args:
-        build: of the robot.
-        walk: its section ``reacting``.
-        inward: how far the weight stays inside of the standing foot's middle, as a part of what it does in the walk.
-        part: of the swing and its height.
+    The weight stays ``inward`` of the standing foot's middle, as a part of what it does in the walk; ``part`` is that
+    of the swing and its height.
     """
     model = EXAMPLES[2][0]
     known = Kick(**gaits_file(load_robot(model.name)).section(Kick.section)[Kick.usual])

@@ -117,12 +117,10 @@ class BlockMeaning:
 
 
 def block_meaning(block: str, content: Mapping[str, Any], signals: Sequence[str]) -> BlockMeaning:
-    """Return what a block stands for.
+    """Return what a block of the picture stands for, by its key: ``joint_1.pd``, ``sensor.touch``, ``output torque``.
 
-    Args:
-        block: its key in the picture, such as ``joint_1.pd``, ``sensor.touch`` or ``output torque``.
-        content: of the station's file, as :func:`simrob_drake.stations.load.station_content` gives it.
-        signals: names of the station's outputs.
+    ``content`` is that of the station's file, see :func:`simrob_drake.stations.load.station_content`; ``signals`` are
+    its outputs.
     """
     if block.startswith(FOLDED):  # it stands for more than the axis of the one in its name
         one = block_meaning(block.removeprefix(FOLDED), content, signals)

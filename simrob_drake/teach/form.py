@@ -45,12 +45,7 @@ class Field:
 
 
 def form_fields(schema: Node, content: Mapping[str, Any]) -> list[Field]:
-    """Return the fields of a station.
-
-    Args:
-        schema: of station files, :func:`simrob_drake.stations.schema.station_schema`.
-        content: of the station's file, as :func:`simrob_drake.stations.load.station_content` gives it.
-    """
+    """Return the fields of a station, of the schema of station files and the content of its own."""
     walk = _Walk(schema)
     keys = [key for key in schema["properties"] if key != "robot"]
     if "robot" in content:

@@ -44,12 +44,10 @@ class Jogging:
     def jog_tool(
         self, delta: Sequence[float], frame: str = "base", *, start: Sequence[float] | None = None
     ) -> Future[Any]:
-        """Move the tool by [x y z Rz Ry Rx], m and degrees, along ``base``, ``tool``, ``world`` or a work object.
+        """Move the tool by [x y z Rz Ry Rx], m and degrees, along the axes of a frame, about its own point.
 
-        Args:
-            delta: by how much.
-            frame: of the directions; the tool turns about its own point.
-            start: the pose in the base that ``delta`` counts from [m, deg]; where the tool is unless given.
+        The frame is ``base``, ``tool``, ``world`` or a work object; the move counts from ``start``, a pose in the base,
+        or where the tool is.
         """
         by: dict[str, Any] = {"delta": plain(delta), "frame": frame, "start": plain(start)}
         return self._runner.when_idle(lambda: self._client.ask("jogged_axes", self._runner.jog, **by))
@@ -64,11 +62,9 @@ class Jogging:
         return self._runner.when_idle(lambda: self._runner.run_free([self._book.checked({ToolMove.key: name})]))
 
     def teach_target(self, name: str | None = None, frame: str = "world") -> Future[Any]:
-        """Keep where the arm is in ``targets``, with its pose in a frame; the future gives the name.
+        """Keep where the arm is in ``targets``, by a name or as ``p1`` ...; the future gives that.
 
-        Args:
-            name: what it is called; ``p1``, ``p2``, ... unless given.
-            frame: ``world``, or a work object that lines to it go with.
+        Its pose is in a frame: ``world``, or a work object that lines to it go with.
         """
 
         def keep(place: dict[str, Any]) -> str:
@@ -110,16 +106,10 @@ class Jogging:
         return True
 
     def add_line(self, kind: str, target: str, *, index: int | None = None, via: str | None = None, **how: Any) -> bool:
-        """Store a line that goes to a taught target, with ``speed``, ``duration``, ``zone`` and so on of a program.
+        """Store a line, a kind of move of arms, that goes to a taught target, before the line ``index`` or at the end.
 
-        A line that changes the tool is put before it where the program has another one there.
-
-        Args:
-            kind: the key of a kind of move of arms.
-            target: its name.
-            index: before which line; at the end unless given.
-            via: another target, on the arc of a ``move_c``.
-            how: further keys of the line.
+        A line that changes the tool is put before it where the program has another one there. ``via`` is another
+        target, on the arc of a ``move_c``; ``how`` are further keys: ``speed``, ``duration``, ``zone`` ...
         """
 
         def lengthened(program: Program) -> Program:

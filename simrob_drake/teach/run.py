@@ -310,15 +310,10 @@ def shortfall(
     torque: float = 0.0,
     limit: float = inf,
 ) -> Shortfall:
-    """Return how far an axis is from where it should be, and why.
+    """Return how far an axis, as a description has it, is from where it should be, and why.
 
-    Args:
-        axis: its ``unit``, ``deg`` or ``m``, and its limits ``low`` and ``high``, as a description has them.
-        asked: where it should be [deg or m].
-        done: where it is [deg or m].
-        speed: how fast it moves [deg/s or m/s].
-        torque: of its drive [N·m or N].
-        limit: of that.
+    What was asked and done are in [deg or m], ``speed`` by the second; the drive's ``torque`` and its ``limit`` in [N·m
+    or N].
     """
     unit, off = axis["unit"], done - asked
     level = level_of(off, unit)

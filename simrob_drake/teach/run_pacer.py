@@ -113,13 +113,9 @@ class RunPacer:
         self._origin()
 
     def begin(self, line: Timeline, *, until: float = 0.0, stops: bool = False, one: bool = False) -> None:
-        """Prepare for a run along a timeline.
+        """Prepare for a run along a timeline, of which all ``until`` a time [s] was shown before.
 
-        Args:
-            line: the timeline.
-            until: up to when all was run and shown before [s].
-            stops: whether the run ends there.
-            one: whether it pauses at the first tick that was not shown before.
+        It ends there if it ``stops``; with ``one`` it pauses at the first tick that was not shown before.
         """
         self.line, line.tell = line, self.at_tick
         self.until, self._stops_there = until, stops

@@ -148,9 +148,7 @@ class History:
     def record(self, taught: Taught, label: str = "") -> None:
         """Take a step, if something is new; what was undone before is forgotten.
 
-        Args:
-            taught: what is taught from now on.
-            label: of a step that goes on with the last one if that had the same, as a slider that is still moved.
+        A step with a ``label`` goes on with the last one if that had the same, as a slider that is still moved.
         """
         if taught == self.present:
             return
@@ -337,10 +335,8 @@ class Store:
 def opened(first: Store, folder: Path, fits: Fits) -> tuple[Store, History, Notice | None]:
     """Return where a program lies, what is taught in it, and what is to be told of that.
 
-    Args:
-        first: the file asked for.
-        folder: where another one is begun in its place, or was the last time.
-        fits: tells whether a program can be this robot's.
+    ``first`` is the file asked for, ``folder`` where another one is begun in its place, or was the last time; ``fits``
+    tells whether a program can be this robot's.
     """
     try:
         history = first.load()

@@ -217,15 +217,7 @@ class State:
 
     @classmethod
     def from_json(cls, text: str, where: Path | str = "state") -> "State":
-        """Return the state that :meth:`to_json` wrote.
-
-        Args:
-            text: the state.
-            where: it stands, for errors.
-
-        Raises:
-            InvalidConfig: the text holds no state.
-        """
+        """Return the state that :meth:`to_json` wrote; raises InvalidConfig, called ``where``: it holds no state."""
         kept = validated(_Kept, parse_json(text, where), where)
         return cls(
             _arrays(kept.positions),

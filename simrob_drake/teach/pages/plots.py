@@ -71,13 +71,9 @@ def _called(t: Words, run: EndedRun) -> str:
 
 
 def scope(session: Session, t: Words, signal: str, *, only: str | Collection[str] = ()) -> ui.element:
-    """Build the plot of one signal; it is watched until what is returned is deleted.
+    """Build the plot of a signal of ``session.description``; it is watched until what is returned is deleted.
 
-    Args:
-        session: whose run.
-        t: the words.
-        signal: its name, of ``session.description["signals"]``.
-        only: the columns to begin with, or their axes; some of them where none is of these.
+    It begins with ``only`` these columns or their axes, with some where none is of these.
     """
     element = _Scope(session, t, signal, only).element
     watch(session, [signal], element)
