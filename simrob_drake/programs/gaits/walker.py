@@ -69,16 +69,9 @@ def facing_rotation(facing_deg: float) -> Vector:
 
 
 def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> list[Foot]:
-    """Return the feet of a robot.
+    """Return the feet of a kind, of the default one unless given, of a robot that looks as in :func:`facing_rotation`.
 
-    Args:
-        skeleton: of the robot.
-        facing_deg: as in :func:`facing_rotation`.
-        kind: of its feet; the default one unless given.
-
-    Raises:
-        InvalidParameter: a robot without feet.
-        UnknownName: no such kind.
+    Raises InvalidParameter: a robot without feet; UnknownName: no such kind.
     """
     model = skeleton.model
     if model.feet is None:

@@ -86,13 +86,9 @@ class State:
 
     @classmethod
     def of(cls, diagram: Diagram, ports: Site, context: Context, *, tolerant: bool = False) -> "State":
-        """Return the state of a closed station.
+        """Return the state of a closed station, of a context of the diagram that holds it.
 
-        Args:
-            diagram: that holds the station.
-            ports: the station's.
-            context: of the diagram, at the moment wanted.
-            tolerant: what cannot be evaluated is no number, as after a run in which a block failed.
+        What cannot be evaluated is no number if ``tolerant``, as after a run in which a block failed.
         """
 
         def of_robots(signal: str) -> dict[str, Vector]:
