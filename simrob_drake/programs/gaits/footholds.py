@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -32,16 +31,6 @@ class FootGoals:
     over: float  # the highest ground on the way [m]
 
 
-class Footholds(Protocol):
-    """Chooses where feet go."""
-
-    def height(self, place: Vector) -> float:
-        """Return the height of the ground at a place of a foot, (3,) [m]; raises InvalidParameter: it is not level."""
-
-    def next(self, places: Places) -> FootGoals | None:
-        """Return the next stride; None at the goal; raises InvalidParameter: no foothold, and the goal is farther."""
-
-
 class SoleFootholds:
     """Of two soles, which stand side by side on one tread."""
 
@@ -55,14 +44,14 @@ class SoleFootholds:
         self._ground = profile_ahead(height, distance, np.array(across))
 
     def height(self, place: Vector) -> float:
-        """Return that of the tread."""
+        """Return that of the tread at a place of a foot, (3,) [m]; raises InvalidParameter: the ground is not level."""
         tread = self._ground.tread(place[0])
         if tread is None:
             raise InvalidParameter("place of a foot", f"{place[0]:.2f} m ahead", "on level ground")
         return tread.height
 
     def next(self, places: Places) -> FootGoals | None:
-        """Return a stride that brings both soles to one place along the way."""
+        """Return both soles' stride to a place; None at the goal; raises InvalidParameter: it lies beyond treads."""
         place = max(float(each[0]) for each in places.values())
         sole = SoleMargins(self._half, self._gait.margin, self._gait.overhang)
         stride = self._ground.next_stride(place, sole, self._gait.stride, self._distance)
@@ -87,11 +76,11 @@ class BallFootholds:
         self._homes = {name: foot.home[:2] - middle + [0, foot.side * gait.widen] for name, foot in feet.items()}
 
     def height(self, place: Vector) -> float:
-        """Return that of the ground beneath."""
+        """Return that of the ground beneath a place of a foot, (3,) [m]."""
         return float(self._height(place[np.newaxis, :2])[0])
 
     def next(self, places: Places) -> FootGoals | None:
-        """Return a stride that brings the middle of the feet ahead."""
+        """Return the stride of the feet's middle; None at the goal; raises InvalidParameter: no foothold before it."""
         middle = np.mean([place[:2] for place in places.values()], axis=0)
         if middle[0] > self._distance - AT_ONCE:
             return None
@@ -119,6 +108,9 @@ class BallFootholds:
         if not holds(np.array([shift])).all():
             raise _ends(self._distance, float(now[0]), f"even place for {name} within {rise:g} m of height (rise)")
         return np.array([wish[0] + shift.real, wish[1] + shift.imag, 0.0])
+
+
+Footholds = SoleFootholds | BallFootholds  # chooses where feet go
 
 
 def _kept_aside(aside: float) -> float:
