@@ -1,7 +1,5 @@
 """The limbs of a robot on legs, by geometry: which chains are legs, left and right, where it looks, knees, signs."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """From a robot's tree to a robot that walks: a folder with its description, its gait, its stations and a report."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product

@@ -1,7 +1,5 @@
 """What a robot on legs is tried at, and the report: what was found and assumed, what it can do, and what to tune."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

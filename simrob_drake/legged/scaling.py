@@ -4,8 +4,6 @@ Two pendulums of heights :math:`h` and :math:`h_0` move alike where lengths go w
 :math:`\sqrt s` and forces with the weight. So :math:`k_p \propto m g h` and :math:`k_d \propto k_p \sqrt{h / g}`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt

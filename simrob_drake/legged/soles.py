@@ -1,7 +1,5 @@
 """What a robot stands on: contact spheres made from the shapes of its feet, in frames that are upright as it stands."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path

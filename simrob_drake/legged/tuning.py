@@ -1,7 +1,5 @@
 """Better figures for a first walk, by a study like any other, and the proof of what it finds."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping
 from math import ceil

@@ -1,7 +1,5 @@
 """A walk that is driven by hand: by one tab at a time, which others may stop."""
 
-from __future__ import annotations
-
 from concurrent.futures import Future
 from typing import Any
 

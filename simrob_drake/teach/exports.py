@@ -1,7 +1,5 @@
 """What is taken away of what was taught and run: files in the folder of the program."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A hand in the view: it puts tool, limbs, pieces and targets elsewhere, and turns joints by their links."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from math import radians
 from typing import Any

@@ -1,7 +1,5 @@
 """An arm at hand: jogged by its axes or its tool, taught where it is to go, and in which of its postures."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from typing import Any

@@ -3,8 +3,6 @@
 One thing is run at a time. What is asked for while something runs is done when that has ended; of several the last.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
 from functools import partial

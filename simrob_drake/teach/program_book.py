@@ -1,7 +1,5 @@
 """What is taught, kept: in steps for undo and redo, and in its file at every change."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The client of the run in a process of its own, and those who listen to it. Nothing here waits."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future

@@ -3,8 +3,6 @@
 What is asked for and told goes through a pipe to the pendant's process, as plain data.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from time import perf_counter

@@ -1,7 +1,5 @@
 """What a page can do: teach a program, run it, change it while it runs, and take it away. It knows no page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack

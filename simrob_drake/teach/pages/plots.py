@@ -1,7 +1,5 @@
 """Live plots: the last values of a run's signals as curves, in degrees where they are angles."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping, Reversible, Sequence
 from itertools import takewhile
 from math import pi

@@ -1,7 +1,5 @@
 """The station's page: its blocks and their signals, what may end a run, a form for every key, what a check finds."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 from collections.abc import Callable, Mapping, Sequence
