@@ -99,16 +99,12 @@ class Timeline:
             for it. True ends what runs.
     """
 
-    def __init__(
-        self,
-        grid: float | None = None,
-        changes: Sequence[Change] = (),
-        tell: Callable[[float, Moment], bool] = lambda time, moment: False,
-    ) -> None:
+    def __init__(self, grid: float | None = None, changes: Sequence[Change] = ()) -> None:
         """Begin a timeline; changes without a grid are made on the usual one."""
         self.grid = GRID if grid is None and changes else grid
         self.changes = sorted(changes, key=lambda change: change.time)
-        self.now, self.tell = 0.0, tell
+        self.now = 0.0
+        self.tell: Callable[[float, Moment], bool] = lambda time, moment: False
 
     def steps(self, time: float) -> int:
         """Return the number of the moment of the grid that is nearest to a time [s]."""
