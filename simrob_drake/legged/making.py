@@ -33,8 +33,8 @@ from simrob_drake.legged.scaling import (
 from simrob_drake.legged.soles import FootSole, feet_section, soles_of, write_soles
 from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.climb import Climb
-from simrob_drake.programs.gaits.gait import Gait
 from simrob_drake.programs.gaits.legs import ROWS
+from simrob_drake.programs.gaits.motion import Gait
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE
 from simrob_drake.stations.draft import at_home, draft_station

@@ -20,9 +20,8 @@ from simrob_drake.programs.moves.grip import FingerMove, GripMove
 from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import Move, move_name, naming
 from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
-from simrob_drake.programs.moves.move_c import MoveC
 from simrob_drake.programs.moves.move_j import MoveJ
-from simrob_drake.programs.moves.move_l import MoveL
+from simrob_drake.programs.moves.move_l import MoveC, MoveL
 from simrob_drake.programs.moves.release import ReleaseMove
 from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.moves.wait import WaitMove

@@ -15,11 +15,10 @@ from simrob_drake.programs.moves.move import MOVE_TIME
 from simrob_drake.programs.stages import step_moves
 from simrob_drake.programs.timeline import GRID, Change
 from simrob_drake.sections import validated
-from simrob_drake.teach.driving import Driving
 from simrob_drake.teach.earlier_runs import EarlierRuns
 from simrob_drake.teach.exports import Exports
 from simrob_drake.teach.hand import Hand
-from simrob_drake.teach.jogging import Jogging
+from simrob_drake.teach.jogging import Driving, Jogging
 from simrob_drake.teach.move_runner import MoveRunner
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.program_book import ProgramBook

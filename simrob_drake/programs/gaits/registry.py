@@ -13,7 +13,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.biped import BipedWalk, Kick
 from simrob_drake.programs.gaits.climb import Climb
-from simrob_drake.programs.gaits.gait import Gait
+from simrob_drake.programs.gaits.motion import Gait
 from simrob_drake.programs.gaits.quadruped import Crawl, Stand, Trot
 from simrob_drake.programs.gaits.sequences import March, Posing
 from simrob_drake.robots.catalog import RobotModel

@@ -14,9 +14,8 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
-from simrob_drake.programs.gaits.gait import SolvedGait
 from simrob_drake.programs.gaits.legs import leg_angles
-from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.motion import JointMotion, SolvedGait
 from simrob_drake.programs.gaits.phases import SAMPLE, GaitPlan
 from simrob_drake.programs.gaits.walker import UP, Walker, facing_rotation, mirrored, rolled, rotations_about, upright
 from simrob_drake.programs.gaits.zmp import com_from_zmp, whole_body_zmp

@@ -10,8 +10,7 @@ from pydantic import ConfigDict
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.biped import SIDES
-from simrob_drake.programs.gaits.climb import Climb
-from simrob_drake.programs.gaits.footholds import BallFootholds, Footholds, Places, SoleFootholds
+from simrob_drake.programs.gaits.climb import BallFootholds, Climb, Footholds, Places, SoleFootholds
 from simrob_drake.programs.gaits.walker import UP, Foot, Walker, rotations_about
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait

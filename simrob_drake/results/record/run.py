@@ -237,7 +237,7 @@ def begins_of(*runs: RecordedRun) -> Vector:
 
 def fallen(result: RecordedRun) -> str | None:
     """Return the robot whose fall ended a run, as its monitor saw; None if none did."""
-    from simrob_drake.parts.monitors.places import Fall  # as all kinds, where one is named
+    from simrob_drake.parts.monitors.sections import Fall  # as all kinds, where one is named
 
     monitor = result.config.monitors.get(result.stopped_by or "")
     return monitor.faller(result.config.only_robot) if isinstance(monitor, Fall) else None
