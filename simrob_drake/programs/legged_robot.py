@@ -11,10 +11,10 @@ from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.get_up import GetUpMove
-from simrob_drake.programs.moves.go import GO_TIME
 from simrob_drake.programs.moves.joints import move_of, targets_on
 from simrob_drake.programs.moves.kinds import ActMove, AttachMove, GoMove, JointMove, ReleaseMove, WalkMove, move_from
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, Stage, checked
+from simrob_drake.programs.moves.walk import GO_TIME
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.stages import Snapshot, check_program, joint_reference, leg_moves, stages_of, step_moves
 from simrob_drake.programs.stages import stages_of_program as program_stages

@@ -10,7 +10,7 @@ from simrob_drake.parts.site import StationRobot
 from simrob_drake.parts.targets import frame_names
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.gaits.registry import gaits_of
-from simrob_drake.programs.moves.go import GoMove
+from simrob_drake.programs.moves.walk import GoMove
 from simrob_drake.programs.stages import SEQUENCE
 from simrob_drake.results.block_diagram.graph import FOLDED
 from simrob_drake.robots.catalog import RobotModel
