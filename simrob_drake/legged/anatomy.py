@@ -140,8 +140,7 @@ class Anatomy:
 def anatomy_of(clearance: Clearance, robot: StationRobot) -> Anatomy:
     """Return the limbs of a robot with a free base.
 
-    Raises:
-        SimrobError: it has no legs, or such as nothing here walks on; it says which were found.
+    Raises SimrobError: it has no legs, or such as nothing here walks on; it says which were found.
     """
     legs = _legs(clearance, robot)
     put_upright(clearance, robot, straight(robot))
@@ -277,8 +276,7 @@ def _bends(clearance: Clearance, robot: StationRobot, limb: NamedLeg, facing: fl
 def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facing: float) -> Iterator[NamedLeg]:
     """Yield the legs with their names, right before left, front before rear.
 
-    Raises:
-        SimrobError: they are unlike, or slide; _Unpaired: they are not in pairs by mirror symmetry.
+    Raises SimrobError: they are unlike, or slide; _Unpaired: they are not in pairs by mirror symmetry.
     """
     turn = RotationMatrix.MakeZRotation(-facing)
     put_upright(clearance, robot, straight(robot))

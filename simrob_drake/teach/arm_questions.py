@@ -97,8 +97,7 @@ def retaught(
 ) -> dict[str, dict[str, float] | list[float]]:
     """Return the axes near others, and the pose in a frame, of a target whose tool is put to a pose in the world.
 
-    Raises:
-        Unreachable: tells why, and how near the best posture comes.
+    Raises Unreachable: tells why, and how near the best posture comes.
     """
     arm, goal = _using(arm, tool), posed(pose, "pose")
     start = np.array([axes[axis] for axis in arm.axes]) * arm.cell.robot(arm.name).model.user_units

@@ -106,8 +106,7 @@ class Exports:
 def _pack(file: Path, config: StationConfig, script: Callable[[Path], str]) -> None:
     """Write a ZIP of a script, the station that it runs, and copies of what that names; ``script`` gives its text.
 
-    Raises:
-        OutputError: the disk does not take it.
+    Raises OutputError: the disk does not take it.
     """
     with writing(file), TemporaryDirectory(dir=file.parent) as place:
         folder = Path(place)

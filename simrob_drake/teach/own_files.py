@@ -22,11 +22,9 @@ _ORDER = (*YAML_SUFFIXES, *ROBOT_SUFFIXES)  # a station or a program names its r
 def keep(files: Mapping[str, bytes], folder: Path) -> Path:
     """Keep files in a folder of what is taught, those of a ZIP archive unpacked; return the one to be opened.
 
-    That is a program or a station, else the robot that lies highest. The same files are kept once.
-
-    Raises:
-        InvalidParameter: nothing among them can be opened, an archive is damaged, or all are too large.
-        OutputError: the folder cannot be written.
+    That is a program or a station, else the robot that lies highest. The same files are kept once. Raises
+    InvalidParameter: nothing among them can be opened, an archive is damaged, or all are too large; OutputError: the
+    folder cannot be written.
     """
     found = {path: content for name, content in files.items() for path, content in _unpacked(name, content).items()}
     if sum(map(len, found.values())) > MOST:

@@ -181,8 +181,7 @@ def bound(port: int | None) -> socket.socket:
 def leading_to(address: str, folder: Path) -> Iterator[str]:
     """Give the address of a file that leads to another address, and that nobody else can read; in the end it is gone.
 
-    Raises:
-        OutputError: the folder cannot be written.
+    Raises OutputError: the folder cannot be written.
     """
     with writing(folder):
         handle, name = tempfile.mkstemp(prefix="open-", suffix=".html", dir=folder)  # 0600

@@ -258,8 +258,7 @@ class Store:
     def make(self, file: Path, text: str) -> None:
         """Write a file that is made of what is taught; one that is not as it was made is put aside.
 
-        Raises:
-            OutputError: the disk does not take it.
+        Raises OutputError: the disk does not take it.
         """
         digest = _digest(text)
         if file.exists() and _digest_of(file) not in (digest, self._made.get(file.name)):

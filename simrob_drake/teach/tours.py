@@ -115,8 +115,7 @@ class Tour(Strict):
 def tours(folder: Path | None = None) -> list[Tour]:
     """Return the lessons of the package, and behind them those of a folder, each in the order of their files' names.
 
-    Raises:
-        InvalidConfig: a damaged file; names it, the key, and what would be right.
+    Raises InvalidConfig: a damaged file; names it, the key, and what would be right.
     """
     if folder is not None and not folder.is_dir():
         raise InvalidConfig(folder, "", "there is no such folder of lessons")

@@ -48,8 +48,7 @@ class WholeBody:
     def solve(self, rounds: int = ROUNDS) -> tuple[JointMotion, Vector]:
         """Return the motion, and its zero-moment point without slip, shape (m, 2) [m].
 
-        Raises:
-            OutOfReach: a leg cannot reach where its foot is to be.
+        Raises OutOfReach: a leg cannot reach where its foot is to be.
         """
         count = len(self.plan.times)
         angles, height, factor, lean_height = self._start()

@@ -1,4 +1,4 @@
-"""Walks: steps by a gait that is planned before it begins (SimRob's Marcha), postures in a row, or steps by a command."""
+"""Walks: steps by a gait that is planned before it begins (SimRob's Marcha), postures in a row; or by a command."""
 
 import math
 from abc import abstractmethod
