@@ -29,13 +29,9 @@ _ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition
 
 @dataclass(frozen=True)
 class Moment:
-    """A station in the middle of a run; it is not to be kept.
+    """A station in the middle of a run; it is not to be kept."""
 
-    Attributes:
-        time: since the run began [s].
-    """
-
-    time: float
+    time: float  # since the run began [s]
     _built: ClosedStation
     _context: Context
 

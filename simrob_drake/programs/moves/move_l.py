@@ -49,8 +49,7 @@ def plan_move_l(
 
     Raises:
         Unreachable, BrokenPath: names the point, why, and how near the best posture comes.
-        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
-            point.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first bad point.
     """
     inverse, points = planning.inverse(solver), points_of(how, POINTS)
     poses = planning.poses(targets, wobj)
@@ -101,8 +100,7 @@ def plan_move_c(
     Raises:
         InvalidParameter: points that lie on one line, or another number of them than of targets.
         Unreachable, BrokenPath: names the point, why, and how near the best posture comes.
-        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
-            point.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first bad point.
     """
     inverse, points = planning.inverse(solver), points_of(how, ARC_POINTS)
     middles = places(via, planning.frame(wobj), "via")
