@@ -23,7 +23,7 @@ from simrob_drake.files import models_root
 from simrob_drake.programs.whole_program import run_whole
 from simrob_drake.results.animation.camera import side, walked_way
 from simrob_drake.results.animation.pictures import Studio, captions, side_by_side
-from simrob_drake.results.whole import joined
+from simrob_drake.results.result import joined
 from simrob_drake.robots.catalog import robot_names
 
 DOCS = Path(__file__).parent

@@ -9,8 +9,8 @@ import numpy as np
 from simrob_drake import SimulationResult, simulate
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import skeleton_of
-from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, three_legs
+from simrob_drake.programs.gaits.walker import feet_of
 from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure
 from simrob_drake.results.record.walks import locomotion

@@ -74,11 +74,7 @@ def instance(value: object, name: str, kind: type[Kind] | tuple[type[Kind], ...]
 
 
 def as_path(value: object, name: str) -> Path:
-    """Return a path.
-
-    Raises:
-        InvalidParameter: something else, or a text that no file system takes.
-    """
+    """Return a path; raises InvalidParameter: something else, or a text that no file system takes."""
     if not isinstance(value, (str, Path)):
         raise InvalidParameter(name, quoted(value), "a path")
     found = Path(value)

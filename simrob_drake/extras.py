@@ -27,11 +27,7 @@ def lacking(what: str, extra: str) -> str:
 
 
 def require(what: str, package: str, extra: str) -> None:
-    """Check that a package of an extra is there, without importing it.
-
-    Raises:
-        SimrobError: it is not.
-    """
+    """Check that a package of an extra is there, without importing it; raises SimrobError: it is not."""
     if find_spec(package) is None:
         raise SimrobError(lacking(what, extra))
 

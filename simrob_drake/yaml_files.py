@@ -52,11 +52,7 @@ _Loader.add_implicit_resolver(
 
 
 def read_yaml(path: Path | str) -> dict[str, Any]:
-    """Return the mapping that a YAML file holds.
-
-    Raises:
-        InvalidConfig: the file cannot be read, is not YAML, or holds no mapping.
-    """
+    """Return the mapping in a YAML file; raises InvalidConfig: it cannot be read, is not YAML, or holds none."""
     try:
         text = text_of(path)
     except NotRead as problem:

@@ -19,13 +19,9 @@ class CommandBus(SampledBlock):
     """
 
     def __init__(self, *, period: float, delay: int, resolution: Vector, with_velocity: bool) -> None:
-        """Make the bus of n servos.
+        """Make the bus of n servos: sampled each ``period`` [s], late by ``delay`` samples, with or without velocities.
 
-        Args:
-            period: T [s].
-            delay: d, by how many samples commands are late.
-            resolution: r of each, shape (n,) [rad or m]; 0 for none.
-            with_velocity: whether it brings velocities, too.
+        The ``resolution`` is r of each, shape (n,) [rad or m]; 0 for none.
         """
         names = ("reference", "reference_velocity") if with_velocity else ("reference",)
         sizes = dict.fromkeys(names, len(resolution))

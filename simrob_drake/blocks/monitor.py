@@ -137,10 +137,7 @@ class EventTimes(Block):
 
 
 class SteadySteps(Block):
-    """Make a simulation take steps of at most a given length, where nothing else would.
-
-    The block has no ports.
-    """
+    """Make a simulation take steps of at most a given length, where nothing else would; the block has no ports."""
 
     def __init__(self, period: float) -> None:
         """Make the block for steps of ``period`` [s].

@@ -68,8 +68,7 @@ def pushes(
         simrob pushes zjudancer_dynamic --set gait.name=walk --vary load --vary slope
     """
     from simrob_drake.tuning.burdens import Burdens
-    from simrob_drake.tuning.push_map import PushMap
-    from simrob_drake.tuning.walking_folder import WalkingFolder
+    from simrob_drake.tuning.walking_folder import PushMap, WalkingFolder
 
     of_pushes: dict[str, Any] = {"directions": directions, "phases": phases, "period": period, "start": start}
     of_pushes |= {"duration": duration, "after": after, "first": from_, "force": newtons}

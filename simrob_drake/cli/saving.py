@@ -24,8 +24,7 @@ from simrob_drake.stations.config import StationConfig
 if TYPE_CHECKING:
     from simrob_drake.programs.arm import Workcell
 
-Frames = int | Literal["events"] | None
-"""Of a film strip: how many, or one for each event."""
+Frames = int | Literal["events"] | None  # of a film strip: how many, or one for each event
 
 
 def prepared_folder(config: StationConfig, saving: Saving) -> Path:

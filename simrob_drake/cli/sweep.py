@@ -19,8 +19,8 @@ from simrob_drake.results.files import default_folder
 from simrob_drake.stations.located import located_changes
 
 if TYPE_CHECKING:
+    from simrob_drake.tuning.journal import Row
     from simrob_drake.tuning.sweep_folder import SweepFolder
-    from simrob_drake.tuning.trial import Row
 
 
 @with_mesh_path

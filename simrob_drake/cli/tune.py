@@ -16,8 +16,8 @@ from simrob_drake.errors import one_of
 from simrob_drake.results.files import default_folder
 
 if TYPE_CHECKING:
+    from simrob_drake.tuning.journal import Row
     from simrob_drake.tuning.study_folder import StudyFolder
-    from simrob_drake.tuning.trial import Row
 
 
 @with_mesh_path

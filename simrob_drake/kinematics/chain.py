@@ -259,11 +259,7 @@ class Chain(Screws):
         return spans + float(np.maximum(np.abs(self.lower[prismatic]), np.abs(self.upper[prismatic])).sum())
 
     def axis_index(self, name: str) -> int:
-        """Return the place of an axis.
-
-        Raises:
-            UnknownName: no such axis.
-        """
+        """Return the place of an axis; raises UnknownName: no such axis."""
         return self.names.index(one_of("axis", name, self.names))
 
     @cached_property

@@ -97,12 +97,9 @@ class Solutions:
         return int(np.argmin(self.reached))
 
     def unreachable(self, row: int, target: str, *, index: int | None = None) -> Unreachable:
-        """Return the error that says why a target is not reached.
+        """Return the error that says why the target of a row is not reached.
 
-        Args:
-            row: of the target, in this batch.
-            target: what the user calls it.
-            index: its number among the user's targets, if that is not ``row``.
+        ``target`` is what the user calls it, ``index`` its number there, if that is not ``row``.
         """
         return Unreachable(
             target,

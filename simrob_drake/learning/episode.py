@@ -44,11 +44,7 @@ class Episode:
     """
 
     def __init__(self, config: StationConfig) -> None:
-        """Build the station.
-
-        Raises:
-            SimrobError: one that cannot be.
-        """
+        """Build the station; raises SimrobError: one that cannot be."""
         station = resolve(config)
         self._station, self._forces = station, dict(config.forces)
         name, self.section = next(iter(policies_of(config).items()))
@@ -84,11 +80,9 @@ class Episode:
     ) -> Vector:
         """Begin anew and return what the policy observes.
 
-        Args:
-            seeds: of the k sensors that have noise; their own unless given.
-            start: where the axes begin, shape (n,) [rad]; in their initial posture unless given.
-            goal: of the policy.
-            forces: in place of some of the station's, by name.
+        ``seeds`` are of the k sensors that have noise, their own unless given; ``start`` is where the axes begin, shape
+        (n,) [rad], in their initial posture unless given; ``goal`` that of the policy; ``forces`` take the place of
+        some of the station's, by name.
         """
         forces = {**self._forces, **(forces or {})}
         self._built.play(self._references, forces)

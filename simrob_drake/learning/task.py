@@ -211,12 +211,7 @@ def task_names() -> list[str]:
 
 
 def load_task(name_or_path: str | Path) -> tuple[Task, Path]:
-    """Return a task and its file, by its name or by the file.
-
-    Raises:
-        UnknownName: no such task.
-        InvalidConfig: a file that is none.
-    """
+    """Return a task and its file, by name or file; raises UnknownName: no such task; InvalidConfig: no task."""
     if str(name_or_path) in task_names():
         path = models_root() / "tasks" / f"{name_or_path}.yaml"
     else:

@@ -1,7 +1,5 @@
 """The limbs of a robot on legs, by geometry: which chains are legs, left and right, where it looks, knees, signs."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -39,19 +37,12 @@ class _Unpaired(SimrobError):
 
 @dataclass(frozen=True)
 class NamedLeg:
-    """A leg, called by its place.
+    """A leg, called by its place."""
 
-    Attributes:
-        name: such as ``left``, or ``front_left``.
-        left: on which side it is.
-        leg: its axes and links.
-        knee: of them.
-    """
-
-    name: str
-    left: bool
-    leg: Leg
-    knee: Knee
+    name: str  # such as ``left``, or ``front_left``
+    left: bool  # on which side it is
+    leg: Leg  # its axes and links
+    knee: Knee  # of them
 
     @property
     def foot(self) -> str:
@@ -61,23 +52,14 @@ class NamedLeg:
 
 @dataclass(frozen=True)
 class Anatomy:
-    """The limbs of a robot.
+    """The limbs of a robot."""
 
-    Attributes:
-        robot: whose.
-        clearance: that places it.
-        legs: right before left, front before rear.
-        facing: where it looks while its root is not turned, from the root's x axis [rad].
-        arms: the axes of chains that are in pairs and no legs.
-        head: the axes of others.
-    """
-
-    robot: StationRobot
-    clearance: Clearance
-    legs: list[NamedLeg]
-    facing: float
-    arms: list[list[int]]
-    head: list[int]
+    robot: StationRobot  # whose
+    clearance: Clearance  # that places it
+    legs: list[NamedLeg]  # right before left, front before rear
+    facing: float  # where it looks while its root is not turned, from the root's x axis [rad]
+    arms: list[list[int]]  # the axes of chains that are in pairs and no legs
+    head: list[int]  # the axes of others
 
     @property
     def groups(self) -> list[list[str]]:
@@ -158,8 +140,7 @@ class Anatomy:
 def anatomy_of(clearance: Clearance, robot: StationRobot) -> Anatomy:
     """Return the limbs of a robot with a free base.
 
-    Raises:
-        SimrobError: it has no legs, or such as nothing here walks on; it says which were found.
+    Raises SimrobError: it has no legs, or such as nothing here walks on; it says which were found.
     """
     legs = _legs(clearance, robot)
     put_upright(clearance, robot, straight(robot))
@@ -288,8 +269,7 @@ def _bends(clearance: Clearance, robot: StationRobot, limb: NamedLeg, facing: fl
 def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facing: float) -> Iterator[NamedLeg]:
     """Yield the legs with their names, right before left, front before rear.
 
-    Raises:
-        SimrobError: they are unlike, or slide; _Unpaired: they are not in pairs by mirror symmetry.
+    Raises SimrobError: they are unlike, or slide; _Unpaired: they are not in pairs by mirror symmetry.
     """
     turn = RotationMatrix.MakeZRotation(-facing)
     put_upright(clearance, robot, straight(robot))

@@ -1,7 +1,5 @@
 """From a robot's tree to a robot that walks: a folder with its description, its gait, its stations and a report."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
@@ -33,10 +31,10 @@ from simrob_drake.legged.scaling import (
     walk_of,
 )
 from simrob_drake.legged.soles import FootSole, feet_section, soles_of, write_soles
+from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.climb import Climb
-from simrob_drake.programs.gaits.gait import Gait
-from simrob_drake.programs.gaits.kick import Kick
 from simrob_drake.programs.gaits.legs import ROWS
+from simrob_drake.programs.gaits.motion import Gait
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE
 from simrob_drake.stations.draft import at_home, draft_station
@@ -129,11 +127,7 @@ class _Making:
     """One robot's way from its tree to its walk."""
 
     def __init__(self, work: Path, robot: RobotModel, made: Made) -> None:
-        """Look at a robot that was written into a folder.
-
-        Raises:
-            SimrobError: it has no legs.
-        """
+        """Look at a robot that was written into a folder; raises SimrobError: it has no legs."""
         self._work, self._robot, self._made = work, robot, made
         clearance = at_home(robot)
         self._anatomy = anatomy_of(clearance, clearance.station.robots[ONLY_ROBOT])
@@ -141,11 +135,7 @@ class _Making:
         self._soles = list[str]()
 
     def run(self) -> None:
-        """Write all that can be, and try it.
-
-        Raises:
-            SimrobError: why not all could be.
-        """
+        """Write all that can be, and try it; raises SimrobError: why not all could be."""
         anatomy, made, name = self._anatomy, self._made, self._robot.name
         made.found += list(_described(anatomy))
         examples, count = EXAMPLES[min(len(anatomy.legs), 4)], len(anatomy.legs)

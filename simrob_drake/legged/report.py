@@ -1,7 +1,5 @@
 """What a robot on legs is tried at, and the report: what was found and assumed, what it can do, and what to tune."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,8 +10,7 @@ import numpy as np
 from simrob_drake.errors import SimrobError
 from simrob_drake.interpolation import stacked
 from simrob_drake.legged.soles import EDGED
-from simrob_drake.programs.gaits.feet import facing_rotation
-from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.gaits.walker import Walker, facing_rotation
 from simrob_drake.programs.legged_robot import LeggedRobot
 from simrob_drake.programs.moves.climb import ClimbMove
 from simrob_drake.programs.moves.kick import KickMove
@@ -37,21 +34,13 @@ TRIALS = "stands", "shifts its weight", "steps", "walks"
 
 @dataclass(frozen=True)
 class Attempt:
-    """What became of one of the trials.
+    """What became of one of the trials."""
 
-    Attributes:
-        trial: which.
-        done: whether the robot can do it.
-        outcome: what happened, in words.
-        ahead: how far it came [m].
-        result: the run; None if it could not begin.
-    """
-
-    trial: str
-    done: bool
-    outcome: str
-    ahead: float = 0.0
-    result: SimulationResult | None = None
+    trial: str  # which
+    done: bool  # whether the robot can do it
+    outcome: str  # what happened, in words
+    ahead: float = 0.0  # how far it came [m]
+    result: SimulationResult | None = None  # the run; None if it could not begin
 
     @property
     def lasted(self) -> float:
@@ -60,12 +49,9 @@ class Attempt:
 
 
 def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
-    """Return what becomes of a trial of a station whose only loop, of all but the first trial, is ``walk``.
+    """Return what becomes of one of :data:`TRIALS` of a station.
 
-    Args:
-        station: whose.
-        trial: one of :data:`TRIALS`.
-        speed: of the walk [m/s].
+    Its only loop, in all but the first trial, is ``walk``, at a speed [m/s].
     """
     asked = {TRIALS[0]: 0.0, TRIALS[3]: speed}.get(trial, _CREEP)
     overrides: dict[str, Any] = {"duration": _STARTS + _SECONDS}
@@ -155,23 +141,14 @@ _TUNE = {
 
 @dataclass
 class Made:
-    """What was made of a robot.
+    """What was made of a robot."""
 
-    Attributes:
-        folder: where it stands.
-        name: of the robot.
-        found: what was seen in its tree, in words.
-        assumed: what was made up, in words.
-        attempts: what became of the trials.
-        problem: why something could not be done, in words; empty if all was.
-    """
-
-    folder: Path
-    name: str = ""
-    found: list[str] = field(default_factory=list)
-    assumed: list[str] = field(default_factory=list)
-    attempts: list[Attempt] = field(default_factory=list)
-    problem: str = ""
+    folder: Path  # where it stands
+    name: str = ""  # of the robot
+    found: list[str] = field(default_factory=list)  # what was seen in its tree, in words
+    assumed: list[str] = field(default_factory=list)  # what was made up, in words
+    attempts: list[Attempt] = field(default_factory=list)  # what became of the trials
+    problem: str = ""  # why something could not be done, in words; empty if all was
 
     def can(self, trial: str) -> bool:
         """Whether the robot passed a trial."""

@@ -4,8 +4,6 @@ Two pendulums of heights :math:`h` and :math:`h_0` move alike where lengths go w
 :math:`\sqrt s` and forces with the weight. So :math:`k_p \propto m g h` and :math:`k_d \propto k_p \sqrt{h / g}`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
@@ -16,8 +14,8 @@ import numpy as np
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.legged.anatomy import Anatomy
 from simrob_drake.legged.soles import FootSole
+from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.climb import Climb
-from simrob_drake.programs.gaits.kick import Kick
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.stations.stances import Stance
@@ -31,19 +29,12 @@ _SPHERES = 0.01  # m: what a sole of balls measures less than
 
 @dataclass(frozen=True)
 class Build:
-    """What of a robot counts for how it walks, as it stands in its walk.
+    """What of a robot counts for how it walks, as it stands in its walk."""
 
-    Attributes:
-        height: of the centre of mass over the ground [m].
-        mass: [kg].
-        spread: between the middles of a right and a left foot [m].
-        sole: length and width of one, between its spheres [m]; 0 of balls.
-    """
-
-    height: float
-    mass: float
-    spread: float
-    sole: tuple[float, float]
+    height: float  # of the centre of mass over the ground [m]
+    mass: float  # [kg]
+    spread: float  # between the middles of a right and a left foot [m]
+    sole: tuple[float, float]  # length and width of one, between its spheres [m]; 0 of balls
 
     @property
     def load(self) -> float:
@@ -103,13 +94,8 @@ def walk_of(
 ) -> dict[str, Any]:
     """Return the section ``reacting`` of a robot's ``gaits.yaml``, scaled from a model's.
 
-    Args:
-        build: of the robot.
-        model: whose walk is taken.
-        height: of its root as it stands [m].
-        groups: the names of its feet that stand together.
-        posture: in which it stands, by axis [deg].
-        quick: let a larger robot take lower steps more often, and answer as quickly as the smaller one.
+    The robot stands in a ``posture`` by axis [deg], its root at a ``height`` [m], on feet of which ``groups`` stand
+    together. ``quick`` lets a larger robot take lower steps more often, and answer as quickly as the smaller one.
     """
     known = WalkingParameters(**gaits_file(load_robot(model.name)).section(REACTING)).model_dump(mode="json")
     length, time = build.height / model.build.height, build.time / model.build.time
@@ -141,13 +127,10 @@ def walk_of(
 
 
 def kick_of(build: Build, walk: Mapping[str, Any], inward: float, part: float = 1.0) -> dict[str, Any]:
-    """Return a kick of a robot's ``gaits.yaml``, scaled from that of the first robot that is known.
+    """Return a kick of a robot's ``gaits.yaml``, scaled from that of the first robot known, beside its ``walk``.
 
-    Args:
-        build: of the robot.
-        walk: its section ``reacting``.
-        inward: how far the weight stays inside of the standing foot's middle, as a part of what it does in the walk.
-        part: of the swing and its height.
+    The weight stays ``inward`` of the standing foot's middle, as a part of what it does in the walk; ``part`` is that
+    of the swing and its height.
     """
     model = EXAMPLES[2][0]
     known = Kick(**gaits_file(load_robot(model.name)).section(Kick.section)[Kick.usual])

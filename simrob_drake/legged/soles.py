@@ -1,7 +1,5 @@
 """What a robot stands on: contact spheres made from the shapes of its feet, in frames that are upright as it stands."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,27 +25,16 @@ _BALL = 0.06  # part of it within which points about a tip tell its roundness
 
 @dataclass(frozen=True)
 class FootSole:
-    """What a foot stands on.
+    """What a foot stands on."""
 
-    Attributes:
-        pose: of the sole in its body: z up and x ahead while the robot stands, the origin on the ground.
-        points: middles of its spheres there, shape (k, 3) [m].
-        radius: of these [m].
-        flat: whether it lies on the ground, or is a ball.
-    """
-
-    pose: RigidTransform
-    points: Vector
-    radius: float
-    flat: bool
+    pose: RigidTransform  # of the sole in its body: z up and x ahead while the robot stands, the origin on the ground
+    points: Vector  # middles of its spheres there, shape (k, 3) [m]
+    radius: float  # of these [m]
+    flat: bool  # whether it lies on the ground, or is a ball
 
 
 def soles_of(anatomy: Anatomy, stance: Stance) -> list[FootSole]:
-    """Return the soles of a robot's legs, from the outlines of its feet as it stands.
-
-    Raises:
-        SimrobError: a foot without a shape.
-    """
+    """Return the soles of a robot's legs, of the outlines of its feet; raises SimrobError: a foot without a shape."""
     put_upright(anatomy.clearance, anatomy.robot, stance.posture, stance.height)
     return [_sole(anatomy, limb, stance.height) for limb in anatomy.legs]
 

@@ -1,7 +1,5 @@
 """Better figures for a first walk, by a study like any other, and the proof of what it finds."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping
 from math import ceil
@@ -36,17 +34,10 @@ _TOGETHER = 4
 
 
 def tune_walk(folder: Path, minutes: float) -> Iterator[str]:
-    """Search the figures of a walk for some minutes, write the winner into its gait, and prove it.
+    """Search the figures of a walk for some minutes, write the winner into its gait, prove it; yield what came of it.
 
-    Args:
-        folder: that :func:`make_legged` made; the study goes into its folder ``tuning``.
-        minutes: how long the search may take, about.
-
-    Yields:
-        what came of it, in words.
-
-    Raises:
-        SimrobError: a walk that cannot be tried.
+    The folder is what :func:`make_legged` made; the study goes into its ``tuning``. Raises SimrobError: a walk that
+    cannot be tried.
     """
     station, begun = folder / WALK, time.monotonic()
     attempt(station, TRIALS[3], float(read_yaml(station)["controllers"]["walk"]["commands"][0]["ahead"]))

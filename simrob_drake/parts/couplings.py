@@ -43,15 +43,16 @@ class CouplingSection(Strict, ABC):
     constrains: ClassVar[bool] = True  # whether it is a constraint, or so stiff a spring that it counts as one
     schemes: ClassVar[tuple[str, ...]] = ("radau3", "radau1", "implicit_euler", "velocity_implicit_euler")
     """Continuous schemes that hold it."""
+    words: ClassVar[str]  # what it is, with its own figures
     kind: str
 
     @abstractmethod
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized."""
 
-    @abstractmethod
     def caption(self) -> str:
         """Return it in words."""
+        return self.words.format(it=self)
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that forces move the station, that its solver can hold this, and that all it names is there.
@@ -173,6 +174,7 @@ class Ball(BetweenPoints):
 
     schemes: ClassVar[tuple[str, ...]] = ()
     kind: Literal["ball"]
+    words: ClassVar[str] = "a ball joint between {it.body} and {it.other}"
 
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized."""
@@ -183,16 +185,13 @@ class Ball(BetweenPoints):
         """Return how far the points are apart [m]."""
         return self.distance(plant, context)
 
-    def caption(self) -> str:
-        """Return it in words."""
-        return f"a ball joint between {self.body} and {self.other}"
-
 
 class Rod(BetweenPoints):
     """Two points that stay apart by a length, as the ends of a massless rod with ball joints."""
 
     schemes: ClassVar[tuple[str, ...]] = ()
     kind: Literal["rod"]
+    words: ClassVar[str] = "a rod of {it.length:g} m from {it.body} to {it.other}"
     length: Positive
     """[m]."""
 
@@ -205,10 +204,6 @@ class Rod(BetweenPoints):
     def gap(self, plant: StationPlant, context: Context) -> float:
         """Return by how much the length is missed [m]."""
         return abs(self.distance(plant, context) - self.length)
-
-    def caption(self) -> str:
-        """Return it in words."""
-        return f"a rod of {self.length:g} m from {self.body} to {self.other}"
 
 
 class BetweenFrames(Between, CouplingSection):
@@ -234,6 +229,7 @@ class Weld(BetweenFrames):
     """Two frames that stay together."""
 
     kind: Literal["weld"]
+    words: ClassVar[str] = "{it.body} welded to {it.other}"
 
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized."""
@@ -248,15 +244,12 @@ class Weld(BetweenFrames):
         turn = self.apart(plant, context).rotation()
         return max(self.distance(plant, context), float(turn.ToAngleAxis().angle()))
 
-    def caption(self) -> str:
-        """Return it in words."""
-        return f"{self.body} welded to {self.other}"
-
 
 class Hinge(BetweenFrames):
     """Two frames that stay together but turn about their z."""
 
     kind: Literal["hinge"]
+    words: ClassVar[str] = "a hinge between {it.body} and {it.other}"
 
     def add(self, plant: StationPlant) -> None:
         """Add it to a plant that is not finalized: of a discrete one, two points on its axis stay together."""
@@ -272,10 +265,6 @@ class Hinge(BetweenFrames):
         """Return how far the frames are apart, the larger of distance [m] and angle of their axes [rad]."""
         tilt = np.arccos(np.clip(self.apart(plant, context).rotation().matrix()[2, 2], -1.0, 1.0))
         return max(self.distance(plant, context), float(tilt))
-
-    def caption(self) -> str:
-        """Return it in words."""
-        return f"a hinge between {self.body} and {self.other}"
 
 
 class Gear(CouplingSection):
@@ -359,6 +348,7 @@ class Spring(BetweenPoints):
 
     constrains: ClassVar[bool] = False
     kind: Literal["spring"]
+    words: ClassVar[str] = "a spring of {it.stiffness:g} N/m from {it.body} to {it.other}"
     length: NotNegative = 0.0
     """At which it is slack [m]."""
     stiffness: NotNegative
@@ -373,10 +363,6 @@ class Spring(BetweenPoints):
         length = max(self.length, _SHORTEST)
         spring = LinearSpringDamper(one.body, points[0], other.body, points[1], length, self.stiffness, self.damping)
         plant.plant.AddForceElement(spring)
-
-    def caption(self) -> str:
-        """Return it in words."""
-        return f"a spring of {self.stiffness:g} N/m from {self.body} to {self.other}"
 
 
 KINDS = Kinds(

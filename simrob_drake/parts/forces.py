@@ -243,10 +243,7 @@ class DragSpring(SampledBlock):
     def __init__(
         self, *, period: float, plant: MultibodyPlant, frame: Frame, point: Vector, gains: tuple[float, float]
     ) -> None:
-        """Make the block for a point p (3,) [m] of a body's frame, with gains k [N/m] and c [N·s/m].
-
-        The plant is finalized and need not be part of the diagram.
-        """
+        """Make the block for a point p (3,) [m] of a body of any finalized plant, with gains k [N/m] and c [N·s/m]."""
         self.units = {"force": "N"}
         reads = {"target": 4, "state": plant.num_multibody_states()}
         super().__init__(period=period, reads=reads, memory={"force": np.zeros(3)}, gives=["force"])

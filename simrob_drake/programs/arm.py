@@ -13,29 +13,26 @@ from simrob_drake.arguments import instance
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike
 from simrob_drake.kinematics.analytic import SolverLike
-from simrob_drake.programs.automatic import pace_of, run_cells
 from simrob_drake.programs.geometry import ArmGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kinds import move_from
 from simrob_drake.programs.moves.motion import describe
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, move_name, naming
 from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
-from simrob_drake.programs.moves.move_c import plan_move_c
 from simrob_drake.programs.moves.move_free import plan_move_free
 from simrob_drake.programs.moves.move_j import plan_move_j
-from simrob_drake.programs.moves.move_l import plan_move_l
+from simrob_drake.programs.moves.move_l import plan_move_c, plan_move_l
 from simrob_drake.programs.moves.play import PlayMove
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import Planning
-from simrob_drake.programs.program import Program
+from simrob_drake.programs.program import Program, pace_of, run_cells
 from simrob_drake.programs.recorded import STATION, RecordedStation
 from simrob_drake.programs.stages import check_takes_time
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
 from simrob_drake.results.files import Saved
 from simrob_drake.results.record.state import State
-from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.whole import joined
+from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
 

@@ -10,9 +10,8 @@ from simrob_drake.blocks.references import hermite, sequence
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import skeleton_of
-from simrob_drake.programs.gaits.gait import Gait, SolvedGait
 from simrob_drake.programs.gaits.legs import OutOfReach
-from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.motion import Gait, JointMotion, SolvedGait
 from simrob_drake.programs.gaits.registry import carries, first_gait, gaits_of
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.geometry import LeggedGeometry

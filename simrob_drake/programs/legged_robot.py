@@ -11,10 +11,10 @@ from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.get_up import GetUpMove
-from simrob_drake.programs.moves.go import GO_TIME
 from simrob_drake.programs.moves.joints import move_of, targets_on
 from simrob_drake.programs.moves.kinds import ActMove, AttachMove, GoMove, JointMove, ReleaseMove, WalkMove, move_from
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, Stage, checked
+from simrob_drake.programs.moves.walk import GO_TIME
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.stages import Snapshot, check_program, joint_reference, leg_moves, stages_of, step_moves
 from simrob_drake.programs.stages import stages_of_program as program_stages
@@ -22,8 +22,7 @@ from simrob_drake.programs.stateful_station import GOES_ON
 from simrob_drake.programs.timeline import following
 from simrob_drake.results.record.run import fallen
 from simrob_drake.results.record.state import State
-from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.whole import joined
+from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.simulation import ReferenceLike
 from simrob_drake.stations.station import StationLike
 
@@ -248,7 +247,7 @@ class LeggedRobot(LeggedGeometry):
 
         Args:
             automatic: whether to do that, or how, such as ``{"tolerance_deg": 3, "timeout": 20}``, the keys of
-                :class:`~simrob_drake.programs.automatic.Automatic`; as the program says unless given.
+                :class:`~simrob_drake.programs.program.Automatic`; as the program says unless given.
             strict: a run with warnings raises a ``VerdictError``, and leaves robot and program as they were.
 
         Returns:
@@ -327,7 +326,7 @@ class LeggedRobot(LeggedGeometry):
         self._replace(Program.load(file), str(file))
 
     def result(self) -> SimulationResult:
-        """Return :attr:`runs` as one result; see :func:`~simrob_drake.results.whole.joined`."""
+        """Return :attr:`runs` as one result; see :func:`~simrob_drake.results.result.joined`."""
         return joined(self.runs)
 
     def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:

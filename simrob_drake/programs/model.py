@@ -49,8 +49,7 @@ class StationModel(PosedStation):
     def __init__(self, config: StationConfig, *, collision: bool = False, itself: bool = False) -> None:
         """Build it, with shapes that ``collide`` for :meth:`query`, a robot's with ``itself``.
 
-        Raises:
-            InvalidModel: a robot or piece that cannot be built.
+        Raises InvalidModel: a robot or piece that cannot be built.
         """
         self.config = config
         contact = (config.contact or ContactConfig()) if collision or itself else None

@@ -7,8 +7,7 @@ from simrob_drake.programs.program import Program
 from simrob_drake.programs.stateful_station import GOES_ON, StatefulStation
 from simrob_drake.programs.tape import Entry, Take
 from simrob_drake.results.files import Saved
-from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.whole import joined
+from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.stations.station import StationLike, config_of
 
 

@@ -13,8 +13,7 @@ from scipy.interpolate import make_lsq_spline
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
-from simrob_drake.programs.free_path import CLOSE_LOOK, Search
-from simrob_drake.programs.free_space import SEARCHED
+from simrob_drake.programs.free_path import CLOSE_LOOK, SEARCHED, Search
 from simrob_drake.stations.clearance import PosedStation
 
 _ORDER, _A_CORNER, _LEAST, _MOST = 6, 2, 10, 20  # of the spline: order, and control points: a corner, and in all

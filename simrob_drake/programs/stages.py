@@ -13,7 +13,6 @@ import numpy as np
 from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.programs.automatic import run_cells
 from simrob_drake.programs.gaits.registry import carries, first_gait, gaits_of
 from simrob_drake.programs.gaits.sequences import Posing
 from simrob_drake.programs.geometry import LeggedGeometry
@@ -21,7 +20,7 @@ from simrob_drake.programs.moves.joints import JointMove, move_of, targets_on
 from simrob_drake.programs.moves.kinds import LEG_KINDS
 from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming
 from simrob_drake.programs.moves.walk import WalkMove
-from simrob_drake.programs.program import Program
+from simrob_drake.programs.program import Program, run_cells
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel

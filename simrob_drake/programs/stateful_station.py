@@ -12,7 +12,7 @@ from simrob_drake.arguments import instance, seconds
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform
 from simrob_drake.parts.site import WORLD, StationRobot
-from simrob_drake.programs.free_space import FreeSpace
+from simrob_drake.programs.free_path import FreeSpace
 from simrob_drake.programs.grasps import let_go, taken, with_efforts
 from simrob_drake.programs.model import StationModel, one_posture, reparented
 from simrob_drake.programs.plan import Plan, check_moves

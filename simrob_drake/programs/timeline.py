@@ -19,8 +19,7 @@ from simrob_drake.blocks.references import Reference, later
 from simrob_drake.errors import one_of
 from simrob_drake.parts.forces import Drag, ForceConfig, Push
 from simrob_drake.results.record.state import State
-from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.whole import joined
+from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.sections import Duration, Instant, NotNegative, Number, Positive, Strict, Triple
 from simrob_drake.simulation import Moment, OnStep, ReferenceLike, Runner, Ticks
 from simrob_drake.stations.config import StationConfig
@@ -100,16 +99,12 @@ class Timeline:
             for it. True ends what runs.
     """
 
-    def __init__(
-        self,
-        grid: float | None = None,
-        changes: Sequence[Change] = (),
-        tell: Callable[[float, Moment], bool] = lambda time, moment: False,
-    ) -> None:
+    def __init__(self, grid: float | None = None, changes: Sequence[Change] = ()) -> None:
         """Begin a timeline; changes without a grid are made on the usual one."""
         self.grid = GRID if grid is None and changes else grid
         self.changes = sorted(changes, key=lambda change: change.time)
-        self.now, self.tell = 0.0, tell
+        self.now = 0.0
+        self.tell: Callable[[float, Moment], bool] = lambda time, moment: False
 
     def steps(self, time: float) -> int:
         """Return the number of the moment of the grid that is nearest to a time [s]."""

@@ -4,8 +4,7 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.legged_robot import LeggedRobot
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.recorded import STATION
-from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.whole import joined
+from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.config import StationConfig
 

@@ -18,9 +18,8 @@ from simrob_drake.programs.errors import AccelerationLimitExceeded, SpeedLimitEx
 from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import Move, Run
 from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
-from simrob_drake.programs.moves.move_c import MoveC
 from simrob_drake.programs.moves.move_j import MoveJ
-from simrob_drake.programs.moves.move_l import MoveL
+from simrob_drake.programs.moves.move_l import MoveC, MoveL
 from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.programs.plan import CHECKED, Check, Plan
@@ -103,11 +102,7 @@ class Controller:
         return self._planner
 
     def frame(self, wobj: RecordValue | None) -> tuple[float, ...] | None:
-        """Return a work object's pose in the world, None for the world.
-
-        Raises:
-            LeftOut: one that a robot holds, or that another mechanical unit moves.
-        """
+        """Return a work object's pose in the world, None for the world; raises LeftOut: one that is held or moved."""
         frame = self._base
         if wobj is not None:
             if wobj["robhold"] or (wobj["ufmec"] and not wobj["ufprog"]):

@@ -1,4 +1,9 @@
-"""What a simulation returns: a run at a glance, for a shell or a notebook, and the folder it can be saved to."""
+"""What a simulation returns: a run at a glance, the folder it can be saved to; and runs that follow each other as one.
+
+A piece that changes hands hangs in every run on something else. In the whole it stands free, in a plant of its own, at
+the poses that the plants of the runs give it: so pictures and signals of a program are those of any run with a free
+piece. Nothing is simulated again.
+"""
 
 from base64 import b64encode
 from collections.abc import Sequence
@@ -18,10 +23,27 @@ from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.results.verdict.judge import verdict_of
 from simrob_drake.results.verdict.moves import judge_move
-from simrob_drake.results.verdict.verdict import Verdict, joined
+from simrob_drake.results.verdict.verdict import Verdict
+from simrob_drake.results.verdict.verdict import joined as joined_verdicts
 
 if TYPE_CHECKING:
     from simrob_drake.results.footage import Footage
+
+from functools import partial
+from typing import TypeVar
+
+from pydrake.multibody.plant import MultibodyPlant
+
+from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
+from simrob_drake.parts.site import StationPlant
+from simrob_drake.results.record.run import begins_of
+from simrob_drake.results.record.state import State, free_joint, joints_of
+from simrob_drake.results.record.touch import Event
+from simrob_drake.stations.clearance import PosedStation
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.piece_config import PieceConfig
+from simrob_drake.stations.poses import piece_pose_signal, unit_poses
+from simrob_drake.stations.resolve import resolve
 
 _WIDTH = 100  # characters of a line
 
@@ -69,7 +91,7 @@ class SimulationResult(RecordedRun):
     def verdict(self) -> Verdict:
         """What was asked of the run against what became of it; see ``verdict:`` in a station's file."""
         if self.runs:
-            whole = joined([part.verdict for part in self.runs], [part.stop_time for part in self.runs])
+            whole = joined_verdicts([part.verdict for part in self.runs], [part.stop_time for part in self.runs])
         else:
             whole = verdict_of(self)
         return replace(whole, moves=(*(judge_move(self, move) for move in self.moves), *whole.moves))
@@ -158,3 +180,147 @@ class SimulationResult(RecordedRun):
     def summary(self) -> dict[str, Any]:
         """Return what ``summary.json`` holds."""
         return summary_of(self, self.verdict)
+
+
+Run = TypeVar("Run", bound=RecordedRun)
+_Positions = dict[str, Vector]  # by joint, shape (k, nq) each
+
+
+def joined(
+    runs: Sequence[Run],
+    *,
+    begun: tuple[StationConfig, State | None] | None = None,
+    left: StationConfig | None = None,
+    program: str = "",
+) -> Run:
+    """Return runs that follow each other, each begun where the one before ended, as one result.
+
+    Its signals are those that all runs have, and ``piece.<piece>`` for each piece that changes hands; where one run
+    ends and the next begins stands what the next one says. Its recording shows contact forces if it is a single run.
+    ``begun`` are station and state before it all, those of the first run unless given; ``left`` the station as the last
+    one left it. Raises InvalidParameter: no run, or runs of stations with other robots or pieces.
+    """
+    if not runs:
+        raise InvalidParameter("runs", "empty", "some: what was run last")
+    station, start = (runs[0].config, runs[0].start) if begun is None else begun
+    last, stations = runs[-1], [*(run.config for run in runs), *([left] if left else [])]
+    for key in ("robots", "pieces"):
+        if any(set(getattr(station, key)) != set(getattr(stations[0], key)) for station in stations):
+            raise InvalidParameter("runs", f"of stations with other {key}", "of one station")
+    begins = begins_of(*runs).round(12)  # so that sums of decimals are decimals
+    wandering = [name for name in stations[0].pieces if len({_hung(station, name) for station in stations}) > 1]
+    config = last.config.model_copy(update={"duration": float(begins[-1])})
+    plant, positions_of = last.plant, [run.positions_at for run in runs]
+    if wandering:
+        config = _unbound(config, wandering)
+        plant = PosedStation(config.model_copy(update={"contact": None})).station
+        tools = {name: ", ".join(dict.fromkeys(run.plant.robots[name].tcp for run in runs)) for name in plant.robots}
+        plant = replace(plant, robots={name: replace(robot, tcp=tools[name]) for name, robot in plant.robots.items()})
+        positions_of = [partial(_positions_at, run, plant, wandering) for run in runs]
+
+    def positions_at(times: Vector) -> Vector:
+        number = np.clip(np.searchsorted(begins, times, side="right") - 1, 0, len(runs) - 1)
+        rows = np.empty((len(times), plant.plant.num_positions()))
+        for index in set(number.tolist()):
+            own = number == index
+            rows[own] = positions_of[index](np.clip(times[own] - begins[index], 0.0, runs[index].stop_time))
+        return rows
+
+    kept = [slice(None, -1)] * (len(runs) - 1) + [slice(None)]
+    marks, ends = list[Event](), begins[1:].tolist()
+    for run, end, before, after in zip(runs, ends, stations[:-1], stations[1:], strict=False):
+        changes = [name for name, piece in after.pieces.items() if before.pieces[name].parent != piece.parent]
+        attached = ", ".join(f"{name} to {after.pieces[name].parent}" for name in changes)
+        if attached or len(marks) < len(runs) - 1:
+            marks.append((end, attached or f"{run.did or 'move'} ends"))
+    whole = replace(
+        last,
+        config=config,
+        plant=plant,
+        message=_message(last, len(runs), float(begins[-2])),
+        times=np.concatenate([run.times[own] + begin for run, own, begin in zip(runs, kept, begins, strict=False)]),
+        step_times=np.concatenate([[0.0], *(run.step_times[1:] + b for run, b in zip(runs, begins, strict=False))]),
+        positions_at=positions_at,
+        stepping_time=sum(run.stepping_time for run in runs),
+        signal_time=sum(run.signal_time for run in runs),
+        notes={name: note for run in runs for name, note in run.notes.items()},
+        start=start,
+        references={},
+        solver_warnings=list(dict.fromkeys(warning for run in runs for warning in run.solver_warnings)),
+        contacts_at=last.contacts_at if len(runs) == 1 and not wandering else None,
+        did="",
+        moves=(),
+        runs=tuple(runs),
+        begun=station,
+        marks=tuple(marks),
+        program=program,
+    )
+    return _with_signals(whole, kept, wandering)
+
+
+def _with_signals(whole: Run, kept: Sequence[slice], wandering: Sequence[str]) -> Run:
+    """Return a program with the signals that all of its runs have, and the poses of pieces that change hands."""
+    poses = [piece_pose_signal(piece) for piece in wandering]
+    known = [name for signal in poses for name in signal.names]
+    names = [n for n in whole.runs[0].names if n not in known and all(n in run.names for run in whole.runs)]
+    rows = [run.values[own][:, [run.names.index(n) for n in names]] for run, own in zip(whole.runs, kept, strict=True)]
+    values = [np.vstack(rows)]
+    if wandering:
+        of_joints = _by_joint(whole.plant.plant, whole.positions_at(whole.times))
+        values += [unit_poses(np.roll(of_joints[free_joint(piece)], 3, axis=1)) for piece in wandering]
+    signals = {signal.names: signal for run in whole.runs for signal in run.signals if set(signal.names) <= set(names)}
+    return replace(whole, names=[*names, *known], signals=(*signals.values(), *poses), values=np.hstack(values))
+
+
+def _hung(station: StationConfig, piece: str) -> tuple[Any, ...]:
+    entry = station.pieces[piece]
+    return entry.parent, entry.frame, entry.pose, entry.free
+
+
+def _unbound(config: StationConfig, pieces: Sequence[str]) -> StationConfig:
+    """Return a station in which pieces stand free, to be put anywhere; no robot uses one as its tool."""
+    known = resolve(config).pieces
+
+    def free(name: str, entry: PieceConfig) -> PieceConfig:
+        mass = known[name].model.mass or 1.0  # of a point: a free piece needs more, though nothing moves this one
+        body = {"mass": mass, "density": None, "inertia": (1.0, 1.0, 1.0)}
+        return entry.model_copy(update={"parent": "world", "frame": None, "free": True, **body})
+
+    loose = {name: free(name, entry) if name in pieces else entry for name, entry in config.pieces.items()}
+    robots = {name: entry.model_copy(update={"tcp": None, "tcp_offset": None}) for name, entry in config.robots.items()}
+    return config.model_copy(update={"pieces": loose, "robots": robots})
+
+
+def _positions_at(run: RecordedRun, plant: StationPlant, wandering: Sequence[str], times: Vector) -> Vector:
+    """Return positions of a program's plant at times of one of its runs, shape (k, nq)."""
+    positions = run.positions_at(times)
+    carried = [piece for piece in wandering if piece not in run.plant.free_pieces]
+    known = _by_joint(run.plant.plant, positions) | _carried(run, carried, positions)
+    rows = np.empty((len(times), plant.plant.num_positions()))
+    for name, places, _ in joints_of(plant.plant):
+        rows[:, places] = known[name]
+    return rows
+
+
+def _by_joint(plant: MultibodyPlant, rows: Vector) -> _Positions:
+    return {name: rows[:, places] for name, places, _ in joints_of(plant)}
+
+
+def _carried(run: RecordedRun, pieces: Sequence[str], rows: Vector) -> _Positions:
+    """Return where pieces that hang on something are with positions of the run's plant, as those of free ones."""
+    plant, found = run.plant.plant, {piece: np.empty((len(rows), len(XYZ_QUATERNION_NAMES))) for piece in pieces}
+    bodies = {piece: run.plant.piece_frame(piece, piece) for piece in pieces}
+    context = plant.CreateDefaultContext()
+    for row, positions in enumerate(rows):
+        plant.SetPositions(context, positions)
+        for piece, body in bodies.items():
+            found[piece][row] = xyz_quaternion_from_transform(body.CalcPoseInWorld(context))
+    return {free_joint(piece): np.roll(poses, -3, axis=1) for piece, poses in found.items()}
+
+
+def _message(last: RecordedRun, count: int, begin: float) -> str:
+    if last.ending == "completed":
+        return f"ran to its end at {begin + last.stop_time:.6g} s, in {count} run{'s' if count > 1 else ''}"
+    if last.runs:  # it was cut where something happened
+        return _message(last.runs[-1], count, begin + last.stop_time - last.runs[-1].stop_time)
+    return f"{last.message} of the last of {count} runs, which began at {begin:.4g} s" if count > 1 else last.message

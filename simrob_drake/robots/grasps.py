@@ -45,10 +45,8 @@ class Stroke:
 
     gaps: Vector
     """How far these faces are apart [m], at the parts of the way from closed to open, which are evenly spaced."""
-    fingers: int
-    """How many there are."""
-    way: float
-    """How far all their axes go from closed to open, summed up [rad, or m of those that slide]."""
+    fingers: int  # how many there are
+    way: float  # how far all their axes go from closed to open, summed up [rad, or m of those that slide]
 
     @property
     def widest(self) -> float:

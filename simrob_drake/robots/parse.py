@@ -29,15 +29,9 @@ def add_urdf(
 ) -> ModelInstanceIndex:
     """Add a robot to a plant, links that are rigidly joined as one body; each keeps a frame of its name.
 
-    Args:
-        plant: not finalized.
-        robot: the ``robot`` element, checked, with absolute mesh names; it is not changed.
-        name: what stands before the model's own name.
-        where: the file, for messages.
-        collision: keep the collision geometry.
-
-    Raises:
-        InvalidModel: Drake cannot read the robot.
+    The plant is not finalized; the ``robot`` element is checked, its mesh names absolute, and it is not changed.
+    ``name`` stands before the model's own, ``collision`` keeps its shapes. Raises InvalidModel, called ``where``: Drake
+    cannot read it.
     """
     reduced = copied(robot)
     if not collision:

@@ -264,8 +264,7 @@ def outward(starts: Mapping[str, list[ET.Element]], link: str, *, rigid: bool = 
 def with_absolute_meshes(root: ET.Element, folder: Path) -> ET.Element:
     """Return a copy of a robot that can be parsed from memory: its mesh names, relative to a folder, are absolute.
 
-    Raises:
-        InvalidModel: a mesh is missing, outside the folder, or in a format that Drake does not read.
+    Raises InvalidModel: a mesh is missing, outside the folder, or in a format that Drake does not read.
     """
     robot = copied(root)
     for mesh in robot.iter("mesh"):

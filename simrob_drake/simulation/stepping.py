@@ -29,13 +29,9 @@ _ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition
 
 @dataclass(frozen=True)
 class Moment:
-    """A station in the middle of a run; it is not to be kept.
+    """A station in the middle of a run; it is not to be kept."""
 
-    Attributes:
-        time: since the run began [s].
-    """
-
-    time: float
+    time: float  # since the run began [s]
     _built: ClosedStation
     _context: Context
 
@@ -60,8 +56,7 @@ class Ticks:
     or ended at one and gone on with by another run, to the last bit.
     """
 
-    every: float
-    """Time from one to the next [s]."""
+    every: float  # time from one to the next [s]
     tell: Callable[[Moment], bool] = lambda moment: False
     """Is told of each that was reached, before the run goes on; True ends the run there."""
 

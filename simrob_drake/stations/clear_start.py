@@ -107,10 +107,7 @@ class ClearStart:
         return np.array(list(self._clearance.lowest(self._robot).values()))
 
     def _faults(self, posture: Vector) -> tuple[float, float, float]:
-        """Return how far a posture is in the floor and in itself [m], and what its motors lack, by their torque.
-
-        The robot is in this posture then.
-        """
+        """Take a posture; return how far it is in floor and itself [m], and what its motors lack, by their torque."""
         low = float((self._least - self.height - self._heights(posture)).max(initial=0.0))
         own = [overlap.depth for overlap in self._clearance.overlaps() if overlap.robot == self._robot.name]
         return low, max(own, default=0.0), max(self._load() - _LOAD, 0.0)

@@ -17,8 +17,7 @@ from simrob_drake.programs.arm import Arm, Workcell
 from simrob_drake.programs.branches import Branch
 from simrob_drake.programs.moves.joints import targets_on
 
-BASE, TOOL = "base", "tool"
-"""Frames of every arm: of its foot, and of its tool centre point where its reference has it."""
+BASE, TOOL = "base", "tool"  # frames of every arm: of its foot, and of its tool centre point where its reference has it
 
 _UNITS = np.repeat([1.0, np.deg2rad(1.0)], 3)
 _EASY = 2.0  # times slower than the joints can
@@ -70,14 +69,10 @@ def tool_pose(arm: Arm, frame: str = BASE) -> list[float]:
 
 
 def jogged(arm: Arm, delta: Sequence[float], frame: str = BASE, start: Sequence[float] | None = None) -> list[float]:
-    """Return the pose in the base after a jog along the axes of a frame; the tool turns about its own point.
+    """Return the pose in the base after a jog by [x y z Rz Ry Rx] [m, deg] along a frame's axes, about the tool itself.
 
-    Args:
-        arm: which is jogged.
-        delta: [x y z Rz Ry Rx], by how much [m, deg].
-        frame: of the axes, one of :func:`frames`.
-        start: the pose in the base that ``delta`` counts from, as the middle of sliders is; where its reference has it
-            unless given.
+    ``start`` is the pose in the base that it counts from, as the middle of sliders is; where the arm's reference has it
+    unless given.
     """
     base = _frame(arm, BASE)
     begin, by = _tool(arm) if start is None else base @ posed(start, "start"), posed(delta, "delta")
@@ -92,11 +87,7 @@ def jogged_axes(arm: Arm, **how: Any) -> dict[str, float]:
 
 
 def inverse(arm: Arm, pose: Sequence[float], frame: str = BASE) -> dict[str, float]:
-    """Return the posture nearest to the arm's reference that brings its tool to a pose in a frame.
-
-    Raises:
-        Unreachable: tells why, and how near the best posture comes.
-    """
+    """Return the posture nearest to the arm's reference for a pose in a frame; raises Unreachable: why."""
     target = _frame(arm, frame) @ posed(pose, "pose")
     return _by_axis(arm, arm.joint(target, start=arm.reference))
 
@@ -106,8 +97,7 @@ def retaught(
 ) -> dict[str, dict[str, float] | list[float]]:
     """Return the axes near others, and the pose in a frame, of a target whose tool is put to a pose in the world.
 
-    Raises:
-        Unreachable: tells why, and how near the best posture comes.
+    Raises Unreachable: tells why, and how near the best posture comes.
     """
     arm, goal = _using(arm, tool), posed(pose, "pose")
     start = np.array([axes[axis] for axis in arm.axes]) * arm.cell.robot(arm.name).model.user_units
@@ -118,15 +108,10 @@ def retaught(
 
 
 def jog_move(arm: Arm, targets_deg: Mapping[str, float], duration: float | None = None) -> dict[str, Any]:
-    """Return the move that brings axes there, others staying, as a program's file has it.
+    """Return the move that brings axes by name or alias to targets, others staying, as a program's file has it.
 
-    Args:
-        arm: which is jogged.
-        targets_deg: by name or alias; those left out stay.
-        duration: of the move [s]; half as fast as the joints can unless given.
-
-    Raises:
-        JointLimitExceeded, UnknownName: tells what would do.
+    It takes a time [s], unless given half as fast as the joints can. Raises JointLimitExceeded, UnknownName: what would
+    do.
     """
     posture, model = arm.reference, arm.cell.robot(arm.name).model
     for place, position in targets_on(model, targets_deg, "the jog").items():

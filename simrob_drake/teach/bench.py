@@ -272,11 +272,7 @@ class Bench:
 
     @property
     def cell(self) -> Workcell:
-        """The station.
-
-        Raises:
-            InvalidParameter: nothing was opened.
-        """
+        """The station; raises InvalidParameter: nothing was opened."""
         if self._cell is None:
             raise InvalidParameter("station", "not opened", "one that was opened")
         return self._cell

@@ -10,7 +10,7 @@ from simrob_drake.parts.site import StationRobot
 from simrob_drake.parts.targets import frame_names
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.gaits.registry import gaits_of
-from simrob_drake.programs.moves.go import GoMove
+from simrob_drake.programs.moves.walk import GoMove
 from simrob_drake.programs.stages import SEQUENCE
 from simrob_drake.results.block_diagram.graph import FOLDED
 from simrob_drake.robots.catalog import RobotModel
@@ -105,17 +105,11 @@ _ALL = "*"
 
 @dataclass(frozen=True)
 class BlockMeaning:
-    """What a block stands for.
+    """What a block stands for."""
 
-    Attributes:
-        keys: sections and keys of the station, dotted; all that stands below them belongs to it.
-        signals: outputs of the station.
-        axis: whose entry of them counts; empty where all do, ``*`` of the joints of a subsystem.
-    """
-
-    keys: tuple[str, ...]
-    signals: tuple[str, ...]
-    axis: str = ""
+    keys: tuple[str, ...]  # sections and keys of the station, dotted; all that stands below them belongs to it
+    signals: tuple[str, ...]  # outputs of the station
+    axis: str = ""  # whose entry of them counts; empty where all do, ``*`` of the joints of a subsystem
 
     def holds(self, key: str) -> bool:
         """Tell whether a key of the station makes this block."""
@@ -123,12 +117,10 @@ class BlockMeaning:
 
 
 def block_meaning(block: str, content: Mapping[str, Any], signals: Sequence[str]) -> BlockMeaning:
-    """Return what a block stands for.
+    """Return what a block of the picture stands for, by its key: ``joint_1.pd``, ``sensor.touch``, ``output torque``.
 
-    Args:
-        block: its key in the picture, such as ``joint_1.pd``, ``sensor.touch`` or ``output torque``.
-        content: of the station's file, as :func:`simrob_drake.stations.load.station_content` gives it.
-        signals: names of the station's outputs.
+    ``content`` is that of the station's file, see :func:`simrob_drake.stations.load.station_content`; ``signals`` are
+    its outputs.
     """
     if block.startswith(FOLDED):  # it stands for more than the axis of the one in its name
         one = block_meaning(block.removeprefix(FOLDED), content, signals)

@@ -1,7 +1,5 @@
 """Runs that have ended, looked at again: one in place of the present run, and one beside it, as a ghost in the view."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any

@@ -1,7 +1,5 @@
 """What is taken away of what was taught and run: files in the folder of the program."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from pathlib import Path
@@ -108,8 +106,7 @@ class Exports:
 def _pack(file: Path, config: StationConfig, script: Callable[[Path], str]) -> None:
     """Write a ZIP of a script, the station that it runs, and copies of what that names; ``script`` gives its text.
 
-    Raises:
-        OutputError: the disk does not take it.
+    Raises OutputError: the disk does not take it.
     """
     with writing(file), TemporaryDirectory(dir=file.parent) as place:
         folder = Path(place)

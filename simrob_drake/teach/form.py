@@ -24,33 +24,19 @@ _WIDE = 1_000  # columns of a YAML text: it stays in one line
 
 @dataclass(frozen=True)
 class Field:
-    """A key of a station.
+    """A key of a station."""
 
-    Attributes:
-        key: dotted, as ``load_station`` takes it: ``servo.kp``.
-        kind: how it is entered.
-        help: what it is.
-        unit: of its numbers; empty where it has none, or where each has its own.
-        value: what the station says, None where it says nothing.
-        default: what holds where nothing is said.
-        choices: of a choice; of entries the kinds that a new one can have.
-        low: smallest number, None where there is no bound.
-        high: largest number, likewise.
-        whole: whether it is a whole number.
-        removable: whether a section can be taken out of the station.
-    """
-
-    key: str
-    kind: FieldKind
-    help: str = ""
-    unit: str = ""
-    value: Any = None
-    default: Any = None
-    choices: tuple[str, ...] = ()
-    low: float | None = None
-    high: float | None = None
-    removable: bool = False
-    whole: bool = False
+    key: str  # dotted, as ``load_station`` takes it: ``servo.kp``
+    kind: FieldKind  # how it is entered
+    help: str = ""  # what it is
+    unit: str = ""  # of its numbers; empty where it has none, or where each has its own
+    value: Any = None  # what the station says, None where it says nothing
+    default: Any = None  # what holds where nothing is said
+    choices: tuple[str, ...] = ()  # of a choice; of entries the kinds that a new one can have
+    low: float | None = None  # smallest number, None where there is no bound
+    high: float | None = None  # largest number, likewise
+    removable: bool = False  # whether a section can be taken out of the station
+    whole: bool = False  # whether it is a whole number
 
     @property
     def top(self) -> str:
@@ -59,12 +45,7 @@ class Field:
 
 
 def form_fields(schema: Node, content: Mapping[str, Any]) -> list[Field]:
-    """Return the fields of a station.
-
-    Args:
-        schema: of station files, :func:`simrob_drake.stations.schema.station_schema`.
-        content: of the station's file, as :func:`simrob_drake.stations.load.station_content` gives it.
-    """
+    """Return the fields of a station, of the schema of station files and the content of its own."""
     walk = _Walk(schema)
     keys = [key for key in schema["properties"] if key != "robot"]
     if "robot" in content:
@@ -89,11 +70,7 @@ def as_text(value: Any) -> str:
 
 
 def as_value(field: Field, text: str) -> Any:
-    """Return what a text that was typed into a field stands for; what it says where it is empty is the default.
-
-    Raises:
-        InvalidConfig: it is no YAML.
-    """
+    """Return what a typed text stands for, of an empty one the default; raises InvalidConfig: it is no YAML."""
     if not text.strip():
         return field.default
     return text.strip() if field.kind in ("text", "choice") else parse_yaml(text, field.key)

@@ -17,8 +17,7 @@ PROXY_TOKEN = "SIMROB_TOKEN"
 _PROXY_HEADER = "x-simrob-token"
 _SHORTEST = 16  # letters of it
 _PLACE = re.compile(r"(https?://[\w.-]+(:\d+)?)?(/[\w.~@%-]+)+/?")
-_TOKEN = "token"
-"""What a token is called in an address."""
+_TOKEN = "token"  # what a token is called in an address
 _NAMES = ("127.0.0.1", "localhost")
 _HEADERS = {
     "content-security-policy": "frame-ancestors 'self'",
@@ -55,13 +54,8 @@ class Guard:
     def __init__(self, app: ASGIApp, port: int, root_path: str | None = None) -> None:
         """Guard an application that listens on a port of this computer.
 
-        Args:
-            app: the application.
-            port: of this computer.
-            root_path: where a proxy shows it, a path or a whole address; the proxy may leave the path out when it asks.
-
-        Raises:
-            InvalidParameter: no such path, or too short a token of the proxy.
+        A proxy may show it at ``root_path``, a path or a whole address, which it may leave out when it asks. Raises
+        InvalidParameter: no such path, or too short a token of the proxy.
         """
         self.app = app
         if root_path is not None and _PLACE.fullmatch(root_path) is None:

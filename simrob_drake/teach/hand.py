@@ -1,7 +1,5 @@
 """A hand in the view: it puts tool, limbs, pieces and targets elsewhere, and turns joints by their links."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from math import radians
 from typing import Any
@@ -41,14 +39,7 @@ class Hand:
         self._show()
 
     def put(self, handle: str, pose: Sequence[float], *, turned: bool, over: bool) -> None:
-        """Put a handle elsewhere.
-
-        Args:
-            handle: ``kind:name``, as :func:`simrob_drake.teach.handles.handles` tells it.
-            pose: [x y z Rz Ry Rx] in the world [m, deg].
-            turned: whether it is turned, and not moved.
-            over: whether it is let go of there.
-        """
+        """Put a handle ``kind:name`` to a pose in the world [m, deg], ``turned`` or moved; ``over``: and let go."""
         kind, _, name = handle.partition(":")
         if kind in self._kinds and self._client.phase in ("idle", "running"):
             self._kinds[kind](name, pose, turned, over)

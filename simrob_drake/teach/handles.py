@@ -77,13 +77,8 @@ def reached(
 ) -> dict[str, float]:
     """Return the axes [deg or m] that bring the end of a limb as near to a pose as they can, the root staying.
 
-    Args:
-        cell: the station, as it stands.
-        robot: whose limb that is.
-        limb: a tool, or the link at its end.
-        pose: in the world.
-        near: axes that are to be elsewhere than they are [deg or m].
-        turned: whether the rotation counts where place and rotation cannot both be; else the place.
+    The limb is a tool, or the link at its end. Some axes are to be ``near`` where they are not [deg or m]. Where place
+    and rotation cannot both be the place counts, and the rotation if it is ``turned``.
     """
     model = _posed(cell, robot, near)
     own = model.robots[robot]

@@ -1,6 +1,4 @@
-"""An arm at hand: jogged by its axes or its tool, taught where it is to go, and in which of its postures."""
-
-from __future__ import annotations
+"""A robot at hand: an arm jogged by axes or tool and taught where to go; and a walk driven, by one tab at a time."""
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
@@ -11,6 +9,7 @@ from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.moves.tool import ToolMove
+from simrob_drake.programs.moves.walk import GoMove
 from simrob_drake.programs.program import Program
 from simrob_drake.teach.move_runner import MoveRunner
 from simrob_drake.teach.program_book import ProgramBook
@@ -44,12 +43,10 @@ class Jogging:
     def jog_tool(
         self, delta: Sequence[float], frame: str = "base", *, start: Sequence[float] | None = None
     ) -> Future[Any]:
-        """Move the tool by [x y z Rz Ry Rx], m and degrees, along ``base``, ``tool``, ``world`` or a work object.
+        """Move the tool by [x y z Rz Ry Rx], m and degrees, along the axes of a frame, about its own point.
 
-        Args:
-            delta: by how much.
-            frame: of the directions; the tool turns about its own point.
-            start: the pose in the base that ``delta`` counts from [m, deg]; where the tool is unless given.
+        The frame is ``base``, ``tool``, ``world`` or a work object; the move counts from ``start``, a pose in the base,
+        or where the tool is.
         """
         by: dict[str, Any] = {"delta": plain(delta), "frame": frame, "start": plain(start)}
         return self._runner.when_idle(lambda: self._client.ask("jogged_axes", self._runner.jog, **by))
@@ -64,11 +61,9 @@ class Jogging:
         return self._runner.when_idle(lambda: self._runner.run_free([self._book.checked({ToolMove.key: name})]))
 
     def teach_target(self, name: str | None = None, frame: str = "world") -> Future[Any]:
-        """Keep where the arm is in ``targets``, with its pose in a frame; the future gives the name.
+        """Keep where the arm is in ``targets``, by a name or as ``p1`` ...; the future gives that.
 
-        Args:
-            name: what it is called; ``p1``, ``p2``, ... unless given.
-            frame: ``world``, or a work object that lines to it go with.
+        Its pose is in a frame: ``world``, or a work object that lines to it go with.
         """
 
         def keep(place: dict[str, Any]) -> str:
@@ -110,16 +105,10 @@ class Jogging:
         return True
 
     def add_line(self, kind: str, target: str, *, index: int | None = None, via: str | None = None, **how: Any) -> bool:
-        """Store a line that goes to a taught target, with ``speed``, ``duration``, ``zone`` and so on of a program.
+        """Store a line, a kind of move of arms, that goes to a taught target, before the line ``index`` or at the end.
 
-        A line that changes the tool is put before it where the program has another one there.
-
-        Args:
-            kind: the key of a kind of move of arms.
-            target: its name.
-            index: before which line; at the end unless given.
-            via: another target, on the arc of a ``move_c``.
-            how: further keys of the line.
+        A line that changes the tool is put before it where the program has another one there. ``via`` is another
+        target, on the arc of a ``move_c``; ``how`` are further keys: ``speed``, ``duration``, ``zone`` ...
         """
 
         def lengthened(program: Program) -> Program:
@@ -193,3 +182,93 @@ class Jogging:
     def _first_tool(self) -> str:
         robots = self._client.description.get("robots", {})
         return str(robots.get(self._book.robot, {}).get("tcp") or "")
+
+
+LONGEST = 600.0  # how long a drive lasts unless it is ended [s]
+STANDS = (0.0, 0.0, 0.0)
+_DRIVE = GoMove(duration=LONGEST)
+
+
+class Driving:
+    """What a hand does. A drive that has ended waits to be added, as a tested move: a walk as long as it was driven.
+
+    Attributes:
+        driver: the tab that drives; None: nobody.
+        asked: speeds ahead and to the left [m/s], and turn to the left [deg/s].
+    """
+
+    def __init__(self, client: RunClient, book: ProgramBook, runner: MoveRunner) -> None:
+        """Begin with nobody at the wheel."""
+        self._client, self._book, self._runner = client, book, runner
+        runner.cut = self._cut
+        self.driver: object = None
+        self.asked = STANDS
+
+    @property
+    def limits(self) -> dict[str, float] | None:
+        """What the taught robot can do; see :func:`simrob_drake.teach.describe.description`."""
+        limits: dict[str, float] | None = self._robot.get("drives")
+        return limits
+
+    def begin(self, driver: object) -> Future[Any]:
+        """Let a tab drive from where the robot stands, no faster than the clock; until something else is asked for."""
+        if self.driver is not None:
+            self._client.refuse("driven")
+            return done(None)
+        if self.limits is None:
+            self._client.refuse("no_drive")
+            return done(None)
+        if not self._client.run.moves.has_done(self._book.history.present.program.moves):
+            self._client.refuse("drive_elsewhere")  # a walk that was driven is nothing without what was asked for when
+            return done(None)
+        if self._client.pace is None or self._client.pace > 1.0:
+            self._client.pace = 1.0
+            self._client.ask("pace", factor=1.0)
+        self.driver, self.asked = driver, STANDS
+        ended = self._runner.try_moves(lambda: self._runner.without_fallen.with_tried(_DRIVE))
+        ended.add_done_callback(lambda _: self._over())
+        return ended
+
+    def command(self, driver: object, ahead: float, sideways: float, turn: float) -> None:
+        """Drive, by parts of what the robot can do, -1 to 1: ahead, to the left, turn to the left.
+
+        It is to be said again, more than once in a second, as long as it holds. Who does not drive is not heard.
+        """
+        limits = self.limits
+        if driver is not self.driver or driver is None or limits is None:
+            return
+        ahead, sideways, turn = (max(-1.0, min(float(part), 1.0)) for part in (ahead, sideways, turn))
+        back = limits["ahead" if ahead > 0 else "backward"]
+        asked = round(ahead * back, 4), round(sideways * limits["sideways"], 4), round(turn * limits["turn_deg"], 2)
+        if asked != self.asked:
+            self.asked = asked
+            self._client.tell("phase")
+        if self._client.phase == "running":
+            robot = self._book.robot if self._book.one_of_several else None
+            self._client.ask("steer", ahead=asked[0], sideways=asked[1], turn_deg=asked[2], robot=robot)
+
+    def end(self, driver: object) -> None:
+        """Let the robot stand, and end the drive, if this tab drives."""
+        if driver is self.driver and driver is not None:
+            self.command(driver, *STANDS)
+            self._client.ask("stop")
+
+    def _cut(self, end: float) -> bool:
+        """Let a drive that was stopped at a time [s] be as long as it was; tell whether that can be known."""
+        now, moves = self._book.history.present, self._client.run.moves
+        begun = moves.start_of_last(_DRIVE)
+        if begun is None or end <= begun or _DRIVE not in now.pending:
+            return False
+        cut = _DRIVE.model_copy(update={"duration": round(end - begun, 9)})
+        moves.replace_last(cut)
+        self._book.record(now.replaced(pending=tuple(cut if move == _DRIVE else move for move in now.pending)))
+        return True
+
+    def _over(self) -> None:
+        self.driver, self.asked = None, STANDS
+        self._client.tell("phase")
+
+    @property
+    def _robot(self) -> dict[str, Any]:
+        robot: dict[str, Any] = self._client.description.get("robots", {}).get(self._book.robot, {})
+        return robot

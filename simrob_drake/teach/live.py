@@ -1,7 +1,5 @@
 """A station in a process of its own: the pendant's side of it, and what the process does until its parent is gone."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

@@ -3,8 +3,6 @@
 One thing is run at a time. What is asked for while something runs is done when that has ended; of several the last.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
 from functools import partial
@@ -23,8 +21,7 @@ from simrob_drake.teach.store import Taught, entries_of, with_change
 
 Action = Callable[[], Future[Any]]
 Then = Callable[[], object]
-MOVE = "move"
-"""A kind of command: what has the robot move, or stand elsewhere."""
+MOVE = "move"  # a kind of command: what has the robot move, or stand elsewhere
 Tried = tuple[Move, ...]
 
 

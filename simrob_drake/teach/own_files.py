@@ -13,10 +13,8 @@ from simrob_drake.importer.importing import REPORT_FILE
 from simrob_drake.importer.packages import ROBOT_SUFFIXES
 from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
 
-FOLDER = "own"
-"""Of what is taught, for these files; each set of them has a folder there."""
-MOST = 200_000_000
-"""Bytes of a set of files, unpacked."""
+FOLDER = "own"  # of what is taught, for these files; each set of them has a folder there
+MOST = 200_000_000  # bytes of a set of files, unpacked
 _LINES = 8  # of what an import did that are told at once
 _ORDER = (*YAML_SUFFIXES, *ROBOT_SUFFIXES)  # a station or a program names its robots' files
 
@@ -24,11 +22,9 @@ _ORDER = (*YAML_SUFFIXES, *ROBOT_SUFFIXES)  # a station or a program names its r
 def keep(files: Mapping[str, bytes], folder: Path) -> Path:
     """Keep files in a folder of what is taught, those of a ZIP archive unpacked; return the one to be opened.
 
-    That is a program or a station, else the robot that lies highest. The same files are kept once.
-
-    Raises:
-        InvalidParameter: nothing among them can be opened, an archive is damaged, or all are too large.
-        OutputError: the folder cannot be written.
+    That is a program or a station, else the robot that lies highest. The same files are kept once. Raises
+    InvalidParameter: nothing among them can be opened, an archive is damaged, or all are too large; OutputError: the
+    folder cannot be written.
     """
     found = {path: content for name, content in files.items() for path, content in _unpacked(name, content).items()}
     if sum(map(len, found.values())) > MOST:
@@ -73,10 +69,7 @@ def _subject(paths: Sequence[Path]) -> Path:
 
 
 def report_of(urdf: Path) -> str:
-    """Return what the import of a robot did, in lines; nothing if its file was not imported.
-
-    ``urdf`` is the file that the import has made.
-    """
+    """Return what the import that made a robot's file ``urdf`` did, in lines; nothing if it was not imported."""
     try:
         report = read_yaml(urdf.with_name(REPORT_FILE))  # JSON is YAML
     except SimrobError:

@@ -34,8 +34,7 @@ class Pendant:
     ) -> None:
         """Open the first subject; ``lessons`` is a folder with more of them.
 
-        Raises:
-            SimrobError: no such subject or language, or a damaged lesson.
+        Raises SimrobError: no such subject or language, or a damaged lesson.
         """
         self.dark: bool | None = None
         self.tours, self.tour = tours(lessons), cast(TourProgress | None, None)
@@ -48,8 +47,7 @@ class Pendant:
     def load(self, subject: str | Path, robot: str | None = None) -> bool:
         """Open another subject, or another robot of the present one, in place of this; tell whether it is another.
 
-        Raises:
-            SimrobError: no such subject; what is open stays so.
+        Raises SimrobError: no such subject; what is open stays so.
         """
         same = str(subject) == self.session.subject
         if same and robot in (None, self.session.book.robot):
@@ -66,8 +64,7 @@ class Pendant:
     def take(self, files: Mapping[str, bytes]) -> bool:
         """Open a user's own files in place of what is open, and return True; the message tells what their import did.
 
-        Raises:
-            SimrobError: nothing can be opened among them; what is open stays so.
+        Raises SimrobError: nothing can be opened among them; what is open stays so.
         """
         self.load(keep(files, self.session.folder.parent))
         book = self.session.book

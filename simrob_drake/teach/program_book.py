@@ -1,7 +1,5 @@
 """What is taught, kept: in steps for undo and redo, and in its file at every change."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -70,11 +68,7 @@ class ProgramBook:
     # The station
 
     def use(self, station: str, robot: str | None, *, allow_code: bool) -> None:
-        """Take a station, by name or file, and one of its robots; the first unless named.
-
-        Raises:
-            SimrobError: no such station or robot.
-        """
+        """Take a station, by name or file, and a robot, its first unless named; raises SimrobError: no such one."""
         self.station, self.allow_code = station, allow_code
         self.config = self.loaded({})
         self.known_loops = loops_known(self.config)
@@ -91,11 +85,7 @@ class ProgramBook:
         self._config, self._robots = config, resolve(config).robots
 
     def loaded(self, settings: Mapping[str, Any]) -> StationConfig:
-        """Return the station with other settings.
-
-        Raises:
-            SimrobError: they are none of it.
-        """
+        """Return the station with other settings; raises SimrobError: they are none of it."""
         return load_station(self.station, settings, allow_code=self.allow_code)
 
     @property
@@ -106,11 +96,7 @@ class ProgramBook:
 
     @property
     def model(self) -> RobotModel:
-        """The robot that is taught.
-
-        Raises:
-            InvalidParameter: the station has none.
-        """
+        """The robot that is taught; raises InvalidParameter: the station has none."""
         if not self.robot:
             raise InvalidParameter("station", self.config.name, "one with a robot, to teach it a move")
         return self._robots[self.robot].model
@@ -169,22 +155,14 @@ class ProgramBook:
         return self.program.added(PlayMove(duration=self.config.duration))
 
     def checked(self, move: Mapping[str, Any]) -> Move:
-        """Return a move as a program's file has it; it names its robot where it can and there are several.
-
-        Raises:
-            InvalidConfig: what is no move.
-        """
+        """Return a move as a program's file has it, with its robot where that counts; raises InvalidConfig: no move."""
         made = check_move(move)
         if len(self.config.robots) > 1 and getattr(made, "robot", "") is None:
             return made.model_copy(update={"robot": self.robot})
         return made
 
     def within_limits(self, move: Move) -> Move:
-        """Return a move, if its axes may go where it leads them.
-
-        Raises:
-            SimrobError: no such axis, or a target beyond its limits; tells by how much.
-        """
+        """Return a move, if its axes may go there; raises SimrobError: no such axis, or by how much it is too far."""
         if isinstance(move, JointMove):
             targets_on(self.model, move.target_deg, "the move", move.duration)
         return move
@@ -242,11 +220,7 @@ class ProgramBook:
         client.tell("program")
 
     def _fits(self, program: Program) -> None:
-        """Check that a program can be this robot's.
-
-        Raises:
-            SimrobError: it has an axis or a kind of moves that the robot has not.
-        """
+        """Check that a program can be this robot's; raises SimrobError: it has axes or moves that the robot has not."""
         for move in program.moves:
             self.within_limits(move)
             if not (move.of_arms if self.model.feet is None else move.of_legs):

@@ -18,8 +18,7 @@ from simrob_drake.programs.moves.move import Move
 
 Kind = Literal["", "program", "tried", "free"]
 """What is run, or was last: the program, what is tried, or something that is neither stored nor waits to be."""
-_VALUES = 2400
-"""Values of a signal that are kept: two minutes of simulated time."""
+_VALUES = 2400  # values of a signal that are kept: two minutes of simulated time
 _MOMENTS = 20_000  # that can be gone back to
 _SAME = 1e-9  # s
 _ENDED = 10  # runs that can be compared
@@ -151,24 +150,15 @@ class Moments:
 
 
 class EndedRun(NamedTuple):
-    """One thing that was run, however it ended, to be looked at again and compared with others.
+    """One thing that was run, however it ended, to be looked at again and compared with others."""
 
-    Attributes:
-        number: counts from 1 since the session was opened.
-        kind: of it.
-        begun: when it began, since the start of the station [s]; ``reached``: how far it came.
-        ending: ``completed``, ``monitor``, ``stopped``, ``diverged`` ... or ``died``.
-        signals: of each signal its times [s], shape (m,), and its values, shape (m, n).
-        moments: what it looked like.
-    """
-
-    number: int
-    kind: Kind
-    begun: float
+    number: int  # counts from 1 since the session was opened
+    kind: Kind  # of it
+    begun: float  # when it began, since the start of the station [s]; ``reached``: how far it came
     reached: float
-    ending: str
-    signals: dict[str, tuple[Vector, Vector]]
-    moments: Moments
+    ending: str  # ``completed``, ``monitor``, ``stopped``, ``diverged`` ... or ``died``
+    signals: dict[str, tuple[Vector, Vector]]  # of each signal its times [s], shape (m,), and its values, shape (m, n)
+    moments: Moments  # what it looked like
 
     def history(self, signal: str) -> list[tuple[float, Any]]:
         """Return the values of a signal as ``(time, value)`` in order of time; nothing of one that it has not."""
@@ -286,8 +276,7 @@ class TaughtRun:
         return self._moments.at(time)
 
 
-Level = Literal["", "amber", "red"]
-"""How much it is: nothing to speak of, to be seen, or a lot."""
+Level = Literal["", "amber", "red"]  # how much it is: nothing to speak of, to be seen, or a lot
 Reason = Literal["", "limit", "stop", "moving", "gains"]
 """The drive is at its limit, a stop holds the joint, it is on its way, or it rests where its gains hold it."""
 
@@ -299,17 +288,11 @@ _STILL: Mapping[str, float] = {"deg": 5.0, "m": 0.01}  # deg/s or m/s
 
 
 class Shortfall(NamedTuple):
-    """What is left between asked and done.
+    """What is left between asked and done."""
 
-    Attributes:
-        off: how far the joint is from where it should be, positive beyond it [deg or m].
-        level: how much that is.
-        reason: why; nothing where nothing is to be told.
-    """
-
-    off: float
-    level: Level = ""
-    reason: Reason = ""
+    off: float  # how far the joint is from where it should be, positive beyond it [deg or m]
+    level: Level = ""  # how much that is
+    reason: Reason = ""  # why; nothing where nothing is to be told
 
 
 def level_of(off: float, unit: str) -> Level:
@@ -327,15 +310,10 @@ def shortfall(
     torque: float = 0.0,
     limit: float = inf,
 ) -> Shortfall:
-    """Return how far an axis is from where it should be, and why.
+    """Return how far an axis, as a description has it, is from where it should be, and why.
 
-    Args:
-        axis: its ``unit``, ``deg`` or ``m``, and its limits ``low`` and ``high``, as a description has them.
-        asked: where it should be [deg or m].
-        done: where it is [deg or m].
-        speed: how fast it moves [deg/s or m/s].
-        torque: of its drive [N·m or N].
-        limit: of that.
+    What was asked and done are in [deg or m], ``speed`` by the second; the drive's ``torque`` and its ``limit`` in [N·m
+    or N].
     """
     unit, off = axis["unit"], done - asked
     level = level_of(off, unit)

@@ -1,7 +1,5 @@
 """The client of the run in a process of its own, and those who listen to it. Nothing here waits."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -95,12 +93,7 @@ class RunClient:
         return _enlisted(self._viewers, callback)
 
     def watch(self, signals: Any, viewer: object = None) -> Future[Any]:
-        """Have these signals in ``values`` and ``history``, beside those that other viewers watch.
-
-        Args:
-            signals: their names; none ends it for this viewer.
-            viewer: who, such as the id of a tab.
-        """
+        """Have these signals in ``values`` and ``history``, beside those of other viewers; none ends it for one."""
         self._watched = {**self._watched, viewer: tuple(signals)}
         if not self._watched[viewer]:
             del self._watched[viewer]
@@ -147,13 +140,10 @@ class RunClient:
         failed: Callable[[], object] = lambda: None,
         **arguments: Any,
     ) -> Future[Any]:
-        """Ask the run for something.
+        """Ask the run for something by a method and its arguments.
 
-        Args:
-            method: of the run.
-            then: makes of its result that of the future; a future of its own is waited for. None is for what is wrong.
-            failed: is called where something is wrong, after it was told.
-            arguments: of the method.
+        ``then`` makes of its result that of the future; a future of its own is waited for. ``failed`` is called where
+        something is wrong, after it was told.
         """
         answer: Future[Any] = Future()
         answer.set_running_or_notify_cancel()  # a page that leaves does not take it back: it will be answered

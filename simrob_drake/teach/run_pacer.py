@@ -3,8 +3,6 @@
 What is asked for and told goes through a pipe to the pendant's process, as plain data.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from time import perf_counter
@@ -17,10 +15,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.timeline import Change, DragNow, DriveNow, Timeline
 from simrob_drake.simulation import Moment
 
-_FRAME = 1 / 25
-"""Time on the clock from one picture to the next [s]."""
-PATIENCE = 1.0
-"""How long a walk goes on without a word of who drives it [s] on the clock."""
+_FRAME = 1 / 25  # time on the clock from one picture to the next [s]
+PATIENCE = 1.0  # how long a walk goes on without a word of who drives it [s] on the clock
 
 
 News = dict[str, Any]
@@ -115,13 +111,9 @@ class RunPacer:
         self._origin()
 
     def begin(self, line: Timeline, *, until: float = 0.0, stops: bool = False, one: bool = False) -> None:
-        """Prepare for a run along a timeline.
+        """Prepare for a run along a timeline, of which all ``until`` a time [s] was shown before.
 
-        Args:
-            line: the timeline.
-            until: up to when all was run and shown before [s].
-            stops: whether the run ends there.
-            one: whether it pauses at the first tick that was not shown before.
+        It ends there if it ``stops``; with ``one`` it pauses at the first tick that was not shown before.
         """
         self.line, line.tell = line, self.at_tick
         self.until, self._stops_there = until, stops

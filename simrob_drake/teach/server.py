@@ -25,8 +25,7 @@ from simrob_drake.teach.pages import gallery, shell
 from simrob_drake.teach.pendant import Pendant
 from simrob_drake.teach.session import Session
 
-PORT = 8100
-"""Where the pendant listens unless something else does."""
+PORT = 8100  # where the pendant listens unless something else does
 _HOST = "127.0.0.1"
 _PORTS = 100
 _GRACE = 2  # s for what is under way when the server ends
@@ -164,11 +163,7 @@ def _serve_view(app: FastAPI, board: Board) -> None:
 
 
 def bound(port: int | None) -> socket.socket:
-    """Return a socket that is bound to a port of this computer alone.
-
-    Raises:
-        OutputError: the one asked for is taken.
-    """
+    """Return a socket bound to a port of this computer alone; raises OutputError: the one asked for is taken."""
     for one in [port] if port is not None else [*range(PORT, PORT + _PORTS), 0]:
         listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # one that was just left is free
@@ -186,8 +181,7 @@ def bound(port: int | None) -> socket.socket:
 def leading_to(address: str, folder: Path) -> Iterator[str]:
     """Give the address of a file that leads to another address, and that nobody else can read; in the end it is gone.
 
-    Raises:
-        OutputError: the folder cannot be written.
+    Raises OutputError: the folder cannot be written.
     """
     with writing(folder):
         handle, name = tempfile.mkstemp(prefix="open-", suffix=".html", dir=folder)  # 0600

@@ -1,7 +1,5 @@
 """What a page can do: teach a program, run it, change it while it runs, and take it away. It knows no page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
@@ -17,11 +15,10 @@ from simrob_drake.programs.moves.move import MOVE_TIME
 from simrob_drake.programs.stages import step_moves
 from simrob_drake.programs.timeline import GRID, Change
 from simrob_drake.sections import validated
-from simrob_drake.teach.driving import Driving
 from simrob_drake.teach.earlier_runs import EarlierRuns
 from simrob_drake.teach.exports import Exports
 from simrob_drake.teach.hand import Hand
-from simrob_drake.teach.jogging import Jogging
+from simrob_drake.teach.jogging import Driving, Jogging
 from simrob_drake.teach.move_runner import MoveRunner
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.program_book import ProgramBook
@@ -33,8 +30,7 @@ from simrob_drake.teach.subjects import program_of, station_for
 
 __all__ = ["Session", "Topic"]
 
-SLOWEST, FASTEST = 0.1, 4.0
-"""Simulated time over the clock's that can be asked for."""
+SLOWEST, FASTEST = 0.1, 4.0  # simulated time over the clock's that can be asked for
 _PROGRAM = "program.yaml"
 _ANY = "idle", "running", "paused"  # phases in which a run can be gone on with, and back in
 

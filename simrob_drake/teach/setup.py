@@ -1,7 +1,5 @@
 """The station that is taught on: its settings, by which it is opened anew, and what is asked about it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import Future
 from typing import Any

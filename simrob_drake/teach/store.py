@@ -118,8 +118,7 @@ def entries_of(moves: Sequence[Move]) -> list[dict[str, Any]]:
     return [move.entry() for move in moves]
 
 
-MOST_STEPS, MOST_LETTERS = 200, 2_000_000
-"""What is kept to go back to; the oldest is forgotten first."""
+MOST_STEPS, MOST_LETTERS = 200, 2_000_000  # what is kept to go back to; the oldest is forgotten first
 
 
 class History:
@@ -149,9 +148,7 @@ class History:
     def record(self, taught: Taught, label: str = "") -> None:
         """Take a step, if something is new; what was undone before is forgotten.
 
-        Args:
-            taught: what is taught from now on.
-            label: of a step that goes on with the last one if that had the same, as a slider that is still moved.
+        A step with a ``label`` goes on with the last one if that had the same, as a slider that is still moved.
         """
         if taught == self.present:
             return
@@ -198,8 +195,7 @@ def _as_step(taught: Taught) -> tuple[Taught, str]:
     return taught, taught.model_dump_json()
 
 
-Fits = Callable[[Program], None]
-"""Raises an error that says why a program cannot be this robot's."""
+Fits = Callable[[Program], None]  # raises an error that says why a program cannot be this robot's
 
 _LARGEST = 8 * MOST_LETTERS  # bytes; letters may have four, and the newest step is kept however long it is
 
@@ -251,11 +247,7 @@ class Store:
         return True
 
     def write(self, program: Program) -> bool:
-        """Write a program into the file; tell whether that was done, and not another editor's change lost by it.
-
-        Raises:
-            OutputError: the disk does not take it.
-        """
+        """Write a program into the file; tell whether no other editor's change was lost by it; raises OutputError."""
         if self._is_changed:
             return False
         text = program.text()
@@ -266,8 +258,7 @@ class Store:
     def make(self, file: Path, text: str) -> None:
         """Write a file that is made of what is taught; one that is not as it was made is put aside.
 
-        Raises:
-            OutputError: the disk does not take it.
+        Raises OutputError: the disk does not take it.
         """
         digest = _digest(text)
         if file.exists() and _digest_of(file) not in (digest, self._made.get(file.name)):
@@ -294,11 +285,7 @@ class Store:
         return self.file.exists() and _digest_of(self.file) != _digest(self._written)
 
     def load(self) -> History:
-        """Return what was saved, and as one more step what was changed by hand since.
-
-        Raises:
-            InvalidConfig: a damaged program.
-        """
+        """Return what was saved, and as one more step changes by hand; raises InvalidConfig: a damaged program."""
         before, steps = self._steps()
         if not self.file.exists():
             return steps or History(self._first)
@@ -347,10 +334,8 @@ class Store:
 def opened(first: Store, folder: Path, fits: Fits) -> tuple[Store, History, Notice | None]:
     """Return where a program lies, what is taught in it, and what is to be told of that.
 
-    Args:
-        first: the file asked for.
-        folder: where another one is begun in its place, or was the last time.
-        fits: tells whether a program can be this robot's.
+    ``first`` is the file asked for, ``folder`` where another one is begun in its place, or was the last time; ``fits``
+    tells whether a program can be this robot's.
     """
     try:
         history = first.load()

@@ -52,8 +52,7 @@ def station_for(subject: str | Path, folder: Path) -> tuple[str, str]:
 def program_of(subject: str | Path) -> tuple[Path, str] | None:
     """Return the file of a program that a subject is, and its station; None of any other subject.
 
-    Raises:
-        InvalidConfig: a damaged file, or a program that names no station.
+    Raises InvalidConfig: a damaged file, or a program that names no station.
     """
     file = Path(subject)
     if file.suffix.lower() not in YAML_SUFFIXES or not file.is_file() or _PROGRAM.isdisjoint(read_yaml(file)):

@@ -15,8 +15,7 @@ from simrob_drake.yaml_files import read_yaml
 
 _FOLDER = Path(__file__).parent / "lessons"
 _KINDS = "ended", "key", "moves", "pushed", "loop", "signal"
-Text = Annotated[dict[str, str], Field(min_length=1)]
-"""What is said, by language."""
+Text = Annotated[dict[str, str], Field(min_length=1)]  # what is said, by language
 
 
 class StepStart(NamedTuple):
@@ -116,8 +115,7 @@ class Tour(Strict):
 def tours(folder: Path | None = None) -> list[Tour]:
     """Return the lessons of the package, and behind them those of a folder, each in the order of their files' names.
 
-    Raises:
-        InvalidConfig: a damaged file; names it, the key, and what would be right.
+    Raises InvalidConfig: a damaged file; names it, the key, and what would be right.
     """
     if folder is not None and not folder.is_dir():
         raise InvalidConfig(folder, "", "there is no such folder of lessons")

@@ -15,9 +15,9 @@ import numpy as np
 from simrob_drake.distributions import Choice, Distribution, Uniform
 from simrob_drake.extras import needed
 from simrob_drake.folders import writing
+from simrob_drake.tuning.journal import COMPLETED, Record, Row
 from simrob_drake.tuning.rollout import measured
 from simrob_drake.tuning.study import Study, named
-from simrob_drake.tuning.trial import COMPLETED, Record, Row
 
 _DPI, _WIDTH, _HEIGHT = 110, 3.2, 4.0  # and inches of a slice
 _MOST = 3  # keys whose trade-offs are drawn, those that matter most

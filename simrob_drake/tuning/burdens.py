@@ -13,8 +13,8 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.results.record.walks import locomotion
 from simrob_drake.sections import Duration, Fraction
 from simrob_drake.tuning.doubts import Change
+from simrob_drake.tuning.journal import COMPLETED, Row
 from simrob_drake.tuning.scene import Scene
-from simrob_drake.tuning.trial import COMPLETED, Row
 from simrob_drake.tuning.walking import Subject, Walking, WalkTrial, bracket, subject_of
 
 Kind = Literal["load", "friction", "stiffness", "slope", "step"]

@@ -7,7 +7,7 @@ from statistics import median
 import numpy as np
 from scipy.stats import binomtest, quantile_test
 
-from simrob_drake.tuning.trial import COMPLETED, Row
+from simrob_drake.tuning.journal import COMPLETED, Row
 
 START, WON = "start", "winner"  # what is compared: where a search began, and what it found
 THOUGHT, NUMERICAL = "as thought", ("solver", "engine")

@@ -23,12 +23,11 @@ from simrob_drake.results.result import html_table
 from simrob_drake.sections import Integer, Strict
 from simrob_drake.tuning.conclusion import START, THOUGHT, WON, conclusion, cost_columns
 from simrob_drake.tuning.doubts import KINDS, MOVES, UNKNOWN, doubts, moves
-from simrob_drake.tuning.journal import Journal, columns_of, read_spec, run
+from simrob_drake.tuning.journal import COMPLETED, Journal, Row, columns_of, read_spec, run, table, write_rows
 from simrob_drake.tuning.rollout import UNITS, Case, measured
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.study import Parameters, Study, in_table, named
 from simrob_drake.tuning.study_folder import STUDY, winner_of
-from simrob_drake.tuning.trial import COMPLETED, Row, table, write_rows
 
 PROVE, TABLE, PAGE = "prove.yaml", "prove.csv", "prove.html"
 _ASKED = re.compile(r"(^|\.)(reference|gait|program|commands)(\.|$)")  # keys that say what is asked

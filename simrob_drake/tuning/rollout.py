@@ -12,8 +12,8 @@ from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
 from simrob_drake.results.record.walks import legged_robots, locomotion, mechanical_work
 from simrob_drake.sections import Positive, Strict
 from simrob_drake.tuning.doubts import drawn
+from simrob_drake.tuning.journal import COMPLETED, Row, Trial
 from simrob_drake.tuning.scene import Scene
-from simrob_drake.tuning.trial import COMPLETED, Row, Trial
 from simrob_drake.yaml_files import read_yaml
 
 UNITS: dict[str, str] = read_yaml(Path(__file__).with_name("measures.yaml"))

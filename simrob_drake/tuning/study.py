@@ -18,9 +18,9 @@ from simrob_drake.sampling import Draws, Space, applying, at, distinct, seeded
 from simrob_drake.sections import Boolean, Integer, NotNegative, Number, Positive, Strict, validated
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located_changes, located_station
+from simrob_drake.tuning.journal import COMPLETED, Row
 from simrob_drake.tuning.rollout import SIGNED, UNITS, Case, Margin
 from simrob_drake.tuning.scene import Scene, of_station
-from simrob_drake.tuning.trial import COMPLETED, Row
 from simrob_drake.yaml_files import read_yaml
 
 

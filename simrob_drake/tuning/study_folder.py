@@ -15,13 +15,12 @@ from simrob_drake.folders import written_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
 from simrob_drake.tuning.analysis import plots_there, save_plots, study_in_optuna
-from simrob_drake.tuning.journal import ROWS, Journal, read_spec
+from simrob_drake.tuning.journal import ROWS, Journal, Record, Row, Trial, killed, made, read_spec, table, write_rows
 from simrob_drake.tuning.processes import Engine, engine
 from simrob_drake.tuning.rollout import Case
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.search import Enough, search
 from simrob_drake.tuning.study import Conditions, Parameters, Study, named
-from simrob_drake.tuning.trial import Record, Row, Trial, killed, made, table, write_rows
 from simrob_drake.yaml_files import read_yaml
 
 STUDY, WINNER, TRIALS, FRONT, PROOF = "study.yaml", "winner.yaml", "trials.csv", "front.csv", "proof.csv"

@@ -67,12 +67,8 @@ class Sweep(Strict):
     def check(self, *, allow_code: bool = False) -> StationConfig:
         """Check, before anything is run, all that can be known by then, and return the first run's station.
 
-        Args:
-            allow_code: whether the station may name Python code.
-
-        Raises:
-            SimrobError: a key that the station has not, values that are none, seeds without anything that is random, or
-                too many runs.
+        ``allow_code`` lets the station name Python code. Raises SimrobError: a key that the station has not, values
+        that are none, seeds without anything that is random, or too many runs.
         """
         twice = next((key for key in self.vary if key in self.overrides), None)
         if twice is not None:

@@ -18,10 +18,9 @@ from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.grid import style
 from simrob_drake.stations.located import located_changes
 from simrob_drake.tuning.analysis import plots_there, save_sensitivity, sweep_in_optuna
-from simrob_drake.tuning.journal import Journal, columns_of, read_spec, run
+from simrob_drake.tuning.journal import COMPLETED, Journal, Row, columns_of, read_spec, run, table, write_rows
 from simrob_drake.tuning.rollout import UNITS, measured
 from simrob_drake.tuning.sweep import Sweep
-from simrob_drake.tuning.trial import COMPLETED, Row, table, write_rows
 
 SWEEP, TABLE = "sweep.yaml", "sweep.csv"
 

@@ -17,7 +17,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.parts.forces import place_of
-from simrob_drake.parts.monitors.places import Fall
+from simrob_drake.parts.monitors.sections import Fall
 from simrob_drake.parts.site import named
 from simrob_drake.parts.targets import frame_names
 from simrob_drake.programs.gaits.registry import gaits_of
@@ -28,8 +28,8 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.tuning.doubts import Change, drawn
+from simrob_drake.tuning.journal import COMPLETED, Row, Trial
 from simrob_drake.tuning.scene import DRAKE, ENGINE, GAIT, PROGRAM, Scene
-from simrob_drake.tuning.trial import COMPLETED, Row, Trial
 
 UNCHANGED = "as given"  # what the settings are called that nothing beside changes
 _REST = 2.0  # before a gait ends its robot slows down and stands: trials end before that [s]

@@ -19,7 +19,7 @@ from simrob_drake import Workcell, load_station
 from simrob_drake.errors import SimrobError
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.targets import owner_and_robot
-from simrob_drake.programs.free_space import FreeSpace
+from simrob_drake.programs.free_path import FreeSpace
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.moves.move_free import MoveFree, plan_together
 from simrob_drake.results.record.state import State

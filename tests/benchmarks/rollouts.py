@@ -15,9 +15,9 @@ from rich.console import Console
 from rich.table import Table
 
 from simrob_drake.tuning import scene
+from simrob_drake.tuning.journal import killed, made
 from simrob_drake.tuning.processes import Cluster, Engine, Processes
 from simrob_drake.tuning.rollout import Case
-from simrob_drake.tuning.trial import killed, made
 
 STATION, SHORT = "humanoid_dynamic", {"duration": 0.5}
 ROUNDS = 3

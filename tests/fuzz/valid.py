@@ -17,11 +17,11 @@ from simrob_drake.files import diagrams_root, models_root
 from simrob_drake.learning.writing import write_network
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.load import load_station
+from simrob_drake.tuning.journal import made
 from simrob_drake.tuning.study import Study
 from simrob_drake.tuning.study_folder import StudyFolder
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import SweepFolder
-from simrob_drake.tuning.trial import made
 from simrob_drake.yaml_files import parse_yaml
 from tests.tuning.here import Here
 

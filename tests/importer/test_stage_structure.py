@@ -7,7 +7,7 @@ from repair_stages import ARM, END, FLANGE, INERTIA, LIMIT, TIP, Repaired, joint
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.importer.options import ImportOptions, ImportReport
-from simrob_drake.importer.repairs.numbers import mend_numbers
+from simrob_drake.importer.repairs.structure import mend_numbers
 from simrob_drake.robots.urdf import movable_joints, name_of, root_link
 
 SHOULDER = '<joint name="shoulder" type="revolute">'

@@ -37,7 +37,7 @@ def test_a_station_imports_the_kinds_that_it_names() -> None:
     code = """
 import sys
 from simrob_drake import load_station, simulate
-held = ("sensors.frames", "monitors.places", "controllers.walk", "controllers.flow_blocks")
+held = ("sensors.frames", "sensors.camera", "controllers.walk", "controllers.flow_blocks")
 before = [name for name in held if f"simrob_drake.parts.{name}" in sys.modules]
 load_station("irb120_dynamic", {"sensors": {"wrist": {"kind": "frame", "frame": "tool0"}}})
 print(before, [name for name in held if f"simrob_drake.parts.{name}" in sys.modules])

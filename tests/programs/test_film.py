@@ -7,7 +7,7 @@ from PIL import Image
 from simrob_drake import LeggedRobot, Program, load_station
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.results.record.run import events_of
-from simrob_drake.results.whole import joined
+from simrob_drake.results.result import joined
 
 PARCEL = {"parent": "world", "pose": [0.2, -0.3, 0.3, 0, 0, 0]}
 

@@ -8,11 +8,9 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.legs import OutOfReach
-from simrob_drake.programs.moves.act import ActMove
-from simrob_drake.programs.moves.attach import AttachMove
+from simrob_drake.programs.moves.attach import AttachMove, ReleaseMove
 from simrob_drake.programs.moves.joints import JointMove
-from simrob_drake.programs.moves.release import ReleaseMove
-from simrob_drake.programs.moves.walk import WalkMove
+from simrob_drake.programs.moves.walk import ActMove, WalkMove
 
 pytestmark = pytest.mark.usefixtures("no_plots")
 

@@ -8,7 +8,7 @@ import pytest
 from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.results.record.run import events_of
-from simrob_drake.results.whole import joined
+from simrob_drake.results.result import joined
 
 
 @pytest.fixture(scope="module")

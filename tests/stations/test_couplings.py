@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
+from simrob_drake.parts.couplings import KINDS
 
 LINK = """<link name="{name}"><inertial><origin xyz="{com}"/><mass value="{mass}"/>
 <inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
@@ -147,3 +148,18 @@ def test_a_coupling_that_its_load_opens_is_told(tmp_path, gravity, warned):
     assert worst.subject == "tie"
     assert worst.value == pytest.approx(gravity / 2000.0**2, rel=0.1)
     assert any(f"tie was {1e3 * worst.value:.3g} mm (or mrad) open" in told for told in result.warnings) == warned
+
+
+@pytest.mark.parametrize(
+    ("section", "words"),
+    [
+        ({"kind": "ball"}, "a ball joint between slider and wheel"),
+        ({"kind": "rod", "length": 0.25}, "a rod of 0.25 m from slider to wheel"),
+        ({"kind": "weld"}, "slider welded to wheel"),
+        ({"kind": "hinge"}, "a hinge between slider and wheel"),
+        ({"kind": "spring", "stiffness": 40.0}, "a spring of 40 N/m from slider to wheel"),
+    ],
+)
+def test_a_coupling_says_what_it_is(section, words):
+    made = KINDS.model(section["kind"]).model_validate({"body": "slider", "other": "wheel", **section})
+    assert made.caption() == words

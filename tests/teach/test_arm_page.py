@@ -21,8 +21,7 @@ from simrob_drake.programs.program import Program
 from simrob_drake.results.record.state import State
 from simrob_drake.teach import arm_questions
 from simrob_drake.teach.pages import arm as page
-from simrob_drake.teach.pages.phrases import MINUS, Phrases, pose_words
-from simrob_drake.teach.pages.words import Notice, words
+from simrob_drake.teach.pages.words import MINUS, Notice, Phrases, pose_words, words
 
 t = words("en")
 

@@ -20,8 +20,7 @@ from simrob_drake.programs.moves.move import Move
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.load import load_station, loops_known
 from simrob_drake.teach.pages import joints, legs, plots
-from simrob_drake.teach.pages.phrases import Phrases, matches
-from simrob_drake.teach.pages.words import languages, texts_of, words
+from simrob_drake.teach.pages.words import Phrases, languages, matches, texts_of, words
 from simrob_drake.teach.run import EndedRun, Moments, TaughtRun
 
 MOVE = {"target_deg": {"HomIF": 30.0, "CadDF": 20.0}, "duration": 1.5}

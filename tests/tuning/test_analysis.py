@@ -25,13 +25,12 @@ from simrob_drake.tuning.analysis import (
     sweep_in_optuna,
 )
 from simrob_drake.tuning.dashboard import Dashboard
-from simrob_drake.tuning.journal import ROWS
+from simrob_drake.tuning.journal import ROWS, Record
 from simrob_drake.tuning.rollout import Case
 from simrob_drake.tuning.study import Study
 from simrob_drake.tuning.study_folder import StudyFolder
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import SweepFolder
-from simrob_drake.tuning.trial import Record
 
 ASKED = {
     "station": "double_pendulum",

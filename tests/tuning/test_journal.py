@@ -9,12 +9,11 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, SimrobError
 from simrob_drake.tuning import sweep_folder
-from simrob_drake.tuning.journal import ROWS
+from simrob_drake.tuning.journal import ROWS, plain
 from simrob_drake.tuning.study import Study
 from simrob_drake.tuning.study_folder import WINNER, StudyFolder, winner_of
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import SweepFolder
-from simrob_drake.tuning.trial import plain
 from tests.tuning.test_study import PENDULUM
 
 OVERRIDES = {"duration": 0.02, "reference.duration": 0.01}

@@ -13,11 +13,11 @@ from simrob_drake.errors import InvalidConfig
 from simrob_drake.tuning import proof
 from simrob_drake.tuning.conclusion import START, WON, conclusion
 from simrob_drake.tuning.doubts import doubts, moves
+from simrob_drake.tuning.journal import made
 from simrob_drake.tuning.proof import PAGE, TABLE, Proof, ProofFolder
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.study import Study
 from simrob_drake.tuning.study_folder import StudyFolder, winner_of
-from simrob_drake.tuning.trial import made
 from tests.tuning.test_scene import GAIT
 from tests.tuning.test_study import PENDULUM
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from simrob_drake.tuning.push_map import PushMap, save_push_picture
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import save_sweep_plots
+from simrob_drake.tuning.walking_folder import PushMap, save_push_picture
 
 
 @pytest.fixture

@@ -18,11 +18,10 @@ from simrob_drake.stations.resolve import resolve
 from simrob_drake.tuning import burdens
 from simrob_drake.tuning.burdens import Burdens
 from simrob_drake.tuning.doubts import drawn
-from simrob_drake.tuning.push_map import PushMap, PushTrial
+from simrob_drake.tuning.journal import made
 from simrob_drake.tuning.scene import Scene
-from simrob_drake.tuning.trial import made
 from simrob_drake.tuning.walking import UNCHANGED, bracket, subject_of
-from simrob_drake.tuning.walking_folder import WalkingFolder
+from simrob_drake.tuning.walking_folder import PushMap, PushTrial, WalkingFolder
 
 MASS, HALF, FORCE_TIME = 10.0, np.array([0.1, 0.06, 0.3]), 0.005  # kg, m, s
 BLOCK = """<robot name="block">

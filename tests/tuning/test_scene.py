@@ -9,9 +9,9 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.tuning import scene
 from simrob_drake.tuning.doubts import doubts
+from simrob_drake.tuning.journal import made
 from simrob_drake.tuning.rollout import Case, Margin, measures
 from simrob_drake.tuning.scene import Scene
-from simrob_drake.tuning.trial import made
 
 GAIT = {"gait": {"name": "walk", "steps": 1}, "gait.step_time": 0.3, "gait.bearing.height": 0.5, "duration": 1.0}
 WAITS = {"moves": [{"wait": 0.1}]}

@@ -22,12 +22,11 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.files import diagrams_root
 from simrob_drake.tuning import processes
-from simrob_drake.tuning.journal import ROWS
+from simrob_drake.tuning.journal import ROWS, Trial, made
 from simrob_drake.tuning.processes import Cluster, Processes
 from simrob_drake.tuning.rollout import measures
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import TABLE, SweepFolder
-from simrob_drake.tuning.trial import Trial, made
 from tests.tuning.dying import dies
 
 SHORT = {"duration": 0.2, "reference.duration": 0.1}

@@ -26,12 +26,9 @@ _MOST_COLOURS = 16
 class MeshFile(NamedTuple):
     """What was read from a file."""
 
-    parts: list[MeshPart]
-    """One for each colour or texture, in metres but for what a URDF's scale says."""
-    data: bytes
-    """The bytes of the file, if it is an OBJ, which may stay as it is."""
-    notes: list[str]
-    """What is worth knowing, in words."""
+    parts: list[MeshPart]  # one for each colour or texture, in metres but for what a URDF's scale says
+    data: bytes  # the bytes of the file, if it is an OBJ, which may stay as it is
+    notes: list[str]  # what is worth knowing, in words
 
 
 @heard_afterwards()

@@ -11,7 +11,7 @@ from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.names import FreeNames
-from simrob_drake.importer.repairs.numbers import number
+from simrob_drake.importer.repairs.structure import number
 from simrob_drake.robots.urdf import (
     DRAKE,
     MOVABLE_JOINTS,

@@ -12,7 +12,7 @@ from pydrake.multibody.tree import CalcSpatialInertia, RotationalInertia, Spatia
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import EntryKind, ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import find_base
-from simrob_drake.importer.repairs.numbers import number
+from simrob_drake.importer.repairs.structure import number
 from simrob_drake.robots.bodies import bodies, carriers
 from simrob_drake.robots.urdf import (
     DRAKE,

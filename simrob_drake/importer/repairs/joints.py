@@ -10,8 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
-from simrob_drake.importer.repairs.numbers import number
-from simrob_drake.importer.repairs.structure import drop_lost_frames
+from simrob_drake.importer.repairs.structure import drop_lost_frames, number
 from simrob_drake.robots.bodies import FOLLOWS, followed
 from simrob_drake.robots.urdf import (
     DRAKE,

@@ -14,7 +14,7 @@ from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection, check_force_is_read
-from simrob_drake.parts.monitors.places import force_limit
+from simrob_drake.parts.monitors.sections import force_limit
 from simrob_drake.parts.site import WORLD, ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.parts.targets import frame_of
 from simrob_drake.robots.axis_map import AxisMap, AxisValues

@@ -39,14 +39,9 @@ class Network:
     """
 
     def __init__(self, file: Path, key: str) -> None:
-        """Read the file.
+        """Read a file with a network of one input and one output, of shapes (size,) or (batch, size).
 
-        Args:
-            file: with a network of one input and one output, of shapes (size,) or (batch, size).
-            key: where the file is named, for errors.
-
-        Raises:
-            SimrobError: no such file, no network, or one of another kind; ONNX Runtime is missing.
+        Raises SimrobError, which names the ``key``: no such file, no network, or another kind; ONNX Runtime is missing.
         """
         with needed("a policy of kind ONNX", "rl"):
             import onnxruntime

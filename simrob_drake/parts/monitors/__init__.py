@@ -8,16 +8,16 @@ from simrob_drake.parts.monitors.monitor import MonitorSection
 KINDS = Kinds(
     __name__,
     {
-        "joint_limit": "axes.JointLimit",
-        "torque_limit": "axes.TorqueLimit",
-        "settled": "axes.Settled",
-        "divergence": "axes.Divergence",
-        "contact": "places.Contact",
-        "force_limit": "places.ForceLimit",
-        "power_limit": "axes.PowerLimit",
-        "workspace": "places.Workspace",
-        "fall": "places.Fall",
-        "empty_grip": "axes.EmptyGrip",
+        "joint_limit": "sections.JointLimit",
+        "torque_limit": "sections.TorqueLimit",
+        "settled": "sections.Settled",
+        "divergence": "sections.Divergence",
+        "contact": "sections.Contact",
+        "force_limit": "sections.ForceLimit",
+        "power_limit": "sections.PowerLimit",
+        "workspace": "sections.Workspace",
+        "fall": "sections.Fall",
+        "empty_grip": "sections.EmptyGrip",
     },
 )
 MonitorConfig = Annotated[MonitorSection, KINDS]

@@ -10,7 +10,7 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.numeric import fit_postures
-from simrob_drake.programs.gaits.feet import Foot
+from simrob_drake.programs.gaits.walker import Foot
 from simrob_drake.robots.catalog import RobotModel
 
 ROWS = {6: [0, 1, 2, 3, 4, 5], 4: [0, 2, 3, 4], 3: [0, 1, 2]}

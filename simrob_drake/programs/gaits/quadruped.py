@@ -7,8 +7,7 @@ from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.gait import EvenSteps, Pace, SolvedGait
-from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.motion import EvenSteps, JointMotion, Pace, SolvedGait
 from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, on_path, ramp_shares
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody

@@ -11,10 +11,9 @@ from pydantic import Field, create_model
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.biped import BipedWalk
+from simrob_drake.programs.gaits.biped import BipedWalk, Kick
 from simrob_drake.programs.gaits.climb import Climb
-from simrob_drake.programs.gaits.gait import Gait
-from simrob_drake.programs.gaits.kick import Kick
+from simrob_drake.programs.gaits.motion import Gait
 from simrob_drake.programs.gaits.quadruped import Crawl, Stand, Trot
 from simrob_drake.programs.gaits.sequences import March, Posing
 from simrob_drake.robots.catalog import RobotModel
@@ -61,11 +60,7 @@ def load_gaits(robot: str | RobotModel) -> Any:
 
 
 def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
-    """Return a robot's gaits that go steps, or the others.
-
-    Raises:
-        InvalidParameter: the robot has none; InvalidConfig: a wrong entry of its file.
-    """
+    """Return a robot's gaits that go steps, or others; raises InvalidParameter: none; InvalidConfig: a wrong entry."""
     gaits = load_gaits(robot)
     return {name: gait for kind in KINDS if kind.steps == steps for name, gait in getattr(gaits, kind.section).items()}
 

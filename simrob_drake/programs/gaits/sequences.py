@@ -14,8 +14,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.skeleton import Skeleton
 from simrob_drake.parts.references import Waypoint
-from simrob_drake.programs.gaits.gait import Gait, Pace
-from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.motion import Gait, JointMotion, Pace
 from simrob_drake.programs.gaits.phases import check_steps, samples
 from simrob_drake.programs.gaits.walker import Walker, mirrored
 from simrob_drake.robots.axis_map import AxisValues

@@ -14,12 +14,10 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
-from simrob_drake.programs.gaits.feet import UP, facing_rotation, rolled, rotations_about, upright
-from simrob_drake.programs.gaits.gait import SolvedGait
 from simrob_drake.programs.gaits.legs import leg_angles
-from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.motion import JointMotion, SolvedGait
 from simrob_drake.programs.gaits.phases import SAMPLE, GaitPlan
-from simrob_drake.programs.gaits.walker import Walker, mirrored
+from simrob_drake.programs.gaits.walker import UP, Walker, facing_rotation, mirrored, rolled, rotations_about, upright
 from simrob_drake.programs.gaits.zmp import com_from_zmp, whole_body_zmp
 from simrob_drake.results.record.history import parts
 
@@ -50,8 +48,7 @@ class WholeBody:
     def solve(self, rounds: int = ROUNDS) -> tuple[JointMotion, Vector]:
         """Return the motion, and its zero-moment point without slip, shape (m, 2) [m].
 
-        Raises:
-            OutOfReach: a leg cannot reach where its foot is to be.
+        Raises OutOfReach: a leg cannot reach where its foot is to be.
         """
         count = len(self.plan.times)
         angles, height, factor, lean_height = self._start()

@@ -10,15 +10,12 @@ from pydantic import ConfigDict
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.biped import SIDES
-from simrob_drake.programs.gaits.climb import Climb
-from simrob_drake.programs.gaits.feet import UP, Foot, rotations_about
-from simrob_drake.programs.gaits.footholds import BallFootholds, Footholds, Places, SoleFootholds
-from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.gaits.climb import BallFootholds, Climb, Footholds, Places, SoleFootholds
+from simrob_drake.programs.gaits.walker import UP, Foot, Walker, rotations_about
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.moves.move import Move, Outlook, Stage, naming
-from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.whole import joined
+from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.sections import Positive
 from simrob_drake.stations.resolve import resolve
 

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import ConfigDict
 
 from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.programs.gaits.kick import Kick
+from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.geometry import LeggedGeometry

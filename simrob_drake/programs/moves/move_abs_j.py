@@ -43,8 +43,7 @@ def plan_move_abs_j(
     Raises:
         UnknownName: no such posture.
         InvalidParameter: targets of a wrong shape, or a duration that cannot be.
-        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
-            point.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first bad point.
     """
     rows = planning.postures(targets)
     points, zone = points_of(how, POINTS), zone_of(how, len(rows))

@@ -49,8 +49,7 @@ def plan_move_j(
 
     Raises:
         Unreachable: names the target, why, and how near the best posture comes.
-        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
-            point.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first bad point.
     """
     inverse = planning.inverse(solver)
     poses = planning.poses(targets, wobj)

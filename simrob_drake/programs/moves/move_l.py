@@ -1,4 +1,4 @@
-"""A move of an arm's tool along straight lines (RAPID's MoveL)."""
+"""Moves of an arm's tool along straight lines and along arcs of circles (RAPID's MoveL and MoveC)."""
 
 from functools import partial
 from itertools import pairwise
@@ -6,12 +6,14 @@ from typing import ClassVar, Unpack
 
 import numpy as np
 
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.interpolation import Arc, stacked, turn
 from simrob_drake.interpolation import poses as poses_between
 from simrob_drake.kinematics.analytic import SolverLike
-from simrob_drake.programs.moves.motion import ArmMotion, ToolMotion
-from simrob_drake.programs.plan import Plan
-from simrob_drake.programs.planning import POINTS, Planning, PoseTargets, WorkObject, points_of
+from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion
+from simrob_drake.programs.plan import Plan, target_name
+from simrob_drake.programs.planning import ARC_POINTS, POINTS, Planning, PoseTargets, WorkObject, places, points_of
 from simrob_drake.programs.segments import Way
 from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How
@@ -47,8 +49,7 @@ def plan_move_l(
 
     Raises:
         Unreachable, BrokenPath: names the point, why, and how near the best posture comes.
-        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
-            point.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first bad point.
     """
     inverse, points = planning.inverse(solver), points_of(how, POINTS)
     poses = planning.poses(targets, wobj)
@@ -61,3 +62,60 @@ def _line(begin: Vector, end: Vector) -> Way:
     """Return the straight way between two poses (4, 4)."""
     length = float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
     return Way(partial(poses_between, begin, end), length)
+
+
+class MoveC(ToolMotion, ArmMotion):
+    """A tool that goes along arcs; see :meth:`Arm.move_c`."""
+
+    key: ClassVar[str] = "move_c"
+    title: ClassVar[str] = "MoveC"
+
+    via: Rows
+    """A place [x y z] on the arc, or one for each of several [m]."""
+
+    def plan(self, planning: Planning) -> Plan:
+        """Return the move, planned."""
+        return plan_move_c(planning, self.via, self.rows(planning), wobj=self.wobj, solver=self.solver, **self.how)
+
+
+def plan_move_c(
+    planning: Planning,
+    via: PoseTargets,
+    targets: PoseTargets,
+    *,
+    wobj: WorkObject = None,
+    solver: SolverLike | None = None,
+    **how: Unpack[How],
+) -> Plan:
+    """Plan a move that leads the tool centre point along arcs of circles.
+
+    Args:
+        planning: what the move starts from.
+        via: a place (3,) on the arc, or one for each of several arcs (k, 3); of poses only the place counts.
+        targets: where each arc ends: places (3,) or (k, 3) that keep the orientation, or poses that turn the tool.
+        wobj: the work object in whose frame they are.
+        solver: of the inverse kinematics.
+        how: see :class:`How`; ``points`` are 20 unless given.
+
+    Raises:
+        InvalidParameter: points that lie on one line, or another number of them than of targets.
+        Unreachable, BrokenPath: names the point, why, and how near the best posture comes.
+        JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first bad point.
+    """
+    inverse, points = planning.inverse(solver), points_of(how, ARC_POINTS)
+    middles = places(via, planning.frame(wobj), "via")
+    poses = planning.poses(targets, wobj)
+    if len(middles) != len(poses):
+        raise InvalidParameter("via", f"{len(middles)} points", f"one a target, of which there are {len(poses)}")
+    ways = [
+        _arc_through(begin, middle, end, f"the arc to {target_name(index, len(poses))}")
+        for index, (begin, middle, end) in enumerate(zip([planning.pose, *poses], middles, poses, strict=False))
+    ]
+    plan = planning.along(ways, inverse, how, points)
+    return recorded(plan, MoveC.key, planning, targets, how, wobj=wobj, solver=solver, via=via)
+
+
+def _arc_through(begin: Vector, middle: Vector, end: Vector, name: str) -> Way:
+    """Return the way on an arc from a pose (4, 4) through a place (3,) to a pose."""
+    arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
+    return Way(lambda parts: stacked(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts)), arc.length)

@@ -8,10 +8,9 @@ from pydantic import Field
 from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import ArmStation, Move, Run, field_of
 from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
-from simrob_drake.programs.moves.move_c import MoveC
 from simrob_drake.programs.moves.move_free import MoveFree, plan_together
 from simrob_drake.programs.moves.move_j import MoveJ
-from simrob_drake.programs.moves.move_l import MoveL
+from simrob_drake.programs.moves.move_l import MoveC, MoveL
 from simrob_drake.sections import Duration
 
 MOTIONS: tuple[type[ArmMotion], ...] = (MoveAbsJ, MoveJ, MoveL, MoveC, MoveFree)

@@ -1,20 +1,26 @@
-"""Steps by a gait that is planned before it begins (SimRob's Marcha)."""
+"""Walks: steps by a gait that is planned before it begins (SimRob's Marcha), postures in a row; or by a command."""
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import ConfigDict, Field
 
-from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.blocks.references import hold
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import finite
+from simrob_drake.parts.controllers.walk import Walk
+from simrob_drake.programs.gaits.motion import JointMotion, short_steps
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait, taught_arms
-from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, Outlook, Stage, naming
+from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, Outlook, Stage, checked, naming
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.sections import Number
+from simrob_drake.sections import Boolean, Duration, Number
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.resolve import check_parts, resolve
+from simrob_drake.walking.commands import Commanded
 
 
 class GaitMove(Move):
@@ -63,3 +69,102 @@ class WalkMove(GaitMove):
         """Return the motion, planned for a station."""
         changes = self.model_extra or {}
         return planned_gait(robot, self.gait, changes, steps=self.steps, amplitude=self.amplitude, station=station)
+
+
+class ActMove(GaitMove):
+    """Postures one after the other, or a stand on three legs."""
+
+    key: ClassVar[str] = "act"
+    title: ClassVar[str] = "Act"
+    brief: ClassVar[bool] = True
+    form: ClassVar[Mapping[str, str | float | None]] = {"name": "acts"}
+
+    name: str
+    """One of the robot's gaits that go no steps."""
+
+    def caption(self, *, robots: bool = False) -> str:
+        """Return which act."""
+        return f"act {self.name}"
+
+    def planned(self, robot: LeggedGeometry, station: StationConfig) -> JointMotion:
+        """Return the motion, planned for a station."""
+        return planned_gait(robot, self.name, self.model_extra or {}, station=station)
+
+
+GO_TIME = 3.0  # time of a walk by commands unless another one is asked for [s]: enough to stop
+_BEYOND = 1.0  # floor beyond the way that a robot goes [m]
+
+
+class GoMove(Move):
+    """A walk that is made while it goes, by `reacting` in its robot's `gaits.yaml`.
+
+    Nothing but its duration: it stops and stands. What the legs cannot follow is clipped, and the result says so.
+    """
+
+    key: ClassVar[str] = "go"
+    title: ClassVar[str] = "Go"
+    of_arms: ClassVar[bool] = False
+    form: ClassVar[Mapping[str, str | float | None]] = dict.fromkeys(("ahead", "sideways", "turn_deg", "duration"))
+
+    ahead: Number = 0.0
+    """[m/s]."""
+    sideways: Number = 0.0
+    """To the left [m/s]."""
+    turn_deg: Number = 0.0
+    """To the left [deg/s]."""
+    duration: Duration = GO_TIME
+    """How long [s]; it does not stop at its end, so that another `go` can follow in the middle of a step."""
+    strict: Boolean = False
+    """Refuse what the legs cannot follow."""
+
+    @classmethod
+    def at(cls, ahead: float, sideways: float, turn: float, *, duration: float, strict: bool) -> "GoMove":
+        """Return a walk at speeds [m/s] and a turn [rad/s], from a user; raises InvalidParameter: no such numbers."""
+        for name, value in (("ahead", ahead), ("sideways", sideways), ("turn", turn)):
+            if finite(value).shape != ():
+                raise InvalidParameter(name, value, "a finite number [rad/s]" if name == "turn" else "one [m/s]")
+        content = {"ahead": ahead, "sideways": sideways, "turn_deg": math.degrees(turn)}
+        return checked(cls, **content, duration=duration, strict=strict)
+
+    def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
+        """Check that the robot can walk by commands, and return the stage in which it does."""
+        self.station(outlook.station, robot.name)
+        outlook.changed = True
+        return self._gone
+
+    def station(self, config: StationConfig, robot: str, *, start: float = 0.0) -> StationConfig:
+        """Return a station on which a robot goes so, from so far from the world's origin [m].
+
+        The walk is that of the station if it has one for the robot; its name stays the same from run to run, so its
+        state does, and the robot goes on in the middle of a step. Raises SimrobError: a robot that does not stand on
+        feet of its own, or has no walk; a station that is kinematic.
+        """
+        known = {name: section for name, section in config.controllers.items() if isinstance(section, Walk)}
+        own = [name for name, section in known.items() if (section.robot or config.only_robot) == robot]
+        name = own[0] if own else f"{robot}_walk" if "walk" in config.controllers else "walk"
+        command = Commanded(ahead=self.ahead, sideways=self.sideways, turn_deg=self.turn_deg)
+        walk = known[name] if own else Walk(kind="walk", robot=robot)
+        settings = {"commands": (command,), "path": None, "strict": self.strict}
+        changes: dict[str, Any] = {
+            "controllers": {**config.controllers, name: walk.model_copy(update=settings)},
+            "inputs": tuple(dict.fromkeys((*config.inputs, "reference_velocity"))),
+            "solver": short_steps(config.solver),
+        }
+        if config.floor is not None:
+            way = start + math.hypot(self.ahead, self.sideways) * self.duration + _BEYOND
+            changes["floor"] = config.floor.model_copy(update={"size": max(config.floor.size, math.ceil(2.0 * way))})
+        changed = config.model_copy(update=changes)
+        check_parts(resolve(changed))
+        return changed
+
+    def _gone(self, robot: LeggedGeometry) -> SimulationResult:
+        """Let a robot go, and return the run; the floor stays as large as it had to become."""
+        cell, own = robot.cell, robot.cell.config
+        start = abs(robot.base_pose.translation()[:2]).max()
+        changed = self.station(own, robot.name, start=float(start))
+        cell.change(changed)
+        try:
+            result = cell.follow({robot.name: hold(robot.reference)}, self.duration)
+        finally:
+            cell.change(own.model_copy(update={"floor": changed.floor}))
+        return replace(result, did=self.caption())

@@ -42,8 +42,7 @@ from simrob_drake.results.record.run import RecordedRun, events_of
 from simrob_drake.stations.config import StationConfig
 
 Pixels = npt.NDArray[np.uint8]
-Frames: TypeAlias = int | Literal["events"]
-"""Of a strip: how many at even times, or one for each event."""
+Frames: TypeAlias = int | Literal["events"]  # of a strip: how many at even times, or one for each event
 
 _HEIGHT, _LOW, _FEW = 360, 240, 7  # pixels of a frame; of one of many, and how many are few
 _GAP = 6  # pixels between frames
@@ -227,10 +226,7 @@ class Studio:
 
 
 class Still:
-    """A station before a camera, without a run: that goes beside a robot on legs.
-
-    Its pictures are (360, 480, 3).
-    """
+    """A station before a camera, without a run, in pictures (360, 480, 3): that goes beside a robot on legs."""
 
     def __init__(self, config: StationConfig) -> None:
         """Set the camera up; raises InvalidModel: a robot that cannot be built."""

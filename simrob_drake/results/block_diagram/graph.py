@@ -11,8 +11,7 @@ ROLES: tuple[BlockRole, ...] = get_args(BlockRole)  # in the order of the signal
 
 BARS: tuple[Shape, ...] = ("mux", "bus")
 
-FOLDED = "folded "
-"""What the key of a block begins with that stands for several: that of one of them follows."""
+FOLDED = "folded "  # what the key of a block begins with that stands for several: that of one of them follows
 
 
 @dataclass

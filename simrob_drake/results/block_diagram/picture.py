@@ -247,19 +247,10 @@ def station_mermaid(config: StationConfig) -> str:
 
 
 def save_block_picture(config: StationConfig, file: Path | str) -> Path:
-    """Write the block picture of a station.
+    """Write a station's block picture, as its suffix says .svg, .png, .pdf, or as text .dot or .mmd; return the file.
 
-    Args:
-        config: the station.
-        file: its suffix says what is written: .svg, .png, .pdf, or as a text .dot or .mmd.
-
-    Returns:
-        the file.
-
-    Raises:
-        InvalidParameter: another suffix.
-        SimrobError: a station that cannot be built.
-        OutputError: the file cannot be written.
+    Raises InvalidParameter: another suffix; SimrobError: the station cannot be built; OutputError: the file not
+    written.
     """
     file = as_path(file, "file")
     suffix = file.suffix.lower()

@@ -4,8 +4,7 @@ from typing import Any, Literal, get_args
 
 from simrob_drake.errors import one_of
 
-PlotFormat = Literal["png", "svg", "pdf"]
-"""Pixels, or lines that stay sharp at any size: for browsers and for papers."""
+PlotFormat = Literal["png", "svg", "pdf"]  # pixels, or lines that stay sharp at any size: for browsers and for papers
 
 UNDATED: dict[str, dict[str, Any]] = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
 """What a file says of itself: not when it was made, so that the same run gives the same files."""

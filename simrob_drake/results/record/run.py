@@ -74,7 +74,7 @@ class RecordedRun:
         references: what was given to simulate() in place of the configuration's references, by robot.
         did: what was done in it, in a few words, such as ``move_l of left``.
         moves: of arms that it was asked for, all from its start.
-        runs: of a program, the runs that follow each other in it; see :func:`simrob_drake.results.whole.joined`.
+        runs: of a program, the runs that follow each other in it; see :func:`simrob_drake.results.result.joined`.
         begun: of a program, the station in which it began; None of a single run.
         marks: of a program, when a run of it ended or a piece changed hands [s], and what that was in a few words.
         program: of a program, the YAML that does it again; empty where none can say it.
@@ -237,7 +237,7 @@ def begins_of(*runs: RecordedRun) -> Vector:
 
 def fallen(result: RecordedRun) -> str | None:
     """Return the robot whose fall ended a run, as its monitor saw; None if none did."""
-    from simrob_drake.parts.monitors.places import Fall  # as all kinds, where one is named
+    from simrob_drake.parts.monitors.sections import Fall  # as all kinds, where one is named
 
     monitor = result.config.monitors.get(result.stopped_by or "")
     return monitor.faller(result.config.only_robot) if isinstance(monitor, Fall) else None

@@ -86,13 +86,9 @@ class State:
 
     @classmethod
     def of(cls, diagram: Diagram, ports: Site, context: Context, *, tolerant: bool = False) -> "State":
-        """Return the state of a closed station.
+        """Return the state of a closed station, of a context of the diagram that holds it.
 
-        Args:
-            diagram: that holds the station.
-            ports: the station's.
-            context: of the diagram, at the moment wanted.
-            tolerant: what cannot be evaluated is no number, as after a run in which a block failed.
+        What cannot be evaluated is no number if ``tolerant``, as after a run in which a block failed.
         """
 
         def of_robots(signal: str) -> dict[str, Vector]:
@@ -126,11 +122,7 @@ class State:
         return cls(of_robots("position"), of_robots("velocity"), of_robots("reference"), joints, blocks)
 
     def check(self) -> None:
-        """Check that a run can begin here.
-
-        Raises:
-            InvalidParameter: something that is no number, as after a run in which a block failed.
-        """
+        """Check that a run can begin here; raises InvalidParameter: what is no number, as after a block failed."""
         vectors = [(f"{key} of {name}", values) for key in _OF_ROBOTS for name, values in self._entries(key, object)]
         for name, joint in self._entries("joints", JointState):
             vectors += [(name, joint.position), (name, joint.velocity)]
@@ -221,15 +213,7 @@ class State:
 
     @classmethod
     def from_json(cls, text: str, where: Path | str = "state") -> "State":
-        """Return the state that :meth:`to_json` wrote.
-
-        Args:
-            text: the state.
-            where: it stands, for errors.
-
-        Raises:
-            InvalidConfig: the text holds no state.
-        """
+        """Return the state that :meth:`to_json` wrote; raises InvalidConfig, called ``where``: it holds no state."""
         kept = validated(_Kept, parse_json(text, where), where)
         return cls(
             _arrays(kept.positions),

@@ -29,8 +29,7 @@ FASTEST = 50.0
 _LOOKS = 4000  # at most so many steps of a run are asked what touches what
 _APART = 0.1  # s that two bodies are apart before they touch again: what trembles touches once
 
-Event = tuple[float, str]
-"""When [s], and what in a few words."""
+Event = tuple[float, str]  # when [s], and what in a few words
 
 
 def onsets(

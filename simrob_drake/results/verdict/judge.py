@@ -3,8 +3,6 @@
 Its bound stands in ``VerdictConfig``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 

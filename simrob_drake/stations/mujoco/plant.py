@@ -2,6 +2,7 @@
 
 import weakref
 from dataclasses import dataclass
+from functools import partialmethod
 from typing import NamedTuple
 
 import mujoco
@@ -76,7 +77,7 @@ class MujocoPlant(Block):
             "applied_spatial_force", Value[list[ExternallyAppliedSpatialForce]]()
         )
         self._generalized = self.DeclareVectorInputPort("applied_generalized_force", self._nv)
-        self._state_port = self.DeclareStateOutputPort("state", self._motion)
+        self.DeclareStateOutputPort("state", self._motion)
         self.outputs = {"state": int(self._motion)}
         """The discrete group of its own that each output hands on, by the output's name."""
         self._motors: dict[int, _Motors] = {}
@@ -91,16 +92,18 @@ class MujocoPlant(Block):
         tickets = {self.xd_ticket(), self.all_input_ports_ticket()}
         step = ValueProducer(allocate=Value[object]().Clone, calc=weakly(self._calc_step))
         self._step = self.DeclareCacheEntry("step", step, tickets).cache_index()  # the entry would keep the block
-        self._contacts = self.DeclareAbstractOutputPort(
+        self.DeclareAbstractOutputPort(
             "contact_results", Value[object], weakly(self._tell_contacts), {self.get_cache_entry(self._step).ticket()}
         )
-        self._poses = self.DeclareAbstractOutputPort(
+        self.DeclareAbstractOutputPort(
             "body_poses", Value[list[RigidTransform]], weakly(self._tell_poses), {self.xd_ticket()}
         )
 
-    def get_state_output_port(self) -> OutputPort:
-        """Return ``state``."""
-        return self._state_port
+    get_state_output_port = partialmethod(Block.GetOutputPort, "state")
+    get_contact_results_output_port = partialmethod(Block.GetOutputPort, "contact_results")
+    get_body_poses_output_port = partialmethod(Block.GetOutputPort, "body_poses")
+    get_applied_spatial_force_input_port = partialmethod(Block.GetInputPort, "applied_spatial_force")
+    get_applied_generalized_force_input_port = partialmethod(Block.GetInputPort, "applied_generalized_force")
 
     def get_actuation_input_port(self, instance: ModelInstanceIndex) -> InputPort:
         """Return ``actuation.<instance>``."""
@@ -114,33 +117,17 @@ class MujocoPlant(Block):
         """Return ``net_actuation.<instance>``."""
         return self.get_output_port(self._motors[int(instance)].applied)
 
-    def get_applied_spatial_force_input_port(self) -> InputPort:
-        """Return ``applied_spatial_force``."""
-        return self._spatial
-
-    def get_applied_generalized_force_input_port(self) -> InputPort:
-        """Return ``applied_generalized_force``."""
-        return self._generalized
-
-    def get_contact_results_output_port(self) -> OutputPort:
-        """Return ``contact_results``."""
-        return self._contacts
-
-    def get_body_poses_output_port(self) -> OutputPort:
-        """Return ``body_poses``."""
-        return self._poses
-
     def GetPositions(self, context: Context) -> Vector:
         """Return the plant's positions, shape (nq,), in a context of this block."""
-        return self._state(context)[: self._nq]
+        return self.GetPositionsAndVelocities(context)[: self._nq]
 
     def GetVelocities(self, context: Context) -> Vector:
         """Return the plant's velocities, shape (nv,)."""
-        return self._state(context)[self._nq :]
+        return self.GetPositionsAndVelocities(context)[self._nq :]
 
     def GetPositionsAndVelocities(self, context: Context) -> Vector:
         """Return both, shape (nq + nv,)."""
-        return self._state(context)
+        return np.array(context.get_discrete_state(self._motion).value())
 
     def SetPositions(self, context: Context, q: Vector) -> None:
         """Set the plant's positions, shape (nq,)."""
@@ -150,13 +137,10 @@ class MujocoPlant(Block):
         """Set the plant's velocities, shape (nv,)."""
         context.SetDiscreteState(self._motion, np.concatenate([self.GetPositions(context), v]))
 
-    def _state(self, context: Context) -> Vector:
-        return np.array(context.get_discrete_state(self._motion).value())
-
     def _begin(self, context: Context, values: DiscreteValues) -> EventStatus:
         if not np.isinf(context.get_discrete_state(self._warm).value()).any():
             return EventStatus.DidNothing()
-        self._coordinates.put(self._data, self._state(context))
+        self._coordinates.put(self._data, self.GetPositionsAndVelocities(context))
         self._put_torques(values, self._servos.limited(self._servos.torques(*self._asked(context))))
         return EventStatus.Succeeded()
 

@@ -11,7 +11,7 @@ from nicegui import background_tasks, context, ui
 
 from simrob_drake.teach.pages.elements import KEYS, Dial, NumberField, follow, set_label
 from simrob_drake.teach.pages.joints import Marks, axis_dial
-from simrob_drake.teach.pages.phrases import MILLI, Phrases, figure, frame_words, joint_words
+from simrob_drake.teach.pages.words import MILLI, Phrases, figure, frame_words, joint_words
 from simrob_drake.teach.run import level_of
 from simrob_drake.teach.session import Session
 

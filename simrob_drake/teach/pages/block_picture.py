@@ -43,11 +43,8 @@ class BlockPicture:
     ) -> None:
         """Make an empty picture.
 
-        Args:
-            t: the words.
-            on_block: is told the name of a block that the user chooses.
-            on_wire: is told the number of a wire, likewise.
-            on_fold: shows another picture, with other blocks folded.
+        ``on_block`` and ``on_wire`` are told the block's name or the wire's number that the user chooses; ``on_fold``
+        shows another picture, with other blocks folded.
         """
         self.labels: dict[str, str] = {}
         self.wires: Wires = {}

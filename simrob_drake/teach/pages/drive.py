@@ -13,8 +13,7 @@ from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
 _POSE = "base_pose"
-_BEFORE = 1.0
-"""Over how long the speed of a robot that sways is told [s]."""
+_BEFORE = 1.0  # over how long the speed of a robot that sways is told [s]
 _SIDEWAYS = (("chevron_left", "left", "KeyQ"), ("chevron_right", "right", "KeyE"))
 
 
@@ -73,12 +72,7 @@ def _words(speeds: Sequence[float]) -> dict[str, str]:
 
 
 def _speeds(poses: Any, facing: float) -> tuple[float, float, float]:
-    """Return how fast a base went over the last moments: ahead and to the left [m/s], turn to the left [deg/s].
-
-    Args:
-        poses: times [s] and poses, x y z qw qx qy qz, in order of time.
-        facing: where the robot looks, seen from its base [rad].
-    """
+    """Return how fast a base went of late, by its times [s] and poses: ahead, to the left [m/s], turn [deg/s]."""
     if not poses:
         return 0.0, 0.0, 0.0
     end, now = poses[-1]

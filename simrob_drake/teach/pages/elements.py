@@ -7,14 +7,12 @@ from typing import Any
 
 from nicegui import ElementFilter, context, core, ui
 
-from simrob_drake.teach.pages.phrases import figure
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import Words, figure
 
 _DIGITS = 3  # behind the point
 _SLACK, _SAME = 0.5 * 10**-_DIGITS, 1e-6
 """How far beyond a limit a number may be shown, which stands for the limit then; and how far it is the same."""
-_DEBOUNCE = 600
-"""After the last key until a typed number counts, unless the user ends it with Enter [ms]."""
+_DEBOUNCE = 600  # after the last key until a typed number counts, unless the user ends it with Enter [ms]
 
 
 def step_of(unit: str) -> float:
@@ -105,16 +103,9 @@ class Dial:
     ) -> None:
         """Build it, at 0.
 
-        Args:
-            t: the words.
-            name: what it is called.
-            low: the smallest value.
-            high: the largest one.
-            unit: that stands behind the number, as :class:`Phrases` has it.
-            side: how far the slider goes to either side where there is no nearer limit.
-            about: what stands below its name.
-            live: whether something moves with it: a number that is typed counts after a while, or with Enter.
-            moved: called after each change by the user, also to what cannot be.
+        ``unit`` stands behind the number, as :class:`Phrases` has it, and ``about`` below its name; the slider goes so
+        far to either ``side`` where no limit is nearer. With ``live`` something moves with it: a number that is typed
+        counts after a while, or with Enter. ``moved`` is called after each change by the user, also to what cannot be.
         """
         self._moved, self._unit, self._side, self._quiet = moved, unit, side, False
         self._marked: object = None
@@ -213,19 +204,14 @@ def shortcuts() -> list[tuple[str, str]]:
     return [(props[KEYS], props.get("aria-label") or props.get("label", "")) for props in found]
 
 
-_PAUSE = 0.05
-"""From one look at the session to the next [s]."""
+_PAUSE = 0.05  # from one look at the session to the next [s]
 
 
 def follow(session: Any, update: Callable[[], object], *topics: str) -> None:
-    """Update a part of the present page now, and after changes of some topics as long as the page is there.
+    """Update a part of the present page now, and after changes of some topics, or all, as long as the page is there.
 
-    Call it where the part is built: the update may make and change elements as the code there may.
-
-    Args:
-        session: what tells of the changes, in the server's thread.
-        update: what brings the part up to date; several changes in a twentieth of a second are one to it.
-        topics: of the session's; all unless some are named.
+    Call it where the part is built: the update may make and change elements as the code there may. Several changes in a
+    twentieth of a second are one to it.
     """
     place, client = context.slot.parent, context.client
     waiting = False

@@ -11,14 +11,11 @@ from simrob_drake.robots.catalog import load_robot, robot_names
 from simrob_drake.stations.load import station_names
 from simrob_drake.teach.own_files import MOST
 from simrob_drake.teach.pages.elements import KEYS, follow, set_label
-from simrob_drake.teach.pages.phrases import matches
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import Words, matches
 from simrob_drake.teach.session import Session
 
-Files = dict[str, bytes]
-"""By their names."""
-PICTURE = "picture.png"
-"""Of a robot, in its folder."""
+Files = dict[str, bytes]  # by their names
+PICTURE = "picture.png"  # of a robot, in its folder
 PICTURES = "pictures"
 """Where the server has the folders of all robots. An image of a file would lose it when any tab is closed."""
 

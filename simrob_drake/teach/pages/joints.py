@@ -12,12 +12,11 @@ from nicegui import background_tasks, context, ui
 
 from simrob_drake.teach.pages import plots
 from simrob_drake.teach.pages.elements import Dial, NumberField, follow, icon_button
-from simrob_drake.teach.pages.phrases import Content, Phrases, figure, matches
+from simrob_drake.teach.pages.words import Content, Phrases, figure, matches
 from simrob_drake.teach.run import shortfall
 from simrob_drake.teach.session import Session
 
-_SIDE = {"deg": 180.0, "m": 1.0}
-"""How far a slider goes to either side where an axis has no limit."""
+_SIDE = {"deg": 180.0, "m": 1.0}  # how far a slider goes to either side where an axis has no limit
 _DIGITS = 2  # behind the point, of a joint that was not set
 _SET = "background: color-mix(in srgb, var(--q-primary) 20%, transparent)"  # how a joint looks that was set
 
@@ -152,8 +151,7 @@ def axis_field(phrases: Phrases, axis: Content, value: float) -> NumberField:
 
 
 _SIGNALS = ("reference", "position", "torque")
-_BEFORE = 0.05
-"""From a moment to the one before, by which it is told how fast a joint moves [s]."""
+_BEFORE = 0.05  # from a moment to the one before, by which it is told how fast a joint moves [s]
 _FORCES = {"deg": "N·m", "m": "N"}
 
 

@@ -24,8 +24,7 @@ from simrob_drake.teach.pages.elements import (
 from simrob_drake.teach.pages.joints import Joints, Marks, shown_at
 from simrob_drake.teach.pages.move_forms import choices_of, duration_field, offers
 from simrob_drake.teach.pages.move_list import MoveList
-from simrob_drake.teach.pages.phrases import Content, Phrases
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import Content, Phrases, Words
 from simrob_drake.teach.session import Session
 
 

@@ -14,13 +14,11 @@ from simrob_drake.programs.moves.move import MOVE_TIME, Move, content_of, kind_o
 from simrob_drake.teach.form import Field, as_text, as_value, move_fields
 from simrob_drake.teach.pages.elements import KEYS, NumberField, icon_button, set_label
 from simrob_drake.teach.pages.joints import axis_field
-from simrob_drake.teach.pages.phrases import MILLI, Content, Phrases
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import MILLI, Content, Phrases, Words
 from simrob_drake.teach.session import Session
 from simrob_drake.yaml_files import parse_yaml
 
-SHORTEST, LONGEST = 0.05, 600.0
-"""Durations of moves that fields take [s]."""
+SHORTEST, LONGEST = 0.05, 600.0  # durations of moves that fields take [s]
 SPEED, _FASTEST = 200.0, 5000.0
 """Of an arm's tool unless another one is asked for, v200 of RAPID; and that a field takes [mm/s]."""
 AXES, ORIGIN = "axes", "origin"

@@ -10,8 +10,7 @@ from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.timeline import GRID
 from simrob_drake.teach.pages.elements import KEYS, follow, icon_button, set_label
 from simrob_drake.teach.pages.move_forms import Read, choices_of, stored_form, yaml_form
-from simrob_drake.teach.pages.phrases import Content, Phrases, figure
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import Content, Phrases, Words, figure
 from simrob_drake.teach.session import Session
 
 _Act = Callable[[int], object]
@@ -149,13 +148,7 @@ _UNKNOWN = 1.0  # s that a block stands for whose move takes nobody knows how lo
 
 
 def lengths(moves: Sequence[Move], ending: dict[str, Any] | None, ran: Sequence[Move]) -> list[float | None]:
-    """Return how long moves take [s]; None where that is not known before they are run.
-
-    Args:
-        moves: of the program.
-        ending: how its last run ended, as the news tell it.
-        ran: the moves of that run.
-    """
+    """Return how long moves take [s], by how a run of the moves ``ran`` ended; None of those that are not known yet."""
     parts = iter(ending["parts"] if ending is not None and list(ran) == list(moves) else ())
     return [next(parts, getattr(move, "duration", None)) if move.takes_time else 0.0 for move in moves]
 

@@ -1,7 +1,5 @@
 """Live plots: the last values of a run's signals as curves, in degrees where they are angles."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping, Reversible, Sequence
 from itertools import takewhile
 from math import pi
@@ -11,13 +9,11 @@ from nicegui import context, ui
 
 from simrob_drake.results.colours import looks
 from simrob_drake.teach.pages.elements import follow
-from simrob_drake.teach.pages.phrases import Phrases
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import Phrases, Words
 from simrob_drake.teach.run import EndedRun
 from simrob_drake.teach.session import Session
 
-_PAUSE = 0.25
-"""From one picture to the next [s]: more often costs, and shows no more."""
+_PAUSE = 0.25  # from one picture to the next [s]: more often costs, and shows no more
 _POINTS = 120  # of a curve: more than that does not show in it
 POSE = 7  # numbers of a pose: of these the position is drawn
 _SAME = 1e-9  # s
@@ -26,8 +22,7 @@ _LINES: dict[str, Any] = {"-": "solid", "--": "dashed", "-.": [6, 3, 1, 3], ":":
 """Kinds of line as ECharts calls them."""
 AS_SHOWN = {"rad": ("°", 180 / pi), "rad/s": ("°/s", 180 / pi), "rad/s²": ("°/s²", 180 / pi)}
 """Units that are shown in others, and how many of these one is."""
-Row = tuple[float, Any]
-"""A time [s], and the value of a signal then."""
+Row = tuple[float, Any]  # a time [s], and the value of a signal then
 _FAINT = 1.0, 0.4  # of a run, and of one that is compared with it
 _FIRST = ("position", "torque")  # signals that are shown at first
 
@@ -74,13 +69,9 @@ def _called(t: Words, run: EndedRun) -> str:
 
 
 def scope(session: Session, t: Words, signal: str, *, only: str | Collection[str] = ()) -> ui.element:
-    """Build the plot of one signal; it is watched until what is returned is deleted.
+    """Build the plot of a signal of ``session.description``; it is watched until what is returned is deleted.
 
-    Args:
-        session: whose run.
-        t: the words.
-        signal: its name, of ``session.description["signals"]``.
-        only: the columns to begin with, or their axes; some of them where none is of these.
+    It begins with ``only`` these columns or their axes, with some where none is of these.
     """
     element = _Scope(session, t, signal, only).element
     watch(session, [signal], element)

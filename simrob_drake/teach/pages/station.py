@@ -1,7 +1,5 @@
 """The station's page: its blocks and their signals, what may end a run, a form for every key, what a check finds."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -17,19 +15,16 @@ from simrob_drake.teach.form import Field, as_text, form_fields
 from simrob_drake.teach.pages.block_picture import BlockPicture
 from simrob_drake.teach.pages.elements import card, follow
 from simrob_drake.teach.pages.form_view import FormView, tuners
-from simrob_drake.teach.pages.phrases import Phrases
 from simrob_drake.teach.pages.plots import AS_SHOWN, POSE, as_list, at, scope, watch
-from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.pages.words import Phrases, Words
 from simrob_drake.teach.session import Session
 
 _MOST_FOUND = 25  # fields that a search shows
 _MOST_SCOPES = 3
 _FEW = 6  # fields that a block shows unfolded
 _MOST_ENDINGS = 10
-_SHOWN = 0.25
-"""From one look at the values on the wires to the next [s]."""
-_PAUSE = 0.3
-"""From a change to the question what it does [s]: meanwhile others may come, and another tab."""
+_SHOWN = 0.25  # from one look at the values on the wires to the next [s]
+_PAUSE = 0.3  # from a change to the question what it does [s]: meanwhile others may come, and another tab
 _TAB = "station"
 _COLUMNS = "w-full grid gap-4 items-start grid-cols-[repeat(auto-fit,minmax(min(24rem,100%),1fr))]"
 

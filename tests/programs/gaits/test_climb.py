@@ -6,11 +6,9 @@ import pytest
 from simrob_drake import LeggedRobot, load_station
 from simrob_drake.errors import SimrobError
 from simrob_drake.interpolation import stacked
-from simrob_drake.programs.gaits.climb import Climb
-from simrob_drake.programs.gaits.feet import facing_rotation
-from simrob_drake.programs.gaits.footholds import BallFootholds
+from simrob_drake.programs.gaits.climb import BallFootholds, Climb
 from simrob_drake.programs.gaits.treads import SoleMargins, profile_ahead
-from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.gaits.walker import Walker, facing_rotation
 from simrob_drake.programs.legged_gait import planned_gait
 
 SOLE = SoleMargins(half=0.07, margin=0.02, overhang=0.03)

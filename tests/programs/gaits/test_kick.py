@@ -6,10 +6,9 @@ import pytest
 from simrob_drake import LeggedRobot, load_station
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.interpolation import stacked
-from simrob_drake.programs.gaits.feet import facing_rotation
-from simrob_drake.programs.gaits.kick import Kick
+from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.legs import OutOfReach
-from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.gaits.walker import Walker, facing_rotation
 
 RADIUS, HOLLOW = 0.0335, 2 / 3  # of the ball [m]; its moment of inertia over m r²
 SOLES = {"robot.feet": "soles", "contact.model": "hydroelastic_with_fallback"}

@@ -7,9 +7,9 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.biped import walk
-from simrob_drake.programs.gaits.feet import facing_rotation, feet_of
 from simrob_drake.programs.gaits.legs import ROWS, OutOfReach, leg_angles
 from simrob_drake.programs.gaits.registry import load_gaits
+from simrob_drake.programs.gaits.walker import facing_rotation, feet_of
 
 COUNT = 50
 

@@ -6,8 +6,7 @@ import pytest
 from simrob_drake import LeggedRobot, load_station
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.programs.gaits.biped import BipedWalk, planned_walk
-from simrob_drake.programs.gaits.feet import upright
-from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.gaits.walker import Walker, upright
 from simrob_drake.programs.gaits.zmp import LEVEL, whole_body_zmp
 from simrob_drake.programs.legged_gait import _walker, planned_gait
 from simrob_drake.stations.resolve import resolve

@@ -8,12 +8,11 @@ from scipy.spatial import ConvexHull
 from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.biped import BipedWalk, planned_walk, walk
-from simrob_drake.programs.gaits.feet import facing_rotation, feet_of, rolled, rotations_about
 from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.gaits.phases import SAMPLE, Phase, gait_plan
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, moved_inside, three_legs, trot
 from simrob_drake.programs.gaits.registry import load_gaits
-from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.gaits.walker import Walker, facing_rotation, feet_of, rolled, rotations_about
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.stations.clearance import standing
 from simrob_drake.stations.plant import add_plant

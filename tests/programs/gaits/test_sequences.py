@@ -6,10 +6,9 @@ import pytest
 from simrob_drake import load_station
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.kinematics.skeleton import skeleton_of
-from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.programs.gaits.sequences import march, posing, standing_height
-from simrob_drake.programs.gaits.walker import mirrored
+from simrob_drake.programs.gaits.walker import feet_of, mirrored
 from simrob_drake.robots.catalog import load_robot
 
 ALL = [

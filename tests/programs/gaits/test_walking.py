@@ -9,10 +9,10 @@ from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.biped import walk
-from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.motion import MAX_STEP
 from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march, posing
+from simrob_drake.programs.gaits.walker import feet_of
 from simrob_drake.results.record.walks import locomotion
 
 pytestmark = pytest.mark.usefixtures("no_plots")
