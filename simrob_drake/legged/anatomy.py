@@ -14,7 +14,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.clearance import Clearance, outline
-from simrob_drake.stations.stances import Leg, alike, ends_of, legs_of, lengths, put_upright, straight
+from simrob_drake.stations.legs import Leg, alike, ends_of, legs_of, lengths, put_upright, straight
 from simrob_drake.walking.knees import Knee, knee_of
 
 _LONG = 1.25  # times as far as hips are apart ahead, that they are to the side: then the robot looks along its y

@@ -14,7 +14,8 @@ from simrob_drake.legged.anatomy import Anatomy, NamedLeg
 from simrob_drake.robots.bodies import bodies
 from simrob_drake.robots.urdf import add_joint, name_of
 from simrob_drake.stations.clearance import outline
-from simrob_drake.stations.stances import Stance, put_upright
+from simrob_drake.stations.legs import put_upright
+from simrob_drake.stations.stances import Stance
 
 _NEAR = 0.02  # part of the height of the root within which points over the lowest one are of the sole
 _SMALL = 0.05  # part of it that a sole measures at least either way; less is a ball
