@@ -63,6 +63,7 @@ class CodeRun:
         incomplete: structures of which it would have set a field.
         absent: files that it takes variables from, and that are not there.
         settings: parameters of blocks within that of the code, by their path there and their names.
+        unset: whether a passed-over statement would have set such.
     """
 
     def __init__(
@@ -87,11 +88,16 @@ class CodeRun:
         self.incomplete: set[str] = set()
         self.absent: set[str] = set()
         self.settings: dict[str, dict[str, str]] = {}
+        self.unset = False
         self._outside, self._files, self._texts = lookup, files, texts or {}
         self.functions = {} if functions is None else functions
         self._steps = self.depth = 0
         known = {name: partial(self._first_of, name) for name in self.functions}
-        own: dict[str, Callable[..., Any]] = {"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter}
+        text = self._parameter
+        own: dict[str, Callable[..., Any]] = {
+            **{"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter},
+            "Simulink": lambda: {"Mask": {"get": lambda of: {"getParameter": lambda name: {"Value": text(of, name)}}}},
+        }
         self._algebra: dict[str, Callable[..., Any]] = {**self._base(), **own, **known}
 
     def _base(self) -> Algebra:
@@ -317,7 +323,7 @@ class CodeRun:
     def _changed(self, known: Any, index: tuple[Expression, ...], value: Any) -> Any:
         """Return a matrix, cells or structures with what is at an index replaced; they grow to it."""
         if isinstance(known, dict | list) or isinstance(value, str | dict | list):
-            several = _listed(known)
+            several = list(known) if isinstance(known, list) else [known] if isinstance(known, dict) else []
             place = int(self._places(index[-1], len(several))[0])
             several += [{} for _ in range(place + 1 - len(several))]
             several[place] = value
@@ -375,6 +381,7 @@ class CodeRun:
         (yes if condition else no)()
 
     def _pass_over(self, line: Statement, _: Exception) -> None:
+        self.unset |= any("set_param" in text for text in lines_of(line))
         for match in filter(None, map(_TARGETS.match, lines_of(line))):
             if match[2]:  # a field: others stay as they are
                 self.incomplete.add(match[1])
@@ -390,8 +397,3 @@ class CodeRun:
             self._drop(known.get(fields[0]), fields[1:])
         elif isinstance(known, dict):
             known.pop(fields[0], None)
-
-
-def _listed(known: Any) -> list[Any]:
-    """Return structures or cells as a list of their own."""
-    return list(known) if isinstance(known, list) else [known] if isinstance(known, dict) else []

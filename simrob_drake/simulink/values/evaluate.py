@@ -281,6 +281,8 @@ class _Evaluation:
             value = self.value(target)
         if isinstance(value, str):
             return value
+        if callable(value):  # a method of an object
+            return value(*map(self.value, arguments))
         if isinstance(value, dict | list):
             several: list[Any] = value if isinstance(value, list) else [value]
             if len(arguments) == 2 and isinstance(several[0], list):
@@ -315,7 +317,12 @@ class _Evaluation:
         return index.astype(int) - 1
 
     def _field(self, target: Expression, name: str) -> Any:
-        value = self._lookup(target.parts[0]) if target.kind == "name" else self.value(target)
+        try:
+            value = self.value(target)
+        except UndefinedVariable as problem:
+            if problem.name not in self._algebra:
+                raise
+            value = self._lookup(f"{problem.name}.")  # a structure that has a function's name
         if not isinstance(value, dict):
             raise NotUnderstood(f"asks for the field '{name}' of something that is no structure")
         if name not in value:

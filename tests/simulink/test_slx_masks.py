@@ -1,0 +1,80 @@
+"""Lengths that masks set, told by how long a pendulum swings."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from slx_files import INERTIA, REVOLUTE, TRANSFORM, WORLD, Level, mask, write_model
+
+from simrob_drake import load_station, simulate
+from simrob_drake.simulink.importing import import_simulink
+
+TIGHT = {"solver.accuracy": 1e-6, "solver.max_step": 0.01}
+CHOICE = """shape = Simulink.Mask.get(gcb);
+end_of = shape.getParameter('ends');
+if strcmp(end_of.Value, 'round')
+    set_param([gcb '/Rod'], 'TranslationStandardOffset', num2str(get_param(gcb, 'value@reach') - 0.1));
+end"""
+
+
+def point_on_a_rod(path, around, offset="0.9", **options):
+    """A point of 1 kg on a rod without mass, on a hinge about world -y that begins at 0.5 rad from level."""
+    inside = Level(first=100)
+    rod = inside.block(TRANSFORM, "Rod", TranslationMethod="StandardAxis", TranslationStandardAxis="+X",
+                       TranslationStandardOffset=offset)  # fmt: skip
+    point = inside.block(INERTIA, "Point", InertiaType="PointMass", Mass="1")
+    port = inside.block("PMIOPort", "B", Side="Left")
+    inside.connect(f"{port}#conn:1", f"{rod}#lconn:1")
+    inside.connect(f"{rod}#rconn:1", f"{point}#rconn:1")
+    top = Level()
+    world = top.block(WORLD, "World")
+    mount = top.block(TRANSFORM, "Mount", RotationMethod="StandardAxis", RotationStandardAxis="+X", RotationAngle="90",
+                      RotationAngleUnits="deg")  # fmt: skip
+    joint = top.block(REVOLUTE, "Hinge", PositionTargetSpecify="on", PositionTargetValue="0.5")
+    arm = top.block("SubSystem", "Arm", mask=around, inner=inside.xml())
+    top.connect(f"{world}#rconn:1", f"{mount}#lconn:1")
+    top.connect(f"{mount}#rconn:1", f"{joint}#lconn:1")
+    top.connect(f"{joint}#rconn:1", f"{arm}#lconn:1")
+    return write_model(path, top, **options)
+
+
+def assert_swings(station, length):
+    """About -y: q'' = -(g/l) cos q, with q up from level."""
+    result = simulate(load_station(station, TIGHT), duration=1.0, progress=False)
+
+    def law(_, y):
+        return y[1], -9.80665 / length * np.cos(y[0])
+
+    exact = solve_ivp(law, (0, 1), (0.5, 0.0), t_eval=result.times, rtol=1e-9, atol=1e-9).y[0]
+    np.testing.assert_allclose(result["q.Hinge"], exact, atol=1e-4)
+
+
+@pytest.mark.parametrize(("ends", "length"), [("round", 0.5), ("flat", 0.9)])
+def test_code_asks_its_mask_for_a_choice_and_sets_a_length(tmp_path, ends, length):
+    around = mask(CHOICE, reach="0.6", ends=ends).replace(
+        'Name="ends" Type="edit"', 'Name="ends" Type="edit" Evaluate="off"'
+    )
+    imported = import_simulink(point_on_a_rod(tmp_path / "a.slx", around), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    assert_swings(imported.station, length)
+
+
+def test_a_length_that_only_matlab_can_set_is_as_saved_and_the_report_says_so(tmp_path):
+    around = mask("if ishandle(gcf) set_param([gcb '/Rod'], 'TranslationStandardOffset', '0.5'); end", reach="0.6")
+    imported = import_simulink(point_on_a_rod(tmp_path / "a.slx", around), tmp_path / "out")
+    (said,) = [entry for entry in imported.report.entries if "taken as saved" in entry.text]
+    assert (said.kind, said.element) == ("approximated", "Arm")
+    assert_swings(imported.station, 0.9)
+
+
+def test_code_sets_what_a_mask_says_by_a_variable_that_is_not_there(tmp_path):
+    around = mask("if reach > 0, length = reach; end", reach="0.6", length="2 * wall")
+    imported = import_simulink(point_on_a_rod(tmp_path / "a.slx", around, offset="length"), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    assert_swings(imported.station, 0.6)
+
+
+def test_a_structure_beside_the_model_may_have_a_function_s_name(tmp_path):
+    (tmp_path / "sizes.m").write_text("floor.depth = 0.5;\nabs = 3;\n")
+    model = point_on_a_rod(tmp_path / "a.slx", mask(), offset="floor.depth + abs(-0.2)")
+    imported = import_simulink(model, tmp_path / "out", assume=True)
+    assert_swings(imported.station, 0.7)
