@@ -172,13 +172,12 @@ def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
 
 
 def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: ImportReport) -> dict[str, Any] | None:
-    """Return the feet of a robot as its `robot.yaml` has them: spheres of one radius, or None.
+    """Return the feet of a robot as its `robot.yaml` has them: spheres, or None.
 
     Of the small spheres in the corners of a box four share its spring and damper; of those of a cylinder a rim does.
     """
     points: dict[str, list[list[float]]] = {}
-    radii: list[float] = []
-    surfaces: list[ContactParameters] = []
+    figures: dict[str, list[tuple[float, ContactParameters]]] = {}  # by link
     seen: set[Node] = set()
     for contact, *ends in touching.ends:
         for body, node in ends:
@@ -201,24 +200,31 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
                 pose = robot.frames[body].inverse() @ solid.pose
                 places = [[round(float(value), 12) for value in pose.multiply(point)] for point in _spheres(shape)[0]]
                 points.setdefault(robot.links[body], []).extend(places)
-                radii += [radius] * share
-            surfaces.append(replace(surface, stiffness=surface.stiffness / share, damping=surface.damping / share))
+                shared = replace(surface, stiffness=surface.stiffness / share, damping=surface.damping / share)
+                figures.setdefault(robot.links[body], []).extend([(radius, shared)] * share)
     if not points:
         return None
-    if len(set(radii)) > 1 or len(set(surfaces)) > 1:
-        report.add(
-            "approximated", robot.element.get("name", ""), "its contacts differ: all get the figures of the first"
-        )
-    surface = surfaces[0]
-    damping = bounded_dissipation(surface, robot.mass * gravity / len(radii), report, robot.element.get("name", ""))
-    kind = {
-        "radius": float(radii[0]),
-        "stiffness": surface.stiffness,
-        "dissipation": damping,
-        "friction": [surface.static, surface.dynamic],
-        "points": points,
-    }
-    return {"default": "spheres", "contacts": {"spheres": kind}}
+    weight = robot.mass * gravity / sum(map(len, figures.values()))
+    kind, others = _told_once(figures, weight, report, robot.element.get("name", ""))
+    return {"default": "spheres", "contacts": {"spheres": kind | {"points": points} | others}}
+
+
+def _told_once(
+    figures: dict[str, list[tuple[float, ContactParameters]]], weight: float, report: ImportReport, where: str
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the figures of most feet, and of ``others`` those that differ; ``weight`` [N] is what a sphere carries."""
+    written: dict[tuple[float, ContactParameters], dict[str, Any]] = {}
+    for link, ones in figures.items():
+        if len(set(ones)) > 1:
+            report.add("approximated", f"{where}: {link}", "its contacts differ: all get the figures of the first")
+        if ones[0] not in written:
+            radius, surface = ones[0]
+            damping = bounded_dissipation(surface, weight, report, where)
+            written[ones[0]] = {"radius": float(radius), "stiffness": surface.stiffness, "dissipation": damping,
+                                "friction": [surface.static, surface.dynamic]}  # fmt: skip
+    first, *_ = written
+    others = {link: dict(written[ones[0]]) for link, ones in figures.items() if ones[0] != first}
+    return written[first], {"others": others} if others else {}
 
 
 def _spheres(shape: Shape) -> tuple[list[Vector], float, int]:
