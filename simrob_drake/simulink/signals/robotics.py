@@ -42,7 +42,10 @@ def _trajectory(reader: Tracer, node: Node, number: int) -> Signal | None:
     if "External" in (node.text("WaypointSource"), node.text("ParameterSource")) or number > 3:
         return None
     points = node.matrix("Waypoints", "[]")
-    made = _trapezoids(node, points) if "Trapezoidal" in node.kind else _polynomials(node, points)
+    try:
+        made = _trapezoids(node, points) if "Trapezoidal" in node.kind else _polynomials(node, points)
+    except (ArithmeticError, LookupError, np.linalg.LinAlgError) as problem:
+        raise node.refusal(f"no trajectory follows from its figures: {problem}") from problem
     (time,) = flat(reader.input(node))
     return signal(_of_changes(time, float(row[0]), one, number - 1) for row, one in zip(points, made, strict=True))
 
@@ -51,14 +54,11 @@ def _trapezoids(node: Node, points: Vector) -> list[list[_Change]]:
     """Return how each coordinate speeds up, goes on evenly and slows down, from each waypoint to the next."""
     sides = {"End Time": "EndTime", "Peak Velocity": "PeakVelocity", "Acceleration": "Acceleration",
              "Acceleration Time": "AccelTime"}  # fmt: skip
-    chosen_ones = [node.text(f"Parameter{place}") for place in range(1, int(node.text("NumParams", "0")) + 1)]
+    choices = [node.text(f"Parameter{place}") for place in range(1, int(node.number("NumParams", "0")) + 1)]
     steps = np.diff(points, axis=1)
     shaped = {}
-    for choice in chosen_ones:
-        given = node.matrix(sides[choice], "1")
-        if given.shape not in ((1, 1), (len(steps), 1), steps.shape):
-            raise node.refusal(f"{sides[choice]} is {given.shape[0]} × {given.shape[1]} for {len(steps)} coordinates")
-        shaped[choice] = np.broadcast_to(given, steps.shape)
+    for choice in choices:
+        shaped[choice] = _as_wide(node, sides[choice], steps)
     found = []
     for row, along in enumerate(steps):
         now, changes = 0.0, []
@@ -87,23 +87,30 @@ _PROFILES: dict[tuple[str, ...], Callable[..., tuple[float, float]]] = {
     ("Acceleration Time", "Peak Velocity"): lambda way, rising, peak: (way / peak + rising, rising),
     ("Acceleration", "Acceleration Time"): lambda way, rate, rising: (way / (rate * rising) + rising, rising),
 }  # fmt: skip
-"""How long a trapezoid of speed lasts and its speed rises [s], by the figures that it is given.
+"""How long a trapezoid of speed lasts and its speed rises [s], by the figures that are known.
 
 Where one figure leaves a choice to MATLAB, its speed rises for a third of the time.
 """
 
 
-def _profile(node: Node, way: float, given: dict[str, float]) -> tuple[float, float]:
+def _profile(node: Node, way: float, known: dict[str, float]) -> tuple[float, float]:
     """Return how long a trapezoid of speed lasts, and how long its speed rises [s]."""
-    names = tuple(sorted(given))
-    if names not in _PROFILES or not (way or "End Time" in given):
+    names = tuple(sorted(known))
+    if names not in _PROFILES or not (way or "End Time" in known):
         raise node.refusal("its figures leave open how long a part of it lasts")
-    if not way:
-        return given["End Time"], given["End Time"] / 3
-    lasts, rising = _PROFILES[names](way, *(given[name] for name in names))
+    lasts = known.get("End Time", 0.0)
+    lasts, rising = _PROFILES[names](way, *(known[name] for name in names)) if way else (lasts, lasts / 3)
     if not 0 < rising <= lasts / 2 * (1 + 1e-9):
         raise node.refusal(f"its speed cannot rise and fall within {lasts:g} s")
     return lasts, rising
+
+
+def _as_wide(node: Node, name: str, like: Vector) -> Vector:
+    """Return a parameter for each coordinate and segment or waypoint (raises InvalidModel: it has another shape)."""
+    known = node.matrix(name, "0")
+    if known.shape not in ((1, 1), (len(like), 1), like.shape):
+        raise node.refusal(f"{name} is {known.shape[0]} × {known.shape[1]} for {len(like)} coordinates")
+    return np.broadcast_to(known, like.shape)
 
 
 def _polynomials(node: Node, points: Vector) -> list[list[_Change]]:
@@ -112,9 +119,8 @@ def _polynomials(node: Node, points: Vector) -> list[list[_Change]]:
     if "Spline" in method:
         raise node.refusal("a B-spline, which this import does not read")
     times = node.numbers("TimePoints", "[0 1]", size=points.shape[1])
-    slopes = np.broadcast_to(node.matrix("VelocityBoundaryCondition", "0"), points.shape)
-    bends = np.broadcast_to(node.matrix("AccelerationBoundaryCondition", "0"), points.shape)
-    ends = [points, slopes] + ([bends] if "Quintic" in method else [])
+    names = ["VelocityBoundaryCondition", *(["AccelerationBoundaryCondition"] if "Quintic" in method else [])]
+    ends = [points, *(_as_wide(node, name, points) for name in names)]
     orders = range(2 * len(ends))
 
     def at(late: float) -> Vector:
@@ -147,8 +153,10 @@ def _pure_pursuit(reader: Tracer, node: Node, number: int) -> Signal | None:
         flat(reader.input(node, next(ports)))[0] if node.is_on(f"{name}Port") else node.number(name, default)
         for name, default in (("DesiredLinearVelocity", "0.1"), ("LookaheadDistance", "1"))
     )
-    if any(isinstance(one, Form) for one in path.flat) or path.ndim != 2 or len(pose) != 3:
+    if any(isinstance(one, Form) for one in path.flat) or path.shape[1:] != (2,) or len(pose) != 3:
         return None
+    if not isinstance(ahead, Form) and ahead <= 0:
+        raise node.refusal("its lookahead distance is not above 0")
     if number == 1:
         return signal([speed])
     x, y, heading = pose

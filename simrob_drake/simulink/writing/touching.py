@@ -177,7 +177,7 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
     Of the small spheres in the corners of a box four share its spring and damper; of those of a cylinder a rim does.
     """
     points: dict[str, list[list[float]]] = {}
-    figures: dict[str, list[tuple[float, ContactParameters]]] = {}  # by link
+    by_link: dict[str, list[tuple[float, ContactParameters]]] = {}  # by link
     seen: set[Node] = set()
     for contact, *ends in touching.ends:
         for body, node in ends:
@@ -201,20 +201,20 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
                 places = [[round(float(value), 12) for value in pose.multiply(point)] for point in _spheres(shape)[0]]
                 points.setdefault(robot.links[body], []).extend(places)
                 shared = replace(surface, stiffness=surface.stiffness / share, damping=surface.damping / share)
-                figures.setdefault(robot.links[body], []).extend([(radius, shared)] * share)
+                by_link.setdefault(robot.links[body], []).extend([(radius, shared)] * share)
     if not points:
         return None
-    weight = robot.mass * gravity / sum(map(len, figures.values()))
-    kind, others = _told_once(figures, weight, report, robot.element.get("name", ""))
+    weight = robot.mass * gravity / sum(map(len, by_link.values()))
+    kind, others = _feet_surfaces(by_link, weight, report, robot.element.get("name", ""))
     return {"default": "spheres", "contacts": {"spheres": kind | {"points": points} | others}}
 
 
-def _told_once(
-    figures: dict[str, list[tuple[float, ContactParameters]]], weight: float, report: ImportReport, where: str
+def _feet_surfaces(
+    by_link: dict[str, list[tuple[float, ContactParameters]]], weight: float, report: ImportReport, where: str
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the figures of most feet, and of ``others`` those that differ; ``weight`` [N] is what a sphere carries."""
     written: dict[tuple[float, ContactParameters], dict[str, Any]] = {}
-    for link, ones in figures.items():
+    for link, ones in by_link.items():
         if len(set(ones)) > 1:
             report.add("approximated", f"{where}: {link}", "its contacts differ: all get the figures of the first")
         if ones[0] not in written:
@@ -223,7 +223,7 @@ def _told_once(
             written[ones[0]] = {"radius": float(radius), "stiffness": surface.stiffness, "dissipation": damping,
                                 "friction": [surface.static, surface.dynamic]}  # fmt: skip
     first, *_ = written
-    others = {link: dict(written[ones[0]]) for link, ones in figures.items() if ones[0] != first}
+    others = {link: dict(written[ones[0]]) for link, ones in by_link.items() if ones[0] != first}
     return written[first], {"others": others} if others else {}
 
 
