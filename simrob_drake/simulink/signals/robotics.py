@@ -63,7 +63,9 @@ def _trapezoids(node: Node, points: Vector) -> list[list[_Change]]:
     for row, along in enumerate(steps):
         now, changes = 0.0, []
         for place, way in enumerate(along):
-            lasts, rising = _profile(node, abs(way), {name: float(one[row, place]) for name, one in shaped.items()})
+            lasts, rising = _profile(
+                node, abs(float(way)), {name: float(one[row, place]) for name, one in shaped.items()}
+            )
             rate = way / (lasts - rising) / rising  # of the speed
             changes += [
                 (now + late, 2, sign * rate)
