@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from slx_files import INERTIA, REVOLUTE, TRANSFORM, WORLD, Level, mask, write_model
+from test_slx_signals import Plant
 
 from simrob_drake import load_station, simulate
 from simrob_drake.simulink.importing import import_simulink
@@ -78,3 +79,15 @@ def test_a_structure_beside_the_model_may_have_a_function_s_name(tmp_path):
     model = point_on_a_rod(tmp_path / "a.slx", mask(), offset="floor.depth + abs(-0.2)")
     imported = import_simulink(model, tmp_path / "out", assume=True)
     assert_swings(imported.station, 0.7)
+
+
+@pytest.mark.parametrize("values", ["a", "a'"])
+def test_a_time_series_that_a_script_beside_the_model_makes_drives(tmp_path, values):
+    """Torques of 1 and 2 N·m that rise with time, on an inertia of 1 kg m² each."""
+    (tmp_path / "way.m").write_text(f"t = 0:0.5:1; a = [flip(1 - t); 2*t]; pulls = timeseries({values}, t);\n")
+    plant = Plant()
+    plant.drive(*plant.split(plant.chain("FromWorkspace", "Pulls", VariableName="pulls")))
+    imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out", assume=True)
+    result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
+    for name, slope in (("A", 1.0), ("B", 2.0)):
+        np.testing.assert_allclose(result[f"q.{name}"], slope * result.times**3 / 6, atol=1e-5)

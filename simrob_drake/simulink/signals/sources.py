@@ -80,6 +80,8 @@ def _workspace(_: Tracer, node: Node, __: int) -> Signal:
     if isinstance(value, dict) and "time" in value and isinstance(value.get("signals"), dict):
         times, values = matrix(value["time"]).reshape(-1), matrix(value["signals"]["values"])
         rows = np.column_stack([times, values.reshape(times.size, -1)])
+    elif isinstance(value, dict) and "Data" in value and "Time" in value:
+        rows = np.column_stack([matrix(value["Time"]).reshape(-1), matrix(value["Data"])])
     else:
         rows = node.matrix("VariableName", "[0 0]")
     if rows.shape[1] < 2 or not np.all(np.isfinite(rows)) or np.any(np.diff(rows[:, 0]) < 0):

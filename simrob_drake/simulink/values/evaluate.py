@@ -145,7 +145,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: partial(_along, getattr(np, name)) for name in ("sum", "prod", "mean", "any", "all")},
     "min": partial(_extreme, np.minimum),
     "max": partial(_extreme, np.maximum),
-    **{name: partial(_on_way, getattr(np, name)) for name in ("diff", "unwrap", "cumsum")},
+    **{name: partial(_on_way, getattr(np, name)) for name in ("diff", "unwrap", "cumsum", "flip")},
     "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), _way(value)),
     "polyval": lambda coefficients, at: np.polyval(matrix(coefficients).reshape(-1), matrix(at)),
     "norm": lambda u, p=2: np.linalg.norm(matrix(u).ravel() if 1 in matrix(u).shape else matrix(u), count(p) or None),
@@ -164,10 +164,9 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "isempty": lambda value: float(not (len(value) if isinstance(value, str | dict | list) else matrix(value).size)),
     "isscalar": lambda value: float(np.size(value) == 1),
     "isnumeric": lambda value: float(not isinstance(value, str | dict | list)),
-    **{
-        name: lambda value, kind=kind: float(isinstance(value, kind))
-        for name, kind in (("ischar", str), ("isstruct", dict), ("iscell", list))
-    },
+    "ischar": lambda value: float(isinstance(value, str)),
+    "isstruct": lambda value: float(isinstance(value, dict)),
+    "iscell": lambda value: float(isinstance(value, list)),
     "rot90": lambda value, times=1: np.rot90(matrix(value), int(matrix(times)[0, 0])),
     "find": lambda value, most=1e9: np.reshape(
         np.flatnonzero(matrix(value).T)[: int(np.max(most))] + 1, (1, -1) if _way(value) else (-1, 1)
@@ -177,6 +176,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "tf": lambda numerator, denominator: {"numerator": matrix(numerator), "denominator": matrix(denominator)},
     "ss": lambda a, b, c, d: dict(zip("ABCD", map(matrix, (a, b, c, d)), strict=True)),
     "struct": lambda *parts: dict(zip(parts[::2], parts[1::2], strict=True)),
+    "timeseries": lambda u, t: {"Time": matrix(t).reshape(-1, 1), "Data": matrix(u if len(u) == np.size(t) else u.T)},
     "isfield": lambda value, name: float(isinstance(value, dict) and name in value),
     "strcmp": lambda one, other: float(isinstance(one, str) and one == other),
     "num2str": lambda value: value if isinstance(value, str) else f"{float(matrix(value)[0, 0]):.5g}",
