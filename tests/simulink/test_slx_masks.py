@@ -84,7 +84,7 @@ def test_a_structure_beside_the_model_may_have_a_function_s_name(tmp_path):
 @pytest.mark.parametrize("values", ["a", "a'"])
 def test_a_time_series_that_a_script_beside_the_model_makes_drives(tmp_path, values):
     """Torques of 1 and 2 N·m that rise with time, on an inertia of 1 kg m² each."""
-    (tmp_path / "way.m").write_text(f"t = 0:0.5:1; a = [flip(1 - t); 2*t]; pulls = timeseries({values}, t);\n")
+    (tmp_path / "way.m").write_text(f"t = 0:0.5:1;\na = [flip(1 - t); 2*t];\npulls = timeseries({values}, t);\n")
     plant = Plant()
     plant.drive(*plant.split(plant.chain("FromWorkspace", "Pulls", VariableName="pulls")))
     imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out", assume=True)
