@@ -92,10 +92,15 @@ def read_touching(contacts: list[ContactPair], bodies: Bodies, network: Connecti
 def _stand(
     touching: Touching, contact: Node, node: Node, body: RigidPart, turn: RigidTransform, pose: RigidTransform
 ) -> None:
-    """Take a surface as the floor, its terrain, or a piece of its own; one that moves is lost."""
+    """Take a surface as the floor, its terrain or a piece; of those that move a disk is part of what carries it."""
     there = turn @ pose
     flat = bool(np.allclose(there.rotation().matrix()[:, 2], [0, 0, 1], atol=1e-6))
-    if not body.grounded:
+    if node.kind == "Disk" and not body.grounded:
+        if all(solid.node is not node for solid in body.solids):
+            (radius,), grey = positive(node, "Radius", "1", 1), (0.5, 0.5, 0.5, 1.0)
+            thin = Shape("cylinder", (radius, 2 * _POINT))
+            body.solids.append(SolidBody(node, NOTHING, thin, grey, visible=True, pose=pose))
+    elif not body.grounded:
         contact.note("lost", f"contact of {node.path}, a surface that moves")
     elif node.kind == GRID:
         _lay(touching, node, there, flat=flat)
@@ -233,10 +238,12 @@ def _spheres(shape: Shape) -> tuple[list[Vector], float, int]:
         return [np.zeros(3)], shape.size[0], 1
     if shape.kind == "cylinder":  # rims: it stands on eight, and lies and rolls on few
         reach, end = shape.size[0], shape.size[1] / 2
-        radius = min(reach, end) / 5
+        flat = end < reach / 10  # a disk, of one rim
+        radius = end if flat else min(reach, end) / 5
         turns = 2 * np.pi * np.arange(_RIM) / _RIM
         rim = (reach - radius) * np.column_stack([np.cos(turns), np.sin(turns)])
-        return [np.array([x, y, z]) for z in (radius - end, end - radius) for x, y in rim], radius, _RIM
+        levels = (0.0,) if flat else (radius - end, end - radius)
+        return [np.array([x, y, z]) for z in levels for x, y in rim], radius, _RIM
     half = np.array(shape.size) / 2
     radius = float(half.min() / 5)
     return [np.array(signs) * (half - radius) for signs in product((-1, 1), repeat=3)], radius, 4
