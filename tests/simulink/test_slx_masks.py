@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from slx_files import INERTIA, REVOLUTE, TRANSFORM, WORLD, Level, mask, write_model
+from test_mechanics import FIGURES, TOUCH
 from test_slx_signals import Plant
 
 from simrob_drake import load_station, simulate
@@ -91,3 +92,29 @@ def test_a_time_series_that_a_script_beside_the_model_makes_drives(tmp_path, val
     result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
     for name, slope in (("A", 1.0), ("B", 2.0)):
         np.testing.assert_allclose(result[f"q.{name}"], slope * result.times**3 / 6, atol=1e-5)
+
+
+def test_what_others_put_in_is_held_at_its_only_open_frame(tmp_path):
+    """A subsystem of its own: a hinge on a shelf that hangs on a port, and a ball that falls on the shelf."""
+    level = Level()
+    port = level.block("PMIOPort", "B", Side="Left")
+    shelf = level.block(TRANSFORM, "Shelf", TranslationMethod="StandardAxis", TranslationStandardAxis="+Z",
+                        TranslationStandardOffset="0.5")  # fmt: skip
+    plane = level.block("sm_lib/Curves and Surfaces/Infinite Plane", "Top")
+    joint = level.block("sm_lib/Joints/6-DOF Joint", "Free", PzPositionTargetSpecify="on", PzPositionTargetValue="0.06")
+    ball = level.block("sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", ExportEntireGeometry="on")
+    finger, around = level.block("PMIOPort", "G", Side="Left"), level.block(TOUCH, "Outside", **FIGURES)
+    touch = level.block(TOUCH, "Touch", **FIGURES)
+    level.connect(f"{port}#conn:1", f"{shelf}#lconn:1")
+    level.connect(f"{shelf}#rconn:1", f"{plane}#lconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{ball}#rconn:1")
+    level.connect(f"{ball}#lconn:1", f"{touch}#lconn:1", f"{around}#lconn:1")
+    level.connect(f"{plane}#rconn:1", f"{touch}#rconn:1")
+    level.connect(f"{finger}#conn:1", f"{around}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level, kind="Subsystem"), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    words = [entry.text for entry in imported.report.entries]
+    assert "stands in the world, in place of what this is put into" in words
+    assert "the contact: with what this is put into" in words
+    result = simulate(load_station(imported.station), duration=1.0, progress=False)
+    assert result.piece_pose("Ball")[-1, 2] == pytest.approx(0.55, abs=2e-3)
