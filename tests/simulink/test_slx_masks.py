@@ -118,3 +118,12 @@ def test_what_others_put_in_is_held_at_its_only_open_frame(tmp_path):
     assert "the contact: with what this is put into" in words
     result = simulate(load_station(imported.station), duration=1.0, progress=False)
     assert result.piece_pose("Ball")[-1, 2] == pytest.approx(0.55, abs=2e-3)
+
+
+def test_of_two_scripts_that_one_counts_whose_structures_are_long_enough(tmp_path):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "old.m").write_text("part.rod(1).reach = 0.9;\n")
+    (tmp_path / "parts" / "new.m").write_text("part.rod(1).reach = 0.8;\npart.rod(2).reach = 0.5;\n")
+    model = point_on_a_rod(tmp_path / "a.slx", mask(), offset="part.rod(2).reach")
+    imported = import_simulink(model, tmp_path / "out", libraries=[tmp_path / "parts"], assume=True)
+    assert_swings(imported.station, 0.5)
