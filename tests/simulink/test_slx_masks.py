@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from slx_files import INERTIA, REVOLUTE, TRANSFORM, WORLD, Level, mask, write_model
+from slx_files import INERTIA, REVOLUTE, TO_PHYSICS, TRANSFORM, WORLD, Level, mask, write_model
 from test_mechanics import FIGURES, TOUCH
 from test_slx_signals import Plant
 
@@ -127,3 +127,55 @@ def test_of_two_scripts_that_one_counts_whose_structures_are_long_enough(tmp_pat
     model = point_on_a_rod(tmp_path / "a.slx", mask(), offset="part.rod(2).reach")
     imported = import_simulink(model, tmp_path / "out", libraries=[tmp_path / "parts"], assume=True)
     assert_swings(imported.station, 0.5)
+
+
+@pytest.mark.parametrize(("kind", "figures", "inertia"), [
+    ("General Variable Mass", {"VariableInertiaType": "PointMass", "MassType": "TimeVarying"}, 2 * 0.5**2),
+    ("Variable Spherical Solid", {"RadiusType": "CalculateFromMass", "MassType": "ProvidedByInput", "Density": "300"},
+     2 * 0.5**2 + 0.4 * 2 * (3 * 2 / (4 * np.pi * 300)) ** (2 / 3)),
+])  # fmt: skip
+@pytest.mark.parametrize("source", ["Constant", "Clock"])
+def test_a_mass_from_an_input_that_is_constant(tmp_path, kind, figures, inertia, source):
+    """Against a damper of 1 N·m·s/rad an inertia J, 0.5 m from a hinge, slows down as exp(-t/J)."""
+    level = Level()
+    world = level.block(WORLD, "World")
+    start = {"VelocityTargetSpecify": "on", "VelocityTargetValue": "3", "VelocityTargetValueUnits": "rad/s"}
+    damped = {"DampingCoefficient": "1", "DampingCoefficientUnits": "N*m*s/rad"}
+    joint = level.block(REVOLUTE, "Hinge", **damped, **start)
+    arm = level.block(TRANSFORM, "Arm", TranslationMethod="Cartesian", TranslationCartesianOffset="[0.5 0 0]")
+    body = level.block(f"sm_lib/Body Elements/Variable Mass/{kind}", "Body", **figures)
+    held = level.block(INERTIA, "Little", Mass="1e-6", MomentsOfInertia="[1e-6 1e-6 1e-6]")
+    given, into = level.block(source, "Mass", Value="2000"), level.block(TO_PHYSICS, "In", Unit="g")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{arm}#lconn:1", f"{held}#rconn:1")
+    level.connect(f"{arm}#rconn:1", f"{body}#rconn:1")
+    level.connect(f"{into}#rconn:1", f"{body}#lconn:1")
+    level.wire(f"{given}#out:1", f"{into}#in:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    if source == "Clock":
+        assert imported.fidelity == "1 variable mass lost"
+        return
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(load_station(imported.station, TIGHT), duration=0.5, progress=False)
+    np.testing.assert_allclose(result["v.Hinge"], 3 * np.exp(-result.times / inertia), atol=1e-4)
+
+
+@pytest.mark.parametrize(("code", "fidelity"), [
+    ("function y = law(t)\nglobal pull\ny = pull * t;\n", "mechanics complete"),
+    ("function y = law(t)\nglobal pull\npull = pull + 1;\ny = pull * t;\n", "1 drive lost; 1 control block left open"),
+])  # fmt: skip
+def test_functions_take_global_variables_from_the_script_that_sets_them(tmp_path, code, fidelity):
+    """The gain of u = -K x with the least cost for a double integrator, against its closed form."""
+    (tmp_path / "law.m").write_text(code)
+    (tmp_path / "before.m").write_text("global A B pull\nA = [0 1; 0 0];\nB = [0; 1];\npull = [1 0] * gains(9)';\n")
+    (tmp_path / "gains.m").write_text(
+        "function K = gains(q)\nglobal A B\nplant = ss(A, B, eye(2), 0);\nK = lqr(plant, diag([q 1]), 1);\n"
+    )
+    plant = Plant()
+    clock = plant.chain("Clock", "Clock")
+    plant.drive(plant.chain("MATLABFcn", "Law", clock, MATLABFcn="law"), plant.chain("Constant", "None", Value="0"))
+    imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out", assume=True)
+    assert imported.fidelity == fidelity
+    if fidelity == "mechanics complete":
+        result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
+        np.testing.assert_allclose(result["q.A"], 3 * result.times**3 / 6, atol=1e-5)

@@ -16,8 +16,10 @@ from simrob_drake.simulink.mechanics.solids import (
     GEOMETRY,
     REFERENCE,
     SOLIDS,
+    VARIABLE,
     SolidBody,
     frame_pose,
+    hold_constant,
     read_solid,
     solid_ports,
 )
@@ -98,6 +100,8 @@ def read_bodies(network: Connections, meshes: MeshFiles) -> Bodies:
     """
     frames = _Frames(network, meshes)
     for node in network.expanded.nodes:
+        if node.kind in VARIABLE and node.block.commented == "off":
+            hold_constant(network, node)
         if node.block.commented == "off":
             try:
                 frames.take(node)

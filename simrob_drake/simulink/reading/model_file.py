@@ -40,6 +40,7 @@ LARGEST_MODEL = 256 * 2**20  # bytes of all parts that are read
 
 _ASSIGNED = re.compile(r"^[ \t]*(\w+)[\w.()]*[ \t]*=(?!=)", re.MULTILINE)
 _NAME = re.compile(r"(?<![\w.])[A-Za-z]\w*")
+_GLOBAL = re.compile(r"^[ \t]*global[ \t]+([\w \t]+)", re.MULTILINE)
 _REFERENCE = re.compile(r"\b([A-Za-z]\w*)\.(\w+)\((\d{1,6})\)")
 _STORED = "simulink/modelWorkspace.mxarray"
 _TEXT_PACKAGE = b"__MWOPC_PACKAGE_BEGIN__"
@@ -289,7 +290,8 @@ class Libraries:
         model's folder, then that which sets more of them.
         """
         texts, named = set(self._texts(model.system, {""})), " ".join([model.code, *model.callbacks.values()])
-        names = {name for text in texts for name in _NAME.findall(text)}
+        codes = [self.script(text) for text in texts if text.isidentifier()]  # of functions that blocks call
+        names = {name for text in (*texts, *map(" ".join, map(_GLOBAL.findall, codes))) for name in _NAME.findall(text)}
         asked = {reference for text in texts for reference in _REFERENCE.findall(text)}
         found = {file: self._set_by(file, names) for file in self._files.values() if file.suffix in (".m", ".mat")}
 

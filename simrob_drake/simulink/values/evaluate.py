@@ -12,6 +12,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, written
+from simrob_drake.simulink.values.systems import SYSTEMS
 
 LARGEST, _MOST_PRODUCTS = 1_000_000, 30_000  # elements of a matrix, and blocks of a product of such with signals
 
@@ -173,10 +174,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     ),
     "horzcat": partial(_joined, 1),
     "vertcat": partial(_joined, 0),
-    "tf": lambda numerator, denominator: {"numerator": matrix(numerator), "denominator": matrix(denominator)},
-    "ss": lambda a, b, c, d: dict(zip("ABCD", map(matrix, (a, b, c, d)), strict=True)),
+    **SYSTEMS,
     "struct": lambda *parts: dict(zip(parts[::2], parts[1::2], strict=True)),
-    "timeseries": lambda u, t: {"Time": matrix(t).reshape(-1, 1), "Data": matrix(u if len(u) == np.size(t) else u.T)},
     "isfield": lambda value, name: float(isinstance(value, dict) and name in value),
     "strcmp": lambda one, other: float(isinstance(one, str) and one == other),
     "num2str": lambda value: value if isinstance(value, str) else f"{float(matrix(value)[0, 0]):.5g}",

@@ -14,9 +14,9 @@ from typing import Any
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import content_of
-from simrob_drake.simulink.values.code import CodeRun, Files
+from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
-from simrob_drake.simulink.values.mat import variables_of_mat
+from simrob_drake.simulink.values.mat import Files, variables_of_mat
 from simrob_drake.simulink.values.syntax import NotUnderstood
 
 _PATIENCE = 60.0  # s
