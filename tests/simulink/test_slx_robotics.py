@@ -204,3 +204,19 @@ def test_wheels_of_two_sizes_stand_on_their_own(tmp_path):
     pose = result.pose("base")[-1]
     assert 2 * np.arcsin(abs(pose[5])) == pytest.approx(slant, abs=2e-3)
     assert pose[2] == pytest.approx(0.075, abs=1e-3)
+
+
+def test_a_motion_that_is_quicker_than_rows_has_more_of_them(tmp_path):
+    """A step through a lag of 2 ms comes to 1 - exp(-t / 2 ms)."""
+    plant = Plant(motion=True)
+    step = plant.chain("Step", "Step", Time="0.1025", SampleTime="0")
+    lag = plant.chain("TransferFcn", "Lag", step, Numerator="[1]", Denominator="[0.002 1]")
+    plant.drive(lag, lag)
+    imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out")
+    (table,) = (tmp_path / "out").glob("*.csv")
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    times = np.linspace(0.103, 0.15, 471)
+    exact = 1 - np.exp(-(times - 0.1025) / 0.002)
+    np.testing.assert_allclose(np.interp(times, rows[:, 0], rows[:, 1]), exact, atol=0.01)
+    assert imported.fidelity == "mechanics complete"
+    assert len(rows) < 400
