@@ -14,7 +14,7 @@ TIGHT = {"solver.accuracy": 1e-6, "solver.max_step": 0.01}
 CHOICE = """shape = Simulink.Mask.get(gcb);
 end_of = shape.getParameter('ends');
 if strcmp(end_of.Value, 'round')
-    set_param([gcb '/Rod'], 'TranslationStandardOffset', num2str(get_param(gcb, 'value@reach') - 0.1));
+    set_param(char([gcb '/Rod']), 'TranslationStandardOffset', num2str(get_param(gcb, 'value@reach') - 0.1));
 end"""
 
 

@@ -176,6 +176,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "vertcat": partial(_joined, 0),
     **SYSTEMS,
     "struct": lambda *parts: dict(zip(parts[::2], parts[1::2], strict=True)),
+    "char": lambda value: value[0] if isinstance(value, list) else value,
     "isfield": lambda value, name: float(isinstance(value, dict) and name in value),
     "strcmp": lambda one, other: float(isinstance(one, str) and one == other),
     "num2str": lambda value: value if isinstance(value, str) else f"{float(matrix(value)[0, 0]):.5g}",
