@@ -179,3 +179,30 @@ def test_functions_take_global_variables_from_the_script_that_sets_them(tmp_path
     if fidelity == "mechanics complete":
         result = simulate(load_station(imported.station, TIGHT), duration=1.0, progress=False)
         np.testing.assert_allclose(result["q.A"], 3 * result.times**3 / 6, atol=1e-5)
+
+
+@pytest.mark.parametrize("wrong", [
+    "struct('Time', 1:3, 'Data', 1:2)", "struct('Time', 'a', 'Data', 1)", "struct('Time', 1)",
+    "struct('time', 1, 'signals', 3)", "timeseries(1:3, 1:2)",
+])  # fmt: skip
+def test_a_time_series_that_is_none_is_left_open(tmp_path, wrong):
+    plant = Plant()
+    plant.drive(*plant.split(plant.chain("FromWorkspace", "Pulls", VariableName=wrong)))
+    imported = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out")
+    assert imported.fidelity == "2 drives lost; 1 control block left open"
+
+
+@pytest.mark.parametrize("figures", [{"Density": "0"}, {"DensityUnits": "parsec"}, {"Density": "[1 2]"}])
+def test_a_ball_of_no_density_is_lost_alone(tmp_path, figures):
+    level = Level()
+    world, joint = level.block(WORLD, "World"), level.block(REVOLUTE, "Hinge")
+    ball = level.block("sm_lib/Body Elements/Variable Mass/Variable Spherical Solid", "Ball",
+                       RadiusType="CalculateFromMass", MassType="ProvidedByInput", **figures)  # fmt: skip
+    rod = level.block(INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]")
+    given, into = level.block("Constant", "Mass", Value="2"), level.block(TO_PHYSICS, "In", Unit="kg")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{ball}#rconn:1", f"{rod}#rconn:1")
+    level.connect(f"{into}#rconn:1", f"{ball}#lconn:1")
+    level.wire(f"{given}#out:1", f"{into}#in:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "1 variable mass lost"

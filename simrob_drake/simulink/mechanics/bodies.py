@@ -100,10 +100,10 @@ def read_bodies(network: Connections, meshes: MeshFiles) -> Bodies:
     """
     frames = _Frames(network, meshes)
     for node in network.expanded.nodes:
-        if node.kind in VARIABLE and node.block.commented == "off":
-            hold_constant(network, node)
         if node.block.commented == "off":
             try:
+                if node.kind in VARIABLE:
+                    hold_constant(network, node)
                 frames.take(node)
             except InvalidModel as problem:
                 node.lose(problem)

@@ -85,11 +85,13 @@ def hold_constant(network: Connections, node: Node) -> None:
         return
     unit = inputs["Simulink-PS Converter"].text("Unit", "kg")
     mass = source[0].number("Value", "1") * node.in_si("kg" if unit in ("1", "inherit", "") else unit, "Unit", "kg")
+    density = node.number("Density", "1000", unit="kg/m^3")
+    if mass <= 0 or density <= 0:
+        return
     parameters = {**node.block.parameters, "Mass": f"{mass:.17g}", "MassUnits": "kg", how: "Mass"}
     if how == "InertiaType":
         parameters[how] = choice
     else:  # a ball of even density
-        density = node.number("Density", "1000", unit="kg/m^3")
         parameters |= {"SphereRadius": f"{(0.75 * mass / density / np.pi) ** (1 / 3):.17g}", "SphereRadiusUnits": "m"}
     node.note("read", f"its mass is constant: {mass:g} kg")
     node.block = replace(node.block, kind=place, linked=True, parameters=parameters)

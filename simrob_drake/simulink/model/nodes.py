@@ -43,7 +43,7 @@ class Findings:
 
     def missing(self, problem: UndefinedVariable, where: str) -> None:
         """Note a variable that is not known."""
-        name = problem.name if not problem.why else f"{problem.name} ({problem.why})"
+        name = problem.name.rstrip(".") + (f" ({problem.why})" if problem.why else "")
         places = self.undefined.setdefault(name, [])
         if where not in places:
             places.append(where)

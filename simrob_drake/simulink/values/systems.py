@@ -9,22 +9,29 @@ from scipy.linalg import solve_continuous_are
 from simrob_drake.frames import Vector
 
 
+def _numbers(value: Any) -> Vector:
+    return np.atleast_2d(np.asarray(value, dtype=float))
+
+
 def _regulator(*arguments: Any) -> Vector:
     """Return the gains K of u = -K x with the least ∫ xᵀ Q x + uᵀ R u dt, of a system or its A and B."""
     first, *rest = arguments
-    a, b, q, r = (first["A"], first["B"], *rest) if isinstance(first, dict) else arguments
-    return np.asarray(np.linalg.solve(r, np.transpose(b) @ solve_continuous_are(a, b, q, r)))
+    a, b, q, r = map(_numbers, (first.get("A"), first.get("B"), *rest) if isinstance(first, dict) else arguments)
+    return np.asarray(np.linalg.solve(r, b.T @ solve_continuous_are(a, b, q, r)))
 
 
-def _time_series(values: Vector, times: Vector) -> dict[str, Vector]:
-    data = values if len(values) == np.size(times) else values.T
-    return {"Time": times.reshape(-1, 1), "Data": data}
+def _time_series(values: Any, times: Any) -> dict[str, Vector]:
+    data, moments = _numbers(values), _numbers(times).reshape(-1, 1)
+    data = data if len(data) == len(moments) else data.T
+    if len(data) != len(moments):
+        raise ValueError(f"a time series of {len(moments)} times for {len(data)} values")
+    return {"Time": moments, "Data": data}
 
 
 SYSTEMS: dict[str, Callable[..., Any]] = {
-    "tf": lambda numerator, denominator: {"numerator": numerator, "denominator": denominator},
-    "ss": lambda a, b, c, d: dict(zip("ABCD", (a, b, c, d), strict=True)),
+    "tf": lambda numerator, denominator: {"numerator": _numbers(numerator), "denominator": _numbers(denominator)},
+    "ss": lambda a, b, c, d: dict(zip("ABCD", map(_numbers, (a, b, c, d)), strict=True)),
     "lqr": _regulator,
     "timeseries": _time_series,
 }
-"""By their names in MATLAB; they take matrices, and systems as structures."""
+"""By their names in MATLAB."""
