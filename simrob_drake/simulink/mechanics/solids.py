@@ -64,13 +64,8 @@ class SolidBody:
 
 
 VARIABLE = {
-    "General Variable Mass": ("VariableInertiaType", "PointMass", "sm_lib/Body Elements/Inertia", "InertiaType"),
-    "Variable Spherical Solid": (
-        "RadiusType",
-        "CalculateFromMass",
-        "sm_lib/Body Elements/Spherical Solid",
-        "BasedOnType",
-    ),
+    "General Variable Mass": ("VariableInertiaType", "PointMass", "Inertia", "InertiaType"),
+    "Variable Spherical Solid": ("RadiusType", "CalculateFromMass", "Spherical Solid", "BasedOnType"),
 }
 """Masses from an input: the parameter and its choice that are read where it is constant, what they are then, how."""
 
@@ -94,7 +89,7 @@ def hold_constant(network: Connections, node: Node) -> None:
     else:  # a ball of even density
         parameters |= {"SphereRadius": f"{(0.75 * mass / density / np.pi) ** (1 / 3):.17g}", "SphereRadiusUnits": "m"}
     node.note("read", f"its mass is constant: {mass:g} kg")
-    node.block = replace(node.block, kind=place, linked=True, parameters=parameters)
+    node.block = replace(node.block, kind=f"sm_lib/Body Elements/{place}", linked=True, parameters=parameters)
 
 
 def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
