@@ -26,15 +26,11 @@ class Sole(Strict):
     """Its middle in the foot's link [m]."""
 
 
-class FootContact(Strict):
-    """One kind of feet: spheres of one radius about points of the feet's links, or a box each."""
+class FootSurface(Strict):
+    """How large the spheres of feet are, and what happens where they touch."""
 
     radius: Positive = 0.01
     """Of the spheres [m]."""
-    points: dict[str, tuple[Triple, ...]] = Field(default_factory=dict)
-    """Middles of the spheres, by link [m]."""
-    boxes: dict[str, Sole] = Field(default_factory=dict)
-    """Soles by link."""
     stiffness: Positive = 1.0e5
     """Of point contact [N/m]."""
     dissipation: NotNegative = 50.0
@@ -43,6 +39,17 @@ class FootContact(Strict):
     """Of a sole in hydroelastic contact [Pa]."""
     friction: tuple[NotNegative, NotNegative] = (1.0, 0.9)
     """Static and dynamic coefficient; those of the contacts in the Simulink library."""
+
+
+class FootContact(FootSurface):
+    """One kind of feet: spheres about points of the feet's links, or a box each."""
+
+    points: dict[str, tuple[Triple, ...]] = Field(default_factory=dict)
+    """Middles of the spheres, by link [m]."""
+    boxes: dict[str, Sole] = Field(default_factory=dict)
+    """Soles by link."""
+    others: dict[str, FootSurface] = Field(default_factory=dict)
+    """Figures of links that differ, as wheels of two sizes do."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> "FootContact":
@@ -55,17 +62,21 @@ class FootContact(Strict):
         """The links that are feet."""
         return [*self.points, *self.boxes]
 
+    def surface(self, link: str) -> FootSurface:
+        """Return what a foot touches with."""
+        return self.others.get(link, self)
+
     def support_points(self, link: str) -> Vector:
         """Return the lowest points of a foot's shapes while its link stands upright, shape (k, 3) [m], in its frame."""
         if link in self.points:
-            return np.array(self.points[link]) - (0.0, 0.0, self.radius)
+            return np.array(self.points[link]) - (0.0, 0.0, self.surface(link).radius)
         sole = self.boxes[link]
         corners = np.array([(x, y, -1.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
         return np.asarray(sole.centre + corners * np.array(sole.size) / 2)
 
     def lowest_points(self, link: str, poses: Vector) -> Vector:
         """Return the lowest points of a foot's spheres or sole in the world (m, k, 3) [m], its link at (m, 4, 4)."""
-        under = self.radius if link in self.points else 0.0
+        under = self.surface(link).radius if link in self.points else 0.0
         own = np.array(self.points[link]) if link in self.points else self.support_points(link)
         points = poses[:, np.newaxis, :3, 3] + own @ poses[:, :3, :3].transpose(0, 2, 1)
         return np.asarray(points - [0.0, 0.0, under])
@@ -101,15 +112,17 @@ def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
         link = links[one_of("link (under feet)", name, links)]
         for old in link.findall("collision"):
             link.remove(old)
-        solids = [Solid(RigidTransform(np.array(point)), Sphere(feet.radius)) for point in feet.points.get(name, ())]
+        surface = feet.surface(name)
+        sphere = Sphere(surface.radius)
+        solids = [Solid(RigidTransform(np.array(point)), sphere) for point in feet.points.get(name, ())]
         if name in feet.boxes:
             sole = feet.boxes[name]
             solids = [Solid(RigidTransform(np.array(sole.centre)), Box(*sole.size))]
         for number, solid in enumerate(solids):
-            add_contact(add_solid(link, "collision", f"{name}_contact_{number}", solid), _contact_properties(feet))
+            add_contact(add_solid(link, "collision", f"{name}_contact_{number}", solid), _contact_properties(surface))
 
 
-def _contact_properties(feet: FootContact) -> dict[str, float | None]:
+def _contact_properties(feet: FootSurface) -> dict[str, float | None]:
     """Return Drake's contact figures; those of point and of hydroelastic contact do not disturb each other."""
     static, dynamic = feet.friction
     return {

@@ -159,7 +159,7 @@ class Body:
             points = contact.support_points(link) @ turn.T
             middle = (points.min(axis=0) + points.max(axis=0)) / 2
             under = points.min(axis=0)[2]
-            round_ = contact.radius if link in contact.points and np.ptp(points[:, :2]) < 1e-9 else 0.0
+            round_ = contact.surface(link).radius if link in contact.points and np.ptp(points[:, :2]) < 1e-9 else 0.0
             point = turn.T @ np.array([middle[0], middle[1], under + round_])
             self.over = round_  # of the point over the floor [m]: balls roll about their middles
             upright = RigidTransform(RotationMatrix(turn.T), point)

@@ -566,6 +566,28 @@ def test_a_robot_may_stand_on_a_box_or_a_cylinder(tmp_path, kind, sizes, told):
     assert any(words in entry.text for entry in imported.report.of("approximated"))
 
 
+def test_a_robot_may_stand_on_a_disk(tmp_path):
+    """Its rim, 1 mm thick to each side, carries 3 kg with the spring of the model."""
+    level = Level()
+    world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/6-DOF Joint", "Free",
+        PzPositionTargetSpecify="on", PzPositionTargetValue="0.005")  # fmt: skip
+    foot = level.block(INERTIA, "Foot", Mass="2", MomentsOfInertia="[0.1 0.1 0.1]")
+    disk, ground = (level.block(f"sm_lib/Curves and Surfaces/{kind}", kind, Radius="0.2") for kind in
+                    ("Disk", "Infinite Plane"))  # fmt: skip
+    hinge, arm = level.block(REVOLUTE, "Hinge"), level.block(INERTIA, "Arm", Mass="1", MomentsOfInertia="[1 1 1]")
+    touch = level.block(TOUCH, "Touch", **FIGURES)
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1", f"{ground}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{foot}#rconn:1", f"{hinge}#lconn:1", f"{disk}#lconn:1")
+    level.connect(f"{hinge}#rconn:1", f"{arm}#rconn:1")
+    level.connect(f"{disk}#rconn:1", f"{touch}#lconn:1")
+    level.connect(f"{ground}#rconn:1", f"{touch}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(imported.station, duration=1.0, progress=False)
+    assert result.pose("base")[-1, 2] == pytest.approx(0.001 - 3 * 9.80665 / 1e4, abs=1e-4)
+    assert result["distance.Touch"][-1] == pytest.approx(-3 * 9.80665 / 1e4, abs=1e-4)
+
+
 @pytest.mark.parametrize(
     "gravity",
     [{"GravityVector": "[0 -9.81 0]"}, {"GravityVector": "[0 -981 0]", "GravityUnits": "cm/s^2"}],  # of first releases

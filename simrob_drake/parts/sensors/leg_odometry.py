@@ -156,7 +156,10 @@ class Soles:
         self._positions, self._root = plant.GetPositions(self.scratch), robot.root.index()
         self._links = [plant.GetFrameByName(link, robot.instance).index() for link in robot.feet.links]
         self.radius = robot.feet.radius if robot.feet.points else 0.0
-        points = [robot.feet.support_points(link) + np.array([0.0, 0.0, self.radius]) for link in robot.feet.links]
+        points = [
+            np.array(robot.feet.points[link]) if robot.feet.points else robot.feet.support_points(link)
+            for link in robot.feet.links
+        ]
         ends = np.cumsum([0, *map(len, points)])
         self.feet = {link: slice(*part) for link, part in zip(robot.feet.links, pairwise(ends.tolist()), strict=True)}
         self._foot, arms = np.repeat(range(len(points)), np.diff(ends)), np.concatenate(points)

@@ -89,7 +89,7 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
         else:
             around = np.array(contact.points[link]) @ upright.T
             middle = (around.min(axis=0) + around.max(axis=0)) / 2
-            point, over = upright.T @ middle, contact.radius
+            point, over = upright.T @ middle, contact.surface(link).radius
         spread = (contact.support_points(link) - point) @ upright.T
         axes, leg = skeleton.limb(link, stacked(point[np.newaxis], upright.T[np.newaxis])[0])
         sole = next((names[f] for f in names if skeleton.links[f][0] == body and names[f].endswith("foot")), link)

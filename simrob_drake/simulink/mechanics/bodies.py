@@ -16,8 +16,10 @@ from simrob_drake.simulink.mechanics.solids import (
     GEOMETRY,
     REFERENCE,
     SOLIDS,
+    VARIABLE,
     SolidBody,
     frame_pose,
+    hold_constant,
     read_solid,
     solid_ports,
 )
@@ -100,11 +102,13 @@ def read_bodies(network: Connections, meshes: MeshFiles) -> Bodies:
     for node in network.expanded.nodes:
         if node.block.commented == "off":
             try:
+                if node.kind in VARIABLE:
+                    hold_constant(network, node)
                 frames.take(node)
             except InvalidModel as problem:
                 node.lose(problem)
     bodies = Bodies([], [], [], {}, set())
-    worlds = {place for node, place in frames.attached if node.kind == "World Frame"}
+    worlds = {place for node, place in frames.attached if node.kind == "World Frame"} or _held_outside(network, frames)
     _gather(frames.edges, worlds, bodies)
     for _, place in frames.attached:
         if place not in bodies.by_place:
@@ -229,6 +233,19 @@ class _Frames:
         return all(one is node or one.kind in _SEEN for one in self._network.joined(node, ends))
 
 
+def _held_outside(network: Connections, frames: _Frames) -> set[Place]:
+    """Return the frame by which a file that others put in is held: the only one of its ports to which nothing leads."""
+    ports = {network.net(node, "conn"): node for node in network.expanded.root.children.values()
+             if node.kind == "PMIOPort"}  # fmt: skip
+    bases = {base for _, base, _ in frames.joints}
+    found = {place for place in ports if place in frames.edges.keys() | bases and place not in frames.entered}
+    if len(found) != 1:
+        return set()
+    (place,) = found
+    ports[place].note("approximated", "stands in the world, in place of what this is put into")
+    return found
+
+
 def _gather(edges: Edges, worlds: set[Place], bodies: Bodies, *, grounded: bool = True) -> None:
     """Walk along rigid connections from every frame not yet reached, the world's first."""
     starts = [*worlds, *(edges if grounded else ())]
@@ -306,6 +323,9 @@ def read_contacts(network: Connections) -> list[ContactPair]:
         if ends[0] is None or ends[1] is None:
             if not any(network.on(network.net(node, side)) for side in _ENDS):
                 node.note("dropped", "the contact: it is not connected")
+                continue
+            if any(network.leads_outside(node, side, 1) for side, end in zip(_ENDS, ends, strict=True) if end is None):
+                node.note("dropped", "the contact: with what this is put into")
                 continue
             node.note("lost", "the contact: one of its ends is no solid or plane")
             continue

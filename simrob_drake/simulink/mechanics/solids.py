@@ -5,7 +5,7 @@ frame, where it is shown, takes the first place on the right.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
@@ -29,6 +29,7 @@ from simrob_drake.simulink.mechanics.shapes import (
     integral,
     revolution_outline,
 )
+from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.graph import Unreadable, parse_part
 
@@ -60,6 +61,35 @@ class SolidBody:
     file: Path | None = None  # a mesh file in place of a shape, already found
     scale: float = 1.0  # of the mesh file
     pose: RigidTransform = field(default_factory=RigidTransform)  # of the solid in the frame of its body
+
+
+VARIABLE = {
+    "General Variable Mass": ("VariableInertiaType", "PointMass", "Inertia", "InertiaType"),
+    "Variable Spherical Solid": ("RadiusType", "CalculateFromMass", "Spherical Solid", "BasedOnType"),
+}
+"""Masses from an input: the parameter and its choice that are read where it is constant, what they are then, how."""
+
+
+def hold_constant(network: Connections, node: Node) -> None:
+    """Let a mass from an input be that of a solid, where the input is constant."""
+    name, choice, place, how = VARIABLE[node.kind]
+    inputs = {other.kind: other for other in network.on(network.net(node, "lconn"))}
+    source = network.source(inputs["Simulink-PS Converter"]) if "Simulink-PS Converter" in inputs else None
+    mode = node.text("MassType") in ("TimeVarying", "ProvidedByInput")
+    if not mode or source is None or source[0].kind != "Constant" or node.text(name) != choice:
+        return
+    unit = inputs["Simulink-PS Converter"].text("Unit", "kg")
+    mass = source[0].number("Value", "1") * node.in_si("kg" if unit in ("1", "inherit", "") else unit, "Unit", "kg")
+    density = node.number("Density", "1000", unit="kg/m^3")
+    if mass <= 0 or density <= 0:
+        return
+    parameters = {**node.block.parameters, "Mass": f"{mass:.17g}", "MassUnits": "kg", how: "Mass"}
+    if how == "InertiaType":
+        parameters[how] = choice
+    else:  # a ball of even density
+        parameters |= {"SphereRadius": f"{(0.75 * mass / density / np.pi) ** (1 / 3):.17g}", "SphereRadiusUnits": "m"}
+    node.note("read", f"its mass is constant: {mass:g} kg")
+    node.block = replace(node.block, kind=f"sm_lib/Body Elements/{place}", linked=True, parameters=parameters)
 
 
 def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:

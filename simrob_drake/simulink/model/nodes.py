@@ -43,7 +43,7 @@ class Findings:
 
     def missing(self, problem: UndefinedVariable, where: str) -> None:
         """Note a variable that is not known."""
-        name = problem.name if not problem.why else f"{problem.name} ({problem.why})"
+        name = problem.name.rstrip(".") + (f" ({problem.why})" if problem.why else "")
         places = self.undefined.setdefault(name, [])
         if where not in places:
             places.append(where)
@@ -222,6 +222,9 @@ class Expanded:
             workspace = _masked(path, block.mask, block.parameters, workspace)
             if "set_param" in block.mask.code:
                 workspace.run()
+                if workspace.unset:
+                    text = "code of its mask sets parameters in it by what only MATLAB runs: they are taken as saved"
+                    parent.findings.report.add("approximated", path, text)
                 for below, texts in workspace.settings.items():
                     if (chosen := texts.get("OverrideUsingVariant")) is not None:
                         texts["LabelModeActiveChoice"] = chosen
@@ -290,7 +293,8 @@ def _spares(model: Model, libraries: Libraries, findings: Findings) -> Callable[
     offered = cache(lambda: libraries.offered(model))
 
     def spare(name: str) -> Any:
-        if name in ELEMENTARY or name not in offered():
+        asks_for_field, name = name.endswith("."), name.rstrip(".")
+        if (name in ELEMENTARY and not asks_for_field) or name not in offered():
             return None
         file, value, odd = offered()[name]
         message = f"{name} is taken from it, for the model's own workspaces do not have it"

@@ -7,7 +7,7 @@ import io
 import re
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -40,6 +40,8 @@ LARGEST_MODEL = 256 * 2**20  # bytes of all parts that are read
 
 _ASSIGNED = re.compile(r"^[ \t]*(\w+)[\w.()]*[ \t]*=(?!=)", re.MULTILINE)
 _NAME = re.compile(r"(?<![\w.])[A-Za-z]\w*")
+_GLOBAL = re.compile(r"^[ \t]*global[ \t]+([\w \t]+)", re.MULTILINE)
+_REFERENCE = re.compile(r"\b([A-Za-z]\w*)\.(\w+)\((\d{1,6})\)")
 _STORED = "simulink/modelWorkspace.mxarray"
 _TEXT_PACKAGE = b"__MWOPC_PACKAGE_BEGIN__"
 _TEXT_PART = re.compile(rb"^__MWOPC_PART_BEGIN__ (\S.*?)\s*$\n", re.MULTILINE)
@@ -284,14 +286,19 @@ class Libraries:
         """Return what files set of the variables that a model names: file, value, and files that set it otherwise.
 
         The likeliest file counts: that called after the model, before which none else counts, or as one that the model
-        names and that is not there; then that in the model's folder, then that which sets more of them.
+        names and that is not there; then that whose structures are as long as the model asks for; then that in the
+        model's folder, then that which sets more of them.
         """
-        names, named = self._names(model.system, {""}), " ".join([model.code, *model.callbacks.values()])
+        texts, named = set(self._texts(model.system, {""})), " ".join([model.code, *model.callbacks.values()])
+        codes = [self.script(text) for text in texts if text.isidentifier()]  # of functions that blocks call
+        names = {name for text in (*texts, *map(" ".join, map(_GLOBAL.findall, codes))) for name in _NAME.findall(text)}
+        asked = {reference for text in texts for reference in _REFERENCE.findall(text)}
         found = {file: self._set_by(file, names) for file in self._files.values() if file.suffix in (".m", ".mat")}
 
-        def rank(file: Path) -> tuple[bool, bool, int]:
+        def rank(file: Path) -> tuple[bool, int, bool, int]:
             return (
                 file.stem.startswith(model.name) or file.stem in named,
+                -sum(_is_short(found[file].get(name), part, int(place)) for name, part, place in asked),
                 file.parent == model.path.parent,
                 len(found[file]),
             )
@@ -305,12 +312,11 @@ class Libraries:
                     offered[name] = first, _filled(known, value), others
         return offered
 
-    def _names(self, system: System, seen: set[str]) -> set[str]:
-        """Return all names in the parameters of blocks and masks of a system, and of the files that these refer to."""
-        found: set[str] = set()
+    def _texts(self, system: System, seen: set[str]) -> Iterator[str]:
+        """Yield all parameters of blocks and masks of a system, and of the files that these refer to, as written."""
         for block in system.blocks.values():
-            masked = [parameter.value for parameter in block.mask.parameters] if block.mask else []
-            found.update(*(_NAME.findall(text) for text in [*block.parameters.values(), *masked]))
+            yield from block.parameters.values()
+            yield from (parameter.value for parameter in block.mask.parameters) if block.mask else ()
             other = referenced_by(block) or (block.kind.partition("/")[0] if block.linked else "")
             systems = [block.system]
             if other not in {*seen, *BUILT_IN}:
@@ -318,8 +324,8 @@ class Libraries:
                 with suppress(InvalidModel):  # one that is damaged is told where it is used
                     model = self.model(other)
                     systems += [model.system] if model else []
-            found.update(*(self._names(one, seen) for one in systems if one is not None))
-        return found
+            for one in systems:
+                yield from self._texts(one, seen) if one is not None else ()
 
     def _set_by(self, file: Path, names: set[str]) -> dict[str, Any]:
         run = CodeRun({}, files=self)
@@ -339,3 +345,9 @@ class Libraries:
         suffixes = (*_SUFFIXES, ".m", ".mat")
         files = [file for folder in self.folders for file in folder.iterdir() if file.suffix in suffixes]
         return {file.name: file for file in reversed(files) if file.is_file()}
+
+
+def _is_short(structure: Any, part: str, place: int) -> bool:
+    """Tell whether a structure has an array of structures that is too short for an index."""
+    array = structure.get(part) if isinstance(structure, dict) else None
+    return array is not None and (len(array) if isinstance(array, list) else 1) < place

@@ -18,8 +18,9 @@ from simrob_drake.simulink.signals.forms import TIME, Signal, Value, computed, f
 from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.tables import table
-from simrob_drake.simulink.values.code import Files, undefined
+from simrob_drake.simulink.values.code import undefined
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
+from simrob_drake.simulink.values.mat import Files
 from simrob_drake.simulink.values.syntax import NotUnderstood, functions_of
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.errors import SimrobError
+from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up
 from simrob_drake.simulink.signals.dynamics import blocks, filtered
@@ -34,6 +35,7 @@ from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.evaluate import matrix
+from simrob_drake.simulink.values.syntax import NotUnderstood
 
 _LATE = 0.02  # how long a filter takes to forget its start where that is told [s]
 
@@ -75,11 +77,20 @@ def _repeating(_: Tracer, node: Node, __: int) -> Signal:
     return signal([_repeated(times, values, stairs=node.kind == "Repeating Sequence Stair")])
 
 
+def _rows_of(structure: dict[str, Any]) -> Vector:
+    """Return times and values (t, 1 + n) of a structure with time, or of a time series."""
+    times = matrix(structure["time" if "time" in structure else "Time"]).reshape(-1)
+    values = matrix(structure["signals"]["values"] if "time" in structure else structure["Data"])
+    return np.column_stack([times, values.reshape(times.size, -1)])
+
+
 def _workspace(_: Tracer, node: Node, __: int) -> Signal:
     value = node.value("VariableName", "[0 0]")
-    if isinstance(value, dict) and "time" in value and isinstance(value.get("signals"), dict):
-        times, values = matrix(value["time"]).reshape(-1), matrix(value["signals"]["values"])
-        rows = np.column_stack([times, values.reshape(times.size, -1)])
+    if isinstance(value, dict):
+        try:
+            rows = _rows_of(value)
+        except (NotUnderstood, LookupError, TypeError, ValueError) as problem:
+            raise node.refusal(f"needs times and values in its structure: {problem}") from problem
     else:
         rows = node.matrix("VariableName", "[0 0]")
     if rows.shape[1] < 2 or not np.all(np.isfinite(rows)) or np.any(np.diff(rows[:, 0]) < 0):

@@ -23,7 +23,7 @@ from simrob_drake.simulink.signals.arithmetic import (
 from simrob_drake.simulink.signals.forms import Form, Primitive, Signal, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, count, matrix
-from simrob_drake.simulink.values.syntax import NotUnderstood, Statement, lines_of
+from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, Statement, lines_of
 
 _ENDED = "return"  # where it is kept whether a function has returned
 _PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number
@@ -51,6 +51,7 @@ class Translation(CodeRun):
         self._kept: dict[str, Any] = {}  # persistent variables as they are at a sample; None before they have begun
         self._last: Translation | None = None  # the run of the function that was called last
         super().__init__(*arguments)
+        self._workspace = self._outside
 
     def _base(self) -> Algebra:
         each: dict[str, Callable[..., Value]] = {
@@ -132,6 +133,18 @@ class Translation(CodeRun):
         self._kept |= dict.fromkeys(names)
         self.variables |= {name: np.zeros((0, 0)) for name in names}
 
+    def _share(self, names: list[str]) -> None:
+        """Take global variables from the workspace: none that the code changes itself."""
+        for name in names:
+            if name not in self.shared:
+                self.shared[name] = self._workspace(name)
+        super()._share(names)
+
+    def _store(self, target: Expression, value: Any) -> None:
+        if self._declared.intersection(target.parts[:1]):
+            raise NotUnderstood(f"changes the global {target.parts[0]}")
+        super()._store(target, value)
+
     def _state(self, name: str, start: Any) -> Any:
         """Return a persistent variable as delays of what it is at the end of the function."""
         array = matrix(start)
@@ -149,6 +162,7 @@ class Translation(CodeRun):
     def _inner(self, variables: dict[str, Any]) -> Self:
         inner = super()._inner(variables)
         inner._guards, inner._period, self._last = self._guards, self._period, inner
+        inner._workspace = self._workspace
         return inner
 
     def called(self, name: str, arguments: list[Any]) -> list[Any]:

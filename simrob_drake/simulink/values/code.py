@@ -9,11 +9,12 @@ import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 
 from simrob_drake.simulink.values.evaluate import NUMBERS, SEVERAL, Algebra, UndefinedVariable, evaluate, matrix
+from simrob_drake.simulink.values.mat import Files
 from simrob_drake.simulink.values.syntax import (
     KEYWORD,
     Expression,
@@ -39,16 +40,6 @@ _MOST_CALLS = 50
 _HERE = "(this block)"
 
 
-class Files(Protocol):
-    """The `.m` and `.mat` files that code may name."""
-
-    def script(self, name: str) -> str:
-        """Return the text of ``name.m``; empty where there is none."""
-
-    def variables(self, name: str) -> dict[str, Any] | None:
-        """Return what is in ``name.mat``; None where there is none."""
-
-
 def undefined(name: str) -> Any:
     """Look a variable up where there is none."""
     raise UndefinedVariable(name)
@@ -63,6 +54,7 @@ class CodeRun:
         incomplete: structures of which it would have set a field.
         absent: files that it takes variables from, and that are not there.
         settings: parameters of blocks within that of the code, by their path there and their names.
+        unset: whether a passed-over statement would have set such.
     """
 
     def __init__(
@@ -83,15 +75,20 @@ class CodeRun:
             texts: of the parameters of the block whose mask this is, as they are written.
         """
         self.variables = variables
-        self.unknown: set[str] = set()
-        self.incomplete: set[str] = set()
-        self.absent: set[str] = set()
+        self.unknown, self.incomplete, self.absent = set[str](), set[str](), set[str]()
         self.settings: dict[str, dict[str, str]] = {}
+        self.unset = False
         self._outside, self._files, self._texts = lookup, files, texts or {}
         self.functions = {} if functions is None else functions
+        self.shared: dict[str, Any] = {}  # by ``global``, over all functions
+        self._declared: set[str] = set()  # names of those here
         self._steps = self.depth = 0
         known = {name: partial(self._first_of, name) for name in self.functions}
-        own: dict[str, Callable[..., Any]] = {"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter}
+        text = self._parameter
+        own: dict[str, Callable[..., Any]] = {
+            **{"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter},
+            "Simulink": lambda: {"Mask": {"get": lambda of: {"getParameter": lambda name: {"Value": text(of, name)}}}},
+        }
         self._algebra: dict[str, Callable[..., Any]] = {**self._base(), **own, **known}
 
     def _base(self) -> Algebra:
@@ -159,7 +156,7 @@ class CodeRun:
     def _inner(self, variables: dict[str, Any]) -> Self:
         """Return a run of a function's statements."""
         inner = type(self)(variables, undefined, self._files, self.functions)
-        inner.depth, inner.settings = self.depth + 1, self.settings
+        inner.depth, inner.settings, inner.shared = self.depth + 1, self.settings, self.shared
         return inner
 
     def called(self, name: str, arguments: list[Any]) -> list[Any]:
@@ -177,6 +174,7 @@ class CodeRun:
         inner = self._inner(arguments_in)
         inner._block(function.body)
         self.absent |= inner.absent
+        self.variables |= {name: self.shared[name] for name in self._declared & self.shared.keys()}
         return [inner.variables.get(name) for name in function.outputs]
 
     def _block(self, lines: list[Statement]) -> None:
@@ -215,6 +213,9 @@ class CodeRun:
         if sides(text)[0]:
             self.assign(text)
             return
+        if text.startswith("global "):
+            self._share(text.removeprefix("global").split())
+            return
         match parse(text):
             case ("call", (("name", ("eval",)), (code,))):
                 if self.depth > _MOST_CALLS:
@@ -224,6 +225,11 @@ class CodeRun:
                 self.depth -= 1
             case ("call", (("name", ("set_param",)), arguments)):
                 self._set(*map(self._value, arguments))
+
+    def _share(self, names: list[str]) -> None:
+        self._declared.update(names)
+        self.variables |= {name: self.shared[name] for name in self._declared & self.shared.keys()}
+        self.shared |= {name: self.variables[name] for name in names if name in self.variables}
 
     def _set(self, block: Any, *pairs: Any) -> None:
         """Note parameters that a statement sets of blocks within that of the code."""
@@ -293,6 +299,7 @@ class CodeRun:
             case ("name", (name,)):
                 self.variables[name] = value
                 self.unknown.discard(name)
+                self.shared |= {name: value} if name in self._declared else {}
             case ("field", (owner, field)):
                 known = self._known(owner, outside=True)
                 self._store(owner, {**(known if isinstance(known, dict) else {}), field: value})
@@ -317,7 +324,7 @@ class CodeRun:
     def _changed(self, known: Any, index: tuple[Expression, ...], value: Any) -> Any:
         """Return a matrix, cells or structures with what is at an index replaced; they grow to it."""
         if isinstance(known, dict | list) or isinstance(value, str | dict | list):
-            several = _listed(known)
+            several = list(known) if isinstance(known, list) else [known] if isinstance(known, dict) else []
             place = int(self._places(index[-1], len(several))[0])
             several += [{} for _ in range(place + 1 - len(several))]
             several[place] = value
@@ -375,6 +382,7 @@ class CodeRun:
         (yes if condition else no)()
 
     def _pass_over(self, line: Statement, _: Exception) -> None:
+        self.unset |= any("set_param" in text for text in lines_of(line))
         for match in filter(None, map(_TARGETS.match, lines_of(line))):
             if match[2]:  # a field: others stay as they are
                 self.incomplete.add(match[1])
@@ -390,8 +398,3 @@ class CodeRun:
             self._drop(known.get(fields[0]), fields[1:])
         elif isinstance(known, dict):
             known.pop(fields[0], None)
-
-
-def _listed(known: Any) -> list[Any]:
-    """Return structures or cells as a list of their own."""
-    return list(known) if isinstance(known, list) else [known] if isinstance(known, dict) else []

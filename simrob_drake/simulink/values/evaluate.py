@@ -12,6 +12,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, written
+from simrob_drake.simulink.values.systems import SYSTEMS
 
 LARGEST, _MOST_PRODUCTS = 1_000_000, 30_000  # elements of a matrix, and blocks of a product of such with signals
 
@@ -145,7 +146,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: partial(_along, getattr(np, name)) for name in ("sum", "prod", "mean", "any", "all")},
     "min": partial(_extreme, np.minimum),
     "max": partial(_extreme, np.maximum),
-    **{name: partial(_on_way, getattr(np, name)) for name in ("diff", "unwrap", "cumsum")},
+    **{name: partial(_on_way, getattr(np, name)) for name in ("diff", "unwrap", "cumsum", "flip")},
     "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), _way(value)),
     "polyval": lambda coefficients, at: np.polyval(matrix(coefficients).reshape(-1), matrix(at)),
     "norm": lambda u, p=2: np.linalg.norm(matrix(u).ravel() if 1 in matrix(u).shape else matrix(u), count(p) or None),
@@ -164,19 +165,18 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "isempty": lambda value: float(not (len(value) if isinstance(value, str | dict | list) else matrix(value).size)),
     "isscalar": lambda value: float(np.size(value) == 1),
     "isnumeric": lambda value: float(not isinstance(value, str | dict | list)),
-    **{
-        name: lambda value, kind=kind: float(isinstance(value, kind))
-        for name, kind in (("ischar", str), ("isstruct", dict), ("iscell", list))
-    },
+    "ischar": lambda value: float(isinstance(value, str)),
+    "isstruct": lambda value: float(isinstance(value, dict)),
+    "iscell": lambda value: float(isinstance(value, list)),
     "rot90": lambda value, times=1: np.rot90(matrix(value), int(matrix(times)[0, 0])),
     "find": lambda value, most=1e9: np.reshape(
         np.flatnonzero(matrix(value).T)[: int(np.max(most))] + 1, (1, -1) if _way(value) else (-1, 1)
     ),
     "horzcat": partial(_joined, 1),
     "vertcat": partial(_joined, 0),
-    "tf": lambda numerator, denominator: {"numerator": matrix(numerator), "denominator": matrix(denominator)},
-    "ss": lambda a, b, c, d: dict(zip("ABCD", map(matrix, (a, b, c, d)), strict=True)),
+    **SYSTEMS,
     "struct": lambda *parts: dict(zip(parts[::2], parts[1::2], strict=True)),
+    "char": lambda value: value[0] if isinstance(value, list) else value,
     "isfield": lambda value, name: float(isinstance(value, dict) and name in value),
     "strcmp": lambda one, other: float(isinstance(one, str) and one == other),
     "num2str": lambda value: value if isinstance(value, str) else f"{float(matrix(value)[0, 0]):.5g}",
@@ -281,6 +281,8 @@ class _Evaluation:
             value = self.value(target)
         if isinstance(value, str):
             return value
+        if callable(value):  # a method of an object
+            return value(*map(self.value, arguments))
         if isinstance(value, dict | list):
             several: list[Any] = value if isinstance(value, list) else [value]
             if len(arguments) == 2 and isinstance(several[0], list):
@@ -315,7 +317,12 @@ class _Evaluation:
         return index.astype(int) - 1
 
     def _field(self, target: Expression, name: str) -> Any:
-        value = self._lookup(target.parts[0]) if target.kind == "name" else self.value(target)
+        try:
+            value = self.value(target)
+        except UndefinedVariable as problem:
+            if problem.name not in self._algebra:
+                raise
+            value = self._lookup(f"{problem.name}.")  # a structure that has a function's name
         if not isinstance(value, dict):
             raise NotUnderstood(f"asks for the field '{name}' of something that is no structure")
         if name not in value:

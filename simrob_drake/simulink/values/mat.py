@@ -11,7 +11,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -26,6 +26,16 @@ _MOST_ELEMENTS = 500_000
 _HEADER, _VERSION_5 = 128, (b"IM", b"MI")  # the mark of little-endian files, and of big-endian ones
 _INT32, _MATRIX, _COMPRESSED = 5, 14, 15  # types of elements
 _SPARSE = 5  # the class of a matrix that does not hold all its entries
+
+
+class Files(Protocol):
+    """The `.m` and `.mat` files that code may name."""
+
+    def script(self, name: str) -> str:
+        """Return the text of ``name.m``; empty where there is none."""
+
+    def variables(self, name: str) -> dict[str, Any] | None:
+        """Return what is in ``name.mat``; None where there is none."""
 
 
 class UnboundedMat(Exception):

@@ -14,9 +14,9 @@ from typing import Any
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import content_of
-from simrob_drake.simulink.values.code import CodeRun, Files
+from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
-from simrob_drake.simulink.values.mat import variables_of_mat
+from simrob_drake.simulink.values.mat import Files, variables_of_mat
 from simrob_drake.simulink.values.syntax import NotUnderstood
 
 _PATIENCE = 60.0  # s
@@ -100,6 +100,7 @@ class Variables:
     absent: set[str] = field(default_factory=set)  # files that code takes variables from, and that are not there
     settings: dict[str, dict[str, str]] = field(default_factory=dict)
     """Parameters that code of a mask sets of blocks in its subsystem, by their path there, once it has run."""
+    unset: bool = False  # whether it would set others by what is outside the subset
     spare: Callable[[str], Any] = lambda _: None  # what counts where no code tells a variable; None of nothing
 
     def __post_init__(self) -> None:
@@ -109,7 +110,12 @@ class Variables:
     def lookup(self, name: str) -> Any:
         """Return a variable's value (raises UndefinedVariable: no workspace has it)."""
         if name in self.pending:
-            self.variables[name] = self.pending[name]()  # stays pending where it cannot be told
+            try:
+                self.variables[name] = self.pending[name]()
+            except (UndefinedVariable, NotUnderstood):
+                self.run()  # which may set it anew
+                if name not in self.variables:
+                    raise  # it stays pending
             del self.pending[name]
         self.run()
         if name in self.variables:
@@ -143,7 +149,7 @@ class Variables:
         run.run(code)
         self.unknown |= run.unknown
         self.absent |= run.absent
-        self.settings = run.settings
+        self.settings, self.unset = run.settings, run.unset
         lacking = self.unknown | run.incomplete
         if lacking and self.octave is not None:
             found = self.octave(code, self._lookup_before)

@@ -30,6 +30,7 @@ from simrob_drake.stations.config import JointStops
 
 _CORNER = 2 * SHORTEST  # how long a step takes [s]: rows of a table must be a SHORTEST apart
 RATE = 200.0  # rows a second of a table
+_BENT, _FINER = 2e-3, 10  # of a range: by so much rows may bend, or there are so many times as many
 
 
 @dataclass
@@ -82,6 +83,9 @@ class JointMotions:
         even = np.linspace(0.0, self.duration, min(round(self.duration * RATE), most) + 1)
         times = np.unique(np.concatenate([even, corners, np.array(corners) - _CORNER]))
         moved = self._computed(moving, times)
+        if (finer := _finer(times, moved)).size and finer.size < most - times.size:
+            times = np.union1d(times, finer)
+            moved = self._computed(moving, times)
         columns: dict[str, Vector] = {"time": times}
         for freedom, name in axes.items():
             columns[name] = moved.get(freedom, np.full_like(times, self._held(freedom)))
@@ -104,6 +108,17 @@ class JointMotions:
         """Return a constant position; an input is taken to hold the start."""
         value = self.values.get(freedom)
         return self.start[self.axes[freedom]] if value is None or isinstance(value, Form) else float(value)
+
+
+def _finer(times: Vector, moved: Mapping[Freedom, Vector]) -> Vector:
+    """Return times between those at which positions bend too much for a line from row to row."""
+    bent = np.zeros(times.size, dtype=bool)
+    for row in moved.values():
+        bent[1:-1] |= np.abs(np.diff(row, 2)) > _BENT * np.ptp(row) + 1e-9
+    quick = np.flatnonzero(bent[:-1] | bent[1:])
+    quick = quick[np.diff(times)[quick] > 2 * SHORTEST * _FINER]
+    parts = np.arange(1, _FINER) / _FINER
+    return np.asarray(times[quick, None] + np.diff(times)[quick, None] * parts).ravel()
 
 
 def over_time(values: list[Value], times: Vector) -> Vector:

@@ -92,10 +92,15 @@ def read_touching(contacts: list[ContactPair], bodies: Bodies, network: Connecti
 def _stand(
     touching: Touching, contact: Node, node: Node, body: RigidPart, turn: RigidTransform, pose: RigidTransform
 ) -> None:
-    """Take a surface as the floor, its terrain, or a piece of its own; one that moves is lost."""
+    """Take a surface as the floor, its terrain or a piece; of those that move a disk is part of what carries it."""
     there = turn @ pose
     flat = bool(np.allclose(there.rotation().matrix()[:, 2], [0, 0, 1], atol=1e-6))
-    if not body.grounded:
+    if node.kind == "Disk" and not body.grounded:
+        if all(solid.node is not node for solid in body.solids):
+            (radius,), grey = positive(node, "Radius", "1", 1), (0.5, 0.5, 0.5, 1.0)
+            thin = Shape("cylinder", (radius, 2 * _POINT))
+            body.solids.append(SolidBody(node, NOTHING, thin, grey, visible=True, pose=pose))
+    elif not body.grounded:
         contact.note("lost", f"contact of {node.path}, a surface that moves")
     elif node.kind == GRID:
         _lay(touching, node, there, flat=flat)
@@ -172,13 +177,12 @@ def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
 
 
 def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: ImportReport) -> dict[str, Any] | None:
-    """Return the feet of a robot as its `robot.yaml` has them: spheres of one radius, or None.
+    """Return the feet of a robot as its `robot.yaml` has them: spheres, or None.
 
     Of the small spheres in the corners of a box four share its spring and damper; of those of a cylinder a rim does.
     """
     points: dict[str, list[list[float]]] = {}
-    radii: list[float] = []
-    surfaces: list[ContactParameters] = []
+    by_link: dict[str, list[tuple[float, ContactParameters]]] = {}  # by link
     seen: set[Node] = set()
     for contact, *ends in touching.ends:
         for body, node in ends:
@@ -201,24 +205,31 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
                 pose = robot.frames[body].inverse() @ solid.pose
                 places = [[round(float(value), 12) for value in pose.multiply(point)] for point in _spheres(shape)[0]]
                 points.setdefault(robot.links[body], []).extend(places)
-                radii += [radius] * share
-            surfaces.append(replace(surface, stiffness=surface.stiffness / share, damping=surface.damping / share))
+                shared = replace(surface, stiffness=surface.stiffness / share, damping=surface.damping / share)
+                by_link.setdefault(robot.links[body], []).extend([(radius, shared)] * share)
     if not points:
         return None
-    if len(set(radii)) > 1 or len(set(surfaces)) > 1:
-        report.add(
-            "approximated", robot.element.get("name", ""), "its contacts differ: all get the figures of the first"
-        )
-    surface = surfaces[0]
-    damping = bounded_dissipation(surface, robot.mass * gravity / len(radii), report, robot.element.get("name", ""))
-    kind = {
-        "radius": float(radii[0]),
-        "stiffness": surface.stiffness,
-        "dissipation": damping,
-        "friction": [surface.static, surface.dynamic],
-        "points": points,
-    }
-    return {"default": "spheres", "contacts": {"spheres": kind}}
+    weight = robot.mass * gravity / sum(map(len, by_link.values()))
+    kind, others = _feet_surfaces(by_link, weight, report, robot.element.get("name", ""))
+    return {"default": "spheres", "contacts": {"spheres": kind | {"points": points} | others}}
+
+
+def _feet_surfaces(
+    by_link: dict[str, list[tuple[float, ContactParameters]]], weight: float, report: ImportReport, where: str
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the figures of most feet, and of ``others`` those that differ; ``weight`` [N] is what a sphere carries."""
+    written: dict[tuple[float, ContactParameters], dict[str, Any]] = {}
+    for link, ones in by_link.items():
+        if len(set(ones)) > 1:
+            report.add("approximated", f"{where}: {link}", "its contacts differ: all get the figures of the first")
+        if ones[0] not in written:
+            radius, surface = ones[0]
+            damping = bounded_dissipation(surface, weight, report, where)
+            written[ones[0]] = {"radius": float(radius), "stiffness": surface.stiffness, "dissipation": damping,
+                                "friction": [surface.static, surface.dynamic]}  # fmt: skip
+    first, *_ = written
+    others = {link: dict(written[ones[0]]) for link, ones in by_link.items() if ones[0] != first}
+    return written[first], {"others": others} if others else {}
 
 
 def _spheres(shape: Shape) -> tuple[list[Vector], float, int]:
@@ -227,10 +238,12 @@ def _spheres(shape: Shape) -> tuple[list[Vector], float, int]:
         return [np.zeros(3)], shape.size[0], 1
     if shape.kind == "cylinder":  # rims: it stands on eight, and lies and rolls on few
         reach, end = shape.size[0], shape.size[1] / 2
-        radius = min(reach, end) / 5
+        flat = end < reach / 10  # a disk, of one rim
+        radius = end if flat else min(reach, end) / 5
         turns = 2 * np.pi * np.arange(_RIM) / _RIM
         rim = (reach - radius) * np.column_stack([np.cos(turns), np.sin(turns)])
-        return [np.array([x, y, z]) for z in (radius - end, end - radius) for x, y in rim], radius, _RIM
+        levels = (0.0,) if flat else (radius - end, end - radius)
+        return [np.array([x, y, z]) for z in levels for x, y in rim], radius, _RIM
     half = np.array(shape.size) / 2
     radius = float(half.min() / 5)
     return [np.array(signs) * (half - radius) for signs in product((-1, 1), repeat=3)], radius, 4
