@@ -90,6 +90,10 @@ def make_legged(
             made.assumed.extend(f"{entry.element}: {entry.text}" for entry in new)
         made.name = robot.name
         try:
+            if robot.feet is not None:
+                what = f"{robot.name} has feet of its own in the {ROBOT_FILE} beside {source.name}"
+                remedy = "here they are found from the URDF alone: give it in a folder without that file"
+                raise SimrobError(f"{what}; {remedy}")
             _Making(work, robot, made).run()
         except SimrobError as problem:
             made.problem = str(problem) + _shapes_lost(report)

@@ -206,6 +206,18 @@ def test_masses_that_are_made_up_are_told_link_by_link(tmp_path):
     assert "to be tuned first" not in (tmp_path / "made" / "legged.md").read_text()
 
 
+def test_feet_that_a_robot_has_already_are_told(tmp_path):
+    file = dog().write(tmp_path)
+    points = {f"c{number}": [[0, 0, -0.2]] for number in range(4)}
+    feet = {"default": "balls", "contacts": {"balls": {"radius": 0.02, "points": points}}}
+    axes = [f"j{number}{part}" for number in range(4) for part in "abc"]
+    described = {"urdf": file.name, "base": "floating", "root": "trunk", "axes": axes, "feet": feet}
+    (file.parent / "robot.yaml").write_text(yaml.safe_dump(described))
+    made = make_legged(file, tmp_path / "out")
+    assert "has feet of its own in the robot.yaml beside made.urdf" in made.problem
+    assert (tmp_path / "out" / STAND).is_file()
+
+
 def test_a_root_that_the_urdf_has_not_is_told(tmp_path):
     file = dog().write(tmp_path)
     description = {"urdf": file.name, "base": "floating", "root": "pelvis", "axes": ["j0a"]}
