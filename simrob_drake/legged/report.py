@@ -124,7 +124,7 @@ def _attempt_move(trial: str, station: Path, move: Move, overrides: Mapping[str,
     if result.ending != "completed":
         return Attempt(trial, False, f"fell at {result.stop_time:.1f} s", result=result)
     lean = np.rad2deg(locomotion(result).tilt)
-    return Attempt(trial, True, f"{did}, leans by {lean:.0f} deg at most", result=result)
+    return Attempt(trial, True, f"{did}, and then leans by {lean:.0f} deg at most", result=result)
 
 
 REPORT, PICTURE = "legged.md", "legged.png"
@@ -156,8 +156,8 @@ class Made:
 
 
 def save_report(made: Made, folder: Path) -> None:
-    """Write the report into a folder, and a picture of the last run that there is."""
-    runs = [one.result for one in made.attempts if one.result is not None]
+    """Write the report into a folder, and a picture of the last trial of standing and walking that there is."""
+    runs = [one.result for one in made.attempts if one.result is not None and one.trial in TRIALS]
     if runs:
         try:
             save_film_strip(runs[-1], folder / PICTURE)
@@ -177,4 +177,4 @@ def _lines(made: Made, picture: bool) -> Iterator[str]:
     if made.attempts:
         yield f"- to be tuned first: {_TUNE[failed or 'walks']}"
     if picture:
-        yield from ("", f"![the last run]({PICTURE})")
+        yield from ("", f"![the farthest trial]({PICTURE})")

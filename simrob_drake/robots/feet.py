@@ -49,12 +49,14 @@ class FootContact(FootSurface):
     boxes: dict[str, Sole] = Field(default_factory=dict)
     """Soles by link."""
     others: dict[str, FootSurface] = Field(default_factory=dict)
-    """Figures of links that differ, as wheels of two sizes do."""
+    """Figures of links that differ, as wheels of two sizes do; what one leaves out is as for the rest."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> "FootContact":
         if bool(self.points) == bool(self.boxes):
             raise ValueError("feet are either spheres about points, or boxes")
+        if strange := self.others.keys() - {*self.links}:
+            raise ValueError(f"others has {', '.join(sorted(strange))}; the feet are {', '.join(self.links)}")
         return self
 
     @property
@@ -64,7 +66,9 @@ class FootContact(FootSurface):
 
     def surface(self, link: str) -> FootSurface:
         """Return what a foot touches with."""
-        return self.others.get(link, self)
+        if (own := self.others.get(link)) is None:
+            return self
+        return self.model_copy(update={name: getattr(own, name) for name in own.model_fields_set})
 
     def support_points(self, link: str) -> Vector:
         """Return the lowest points of a foot's shapes while its link stands upright, shape (k, 3) [m], in its frame."""

@@ -56,11 +56,8 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     groups = list[tuple[Vector, list[Leg]]]()
     for body, axes in ends_of(clearance, robot):
         if len(axes) > 1:
-            links, stood_on = (
-                [robot.joints[axis].child_body() for axis in axes],
-                _foot(clearance, robot, body, axes[-1]),
-            )
-            leg, own = Leg(axes, links, body, *stood_on), lengths(clearance, robot, axes)
+            links, own = [robot.joints[axis].child_body() for axis in axes], lengths(clearance, robot, axes)
+            leg = Leg(axes, links, body, *_foot(clearance, robot, body, axes[-1]))
             for others, group in groups:
                 if len(group[0].axes) == len(axes) and alike(own, others, _ALIKE):
                     group.append(leg)

@@ -83,6 +83,10 @@ def test_wrong_feet_are_named() -> None:
         ({"default": "a", "contacts": {"b": {"points": {"foot": [[0, 0, 0]]}}}}, "default 'a' is none of b"),
         ({"default": "a", "contacts": {"a": {}}}, "either spheres about points, or boxes"),
         ({"default": "a", "contacts": {"a": {"points": {"foot": [[0, 0, 0]]}, "radius": 0}}}, "radius"),
+        (
+            {"default": "a", "contacts": {"a": {"points": {"foot": [[0, 0, 0]]}, "others": {"fot": {}}}}},
+            "others has fot; the feet are foot",
+        ),
     ],
 )
 def test_a_description_that_makes_no_feet_is_refused(feet: dict[str, object], message: str) -> None:
@@ -94,6 +98,13 @@ def test_a_foot_that_is_no_link_is_named() -> None:
     robot = ET.fromstring('<robot name="r"><link name="foot"/></robot>')
     with pytest.raises(UnknownName, match=r"no link .* 'fot'; did you mean 'foot'"):
         put_on_feet(robot, FootContact(points={"fot": ((0, 0, 0),)}))
+
+
+def test_a_foot_that_differs_is_as_the_rest_in_what_it_leaves_out() -> None:
+    kind = {"points": {"left": ((0, 0, 0),), "right": ((0, 0, 0),)}, "radius": 0.01, "stiffness": 4e4}
+    contact = FootContact(**kind, others={"right": {"radius": 0.03}})
+    assert [(one.radius, one.stiffness) for one in map(contact.surface, kind["points"])] == [(0.01, 4e4), (0.03, 4e4)]
+    assert contact.support_points("right")[0, 2] == -0.03
 
 
 @pytest.mark.parametrize(("kind", "under"), [("spheres_C", 0.01), ("soles", 0.0)])

@@ -23,6 +23,8 @@ def moved(tmp_path, kind, output, **parameters):
     plant.drive(*plant.split(f"{made}#out:{output}"))
     imported = import_simulink(write_model(tmp_path / "a.slx", plant, stop="3"), tmp_path / "out")
     assert imported.fidelity == "mechanics complete"
+    told = any("speed rises for a third" in entry.text for entry in imported.report.entries)
+    assert told == (kind.startswith("Trapezoidal") and parameters["NumParams"] < 2)
     return simulate(load_station(imported.station, TIGHT), duration=3.0, progress=False)
 
 

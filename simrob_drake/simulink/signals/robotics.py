@@ -56,9 +56,9 @@ def _trapezoids(node: Node, points: Vector) -> list[list[_Change]]:
              "Acceleration Time": "AccelTime"}  # fmt: skip
     choices = [node.text(f"Parameter{place}") for place in range(1, int(node.number("NumParams", "0")) + 1)]
     steps = np.diff(points, axis=1)
-    shaped = {}
-    for choice in choices:
-        shaped[choice] = _as_wide(node, sides[choice], steps)
+    shaped = {choice: _as_wide(node, sides[choice], steps) for choice in choices}
+    if len(choices) < 2:
+        node.note("approximated", "its figures leave a choice: its speed rises for a third of the time")
     found = []
     for row, along in enumerate(steps):
         now, changes = 0.0, []
