@@ -60,6 +60,10 @@ class SimulinkModel:
         """What was not known."""
         return self.expanded.findings
 
+    def law_of(self, freedom: Freedom) -> Law:
+        """Return what drives a degree of freedom; an idle law where nothing does."""
+        return self.laws.get(freedom, Law())
+
 
 def read_simulink(
     path: Path | str,

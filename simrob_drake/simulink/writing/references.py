@@ -25,7 +25,7 @@ from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.flow import FlowWriter
 from simrob_drake.simulink.writing.touching import StationFiles
-from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, pose_list
+from simrob_drake.simulink.writing.urdf import RobotFile, pose_list
 from simrob_drake.stations.config import JointStops
 
 _CORNER = 2 * SHORTEST  # how long a step takes [s]: rows of a table must be a SHORTEST apart
@@ -128,30 +128,18 @@ def over_time(values: list[Value], times: Vector) -> Vector:
     return flow_over_time(writer.blocks, sums, times)
 
 
-def start_state(files: StationFiles, starts: Mapping[str, Mapping[str, float]], turn: RigidTransform) -> State | None:
-    """Return how a station begins; None where everything is at rest.
-
-    Args:
-        files: what is written of it.
-        starts: positions by robot and axis [rad or m].
-        turn: places the model's world in ours.
-    """
-    several = len(files.robots) > 1
-    trees = {name: robot.tree for name, robot in files.robots.items()}
-    speeds = {
-        name: np.array([freedom.start_speed or 0.0 for freedom in robot.axes]) for name, robot in files.robots.items()
-    }
-    joints = {
-        f"{name if several else 'robot'}::{name}/{files.robots[name].links[tree.root]}": _free(tree, turn)
-        for name, tree in trees.items()
-        if not tree.root.grounded
-    }
-    joints |= {f"{name}::{name}/{name}": _free(tree, turn) for tree, name in files.free.items()}
-    if not any(speed.any() for speed in (*speeds.values(), *(joint.velocity for joint in joints.values()))):
-        return None
-    called = {name: name if several else "robot" for name in trees}
-    positions = {called[name]: np.array(list(axes.values()), dtype=float) for name, axes in starts.items()}
-    return State(positions, {called[name]: speed for name, speed in speeds.items()}, positions, joints)
+def start_state(files: StationFiles, starts: Mapping[str, Mapping[str, float]]) -> State | None:
+    """Return how a station begins, of positions by robot and axis [rad or m]; None where everything is at rest."""
+    positions, speeds, joints = dict[str, Vector](), dict[str, Vector](), dict[str, JointState]()
+    for name, robot in files.robots.items():
+        called = name if len(files.robots) > 1 else "robot"
+        positions[called] = np.array(list(starts[name].values()), dtype=float)
+        speeds[called] = np.array([freedom.start_speed or 0.0 for freedom in robot.axes])
+        if not robot.tree.root.grounded:
+            joints[f"{called}::{name}/{robot.links[robot.tree.root]}"] = _free(robot.tree, files.turn)
+    joints |= {f"{name}::{name}/{name}": _free(tree, files.turn) for tree, name in files.free.items()}
+    moves = any(speed.any() for speed in (*speeds.values(), *(joint.velocity for joint in joints.values())))
+    return State(positions, speeds, positions, joints) if moves else None
 
 
 def _free(tree: Tree, turn: RigidTransform) -> JointState:
@@ -161,9 +149,7 @@ def _free(tree: Tree, turn: RigidTransform) -> JointState:
     return JointState(position, np.concatenate([rate, linear]))
 
 
-def coupling_sections(
-    model: SimulinkModel, files: StationFiles, turn: RigidTransform, names: UniqueNames, *, kinematic: bool
-) -> dict[str, Any]:
+def coupling_sections(files: StationFiles, *, kinematic: bool) -> dict[str, Any]:
     """Return the section ``couplings`` of a station; what it cannot have is told as lost."""
     sections: dict[str, Any] = {}
 
@@ -171,30 +157,30 @@ def coupling_sections(
         if kinematic:
             node.note("lost", "holds nothing in a station whose motion is given")
             return
-        name = names.give(node.path)
+        name = files.names.give(node.path)
         sections[name] = section
         node.note("read", f"it is the coupling {name}, of kind {section['kind']}")
 
     def tie(tied: Coupling, kind: str, **values: float) -> None:
-        ends = _ends(tied, files, turn, framed=kind in ("weld", "hinge"))
+        ends = _ends(tied, files, framed=kind in ("weld", "hinge"))
         if ends is None:
             tied.node.note("lost", "one of its ends is on nothing that moves here, or both are on one body")
         else:
             add(tied.node, {"kind": kind, **ends, **values})
 
     for name, robot in files.robots.items():
-        prefix = f"{name}." if len(files.robots) > 1 else ""
         for closing in robot.tree.closings:
             tie(closing, closing.kind, **closing.parameters)
         for node, ratios in robot.tree.gears.items():
-            add(node, {"kind": "gear", "ratios": robot.by_axis(ratios, prefix)})
+            by_axis = {f"{files.prefix(name)}{robot.axes[freedom]}": ratio for freedom, ratio in ratios.items()}
+            add(node, {"kind": "gear", "ratios": by_axis})
     units = {"length": ("NaturalLength", "m"), "stiffness": ("SpringStiffness", "N/m"),
              "damping": ("DampingCoefficient", "N*s/m")}  # fmt: skip
-    for coupling in model.bodies.couplings:
+    for coupling in files.model.bodies.couplings:
         if coupling.node.kind == SPRING:
             values = {key: coupling.node.number(name, unit=unit) for key, (name, unit) in units.items()}
             tie(coupling, "spring", **values)
-    _tell_of_loose(model)
+    _tell_of_loose(files.model)
     return {"couplings": sections} if sections else {}
 
 
@@ -205,9 +191,9 @@ def _tell_of_loose(model: SimulinkModel) -> None:
             coupling.node.note("lost", "couples mechanisms of which one is held by nothing")
 
 
-def _ends(held: Coupling, files: StationFiles, turn: RigidTransform, *, framed: bool) -> dict[str, Any] | None:
+def _ends(held: Coupling, files: StationFiles, *, framed: bool) -> dict[str, Any] | None:
     """Return the bodies of a coupling, and its frames or their origins there; None of what cannot move apart."""
-    base, follower = files.named(held.base, turn), files.named(held.follower, turn)
+    base, follower = files.named(held.base), files.named(held.follower)
     if base is None or follower is None or base[0] == follower[0]:
         return None
     what, size = ("pose", 6) if framed else ("point", 3)

@@ -8,7 +8,6 @@ from typing import Any
 from xml.etree.ElementTree import ElementTree, indent
 
 import numpy as np
-import yaml
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
@@ -31,8 +30,22 @@ from simrob_drake.simulink.writing.references import (
     start_state,
     stop_section,
 )
-from simrob_drake.simulink.writing.touching import ContactSections, StationFiles, feet_of, read_touching
-from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
+from simrob_drake.simulink.writing.touching import (
+    StationFiles,
+    contact_section,
+    distance_sensors,
+    feet_of,
+    read_touching,
+)
+from simrob_drake.simulink.writing.urdf import (
+    RobotFile,
+    UniqueNames,
+    UrdfWriter,
+    as_yaml,
+    plain,
+    pose_list,
+    write_piece,
+)
 
 _INSIDE = 1e-8  # how far within its limits a joint starts at least [rad or m]: files hold degrees and radians
 SOLVERS: dict[str, dict[str, Any]] = {
@@ -55,9 +68,9 @@ class StationWriter:
         self._model, self._folder = model, folder
         self._report: ImportReport = model.report
         self._names = UniqueNames(("world", "floor", "robot"))
-        self._turn, self._gravity = _upright(model)
-        self._touching = read_touching(model.contacts, model.bodies, model.network, self._turn)
-        self._files = StationFiles()
+        self._turn, gravity = _upright(model)
+        self._touching = read_touching(model, self._turn)
+        self._files = StationFiles(model, self._turn, gravity, self._names, self._touching)
         self._moved = False
 
     def write(self) -> StationFiles:
@@ -78,7 +91,7 @@ class StationWriter:
             return self._files
         self._files.content = self._station(name, pieces)
         header = f"# From the Simulink model {self._model.path.name}; report.json tells what became of each block.\n"
-        (self._folder / f"{name}.yaml").write_text(header + _as_yaml(self._files.content), encoding="utf-8")
+        (self._folder / f"{name}.yaml").write_text(header + as_yaml(self._files.content), encoding="utf-8")
         return self._files
 
     def _share_world(self, trees: list[Tree], homes: dict[Tree, str]) -> dict[Tree, list[SolidBody]]:
@@ -132,7 +145,6 @@ class StationWriter:
         return name
 
     def _station(self, name: str, pieces: dict[str, Any]) -> dict[str, Any]:
-        model = self._model
         kinematic = self._moved = self._kinematic()
         for piece, entry in pieces.items() if kinematic else ():
             if entry.pop("free", False):
@@ -150,20 +162,21 @@ class StationWriter:
             content["pieces"] = pieces
         if self._touching.floor:
             content["floor"] = {"size": 10, **self._terrain(name)}
+        sensors, monitors = dict[str, Any](), dict[str, Any]()
         if self._touching.ends and not kinematic:
-            sections = ContactSections(self._touching, self._files, self._model, self._gravity, self._names)
-            content |= {"contact": sections.contact(), **sections.sensors()}
-        seen, measured = frame_sensors(model, self._files, self._turn, self._names)
-        if seen:
-            content["sensors"] = {**content.get("sensors", {}), **seen}
-        content["gravity"] = self._gravity
+            content["contact"] = contact_section(self._files)
+            sensors, monitors = distance_sensors(self._files)
+        seen, measured = frame_sensors(self._files)
+        parts = {"sensors": sensors | seen, "monitors": monitors}
+        content |= {key: part for key, part in parts.items() if part}
+        content["gravity"] = self._files.gravity
         if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
             content["inputs"] = self._pushes()
         for push in self._model.pushes if kinematic else ():
             push.node.note("dropped", "a force, in a station without forces: what moves is prescribed")
-        content |= coupling_sections(model, self._files, self._turn, self._names, kinematic=kinematic)
-        content |= {} if kinematic else self._dynamics(content.get("sensors", {}), measured)
-        return {**content, "duration": model.duration}
+        content |= coupling_sections(self._files, kinematic=kinematic)
+        content |= {} if kinematic else self._dynamics(sensors | seen, measured)
+        return {**content, "duration": self._model.duration}
 
     def _terrain(self, name: str) -> dict[str, Any]:
         if (terrain := self._touching.terrain) is None:
@@ -182,7 +195,7 @@ class StationWriter:
 
     def _dynamics(self, sensors: dict[str, Any], measured: dict[Term, Sum]) -> dict[str, Any]:
         """Return what only a station of torques has: its solver, laws that are no servos, and speeds at the start."""
-        flows = flows_of(self._model, self._files, sensors, measured, self._turn)
+        flows = flows_of(self._files, sensors, measured)
         content: dict[str, Any] = {"controllers": flows} if flows else {}
         solver = self._solver()
         if "accuracy" in solver and (flows or any(map(_is_moved, self._files.robots.values()))):
@@ -194,7 +207,7 @@ class StationWriter:
         if freedoms and all(kp == freedom.stiffness for freedom, kp in servos.items()):
             content["verdict"] = dict.fromkeys(_OF_SERVOS, "none")
         starts = {name: self._starts(robot) for name, robot in self._files.robots.items()}
-        if (state := start_state(self._files, starts, self._turn)) is not None:
+        if (state := start_state(self._files, starts)) is not None:
             file = self._folder / f"{plain(self._model.path.stem)}_start.json"
             file.write_text(state.to_json() + "\n", encoding="utf-8")
             content["start"] = file.name
@@ -239,13 +252,12 @@ class StationWriter:
             "base": "floating" if floating else "fixed",
             "root": robot.links[robot.tree.root],
             "axes": list(robot.axes.values()),
-            **self._drives(robot),
         }
-        if robot.tools:
-            described["tools"] = robot.tools
-        if feet := feet_of(robot, self._touching, self._gravity, self._report):
-            described["feet"] = feet
-        (folder / ROBOT_FILE).write_text(_as_yaml(described), encoding="utf-8")
+        rotors = {axis: float(f"{self._law(freedom).rotor:.12g}") for freedom, axis in robot.axes.items()}
+        drives = {"rotor_inertia": rotors} if any(rotors.values()) else {}
+        parts = {"drives": drives, "tools": robot.tools, "feet": feet_of(robot, self._files)}
+        described |= {key: part for key, part in parts.items() if part}
+        (folder / ROBOT_FILE).write_text(as_yaml(described), encoding="utf-8")
         start = self._starts(robot)
         entry: dict[str, Any] = {"model": f"{name}/{ROBOT_FILE}"}
         if robot.pushed:
@@ -268,19 +280,14 @@ class StationWriter:
             self._report.add("dropped", name, "speeds at the start: what moves it is its reference")
         return entry
 
-    def _drives(self, robot: RobotFile) -> dict[str, Any]:
-        rotors = {axis: float(f"{self._law(freedom).rotor:.12g}") for freedom, axis in robot.axes.items()}
-        return {"drives": {"rotor_inertia": rotors}} if any(rotors.values()) else {}
-
     def _prescribed(self) -> dict[str, Any]:
         """Return the motions that are inputs of joints, beside which all else moves by forces."""
         sections: dict[str, Any] = {}
         for name, robot in self._files.robots.items():
             axes = {freedom: axis for freedom, axis in robot.axes.items() if freedom.driven == "motion"}
-            forms = {freedom: self._model.laws.get(freedom, Law()).reference for freedom in axes}
+            forms = {freedom: self._model.law_of(freedom).reference for freedom in axes}
             found = self._motions(f"{name}_prescribed", axes, forms, self._starts(robot)).prescribed()
-            prefix = f"{name}." if len(self._files.robots) > 1 else ""
-            sections |= {f"{prefix}{axis}": section for axis, section in found.items()}
+            sections |= {f"{self._files.prefix(name)}{axis}": section for axis, section in found.items()}
         return sections
 
     def _motions(
@@ -300,7 +307,7 @@ class StationWriter:
         return taken
 
     def _law(self, freedom: Freedom) -> Law:
-        law = self._model.laws.get(freedom, Law())
+        law = self._model.law_of(freedom)
         if freedom.driven == "motion":
             return law if self._moved else Law()
         if freedom.stiffness and law.is_idle:
@@ -316,14 +323,14 @@ class StationWriter:
             drive = "driven by the blocks of its law"
         elif kinematic or freedom.driven == "motion":
             drive = "moved as its reference" if kinematic else "its motion is prescribed"
-            motion = self._model.laws.get(freedom, Law()).reference
+            motion = self._model.law_of(freedom).reference
             if isinstance(motion, Form) and of_time(motion):
                 drive += f" for {self._model.duration:g} s, and holds then"
         self._report.add("read", freedom.name, f"axis {axis} of {robot}: {drive}")
 
     def _place(self, freedom: Freedom) -> tuple[int, int]:
         """Return where a joint stands among the model's inputs; joints without one keep their order behind."""
-        law = self._model.laws.get(freedom, Law())
+        law = self._model.law_of(freedom)
         for terms in closure([law.reference or 0.0, law.net]):
             for term in terms:
                 if term.kind == "input" and isinstance(term.of, Node):
@@ -343,10 +350,6 @@ class StationWriter:
         if any(push.jumps for push in self._model.pushes):
             return SOLVERS["struck"]
         return SOLVERS["pieces" if not robots else "feet" if touches else "arm"]
-
-
-def _as_yaml(content: dict[str, Any]) -> str:
-    return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None))
 
 
 def _home(tree: Tree) -> str:

@@ -15,7 +15,6 @@ from simrob_drake.parts.terrain import MOST_BOXES
 from simrob_drake.simulink.mechanics.bodies import (
     CLOUD,
     GRID,
-    Bodies,
     ContactPair,
     ContactParameters,
     RigidPart,
@@ -25,12 +24,11 @@ from simrob_drake.simulink.mechanics.bodies import (
 from simrob_drake.simulink.mechanics.shapes import NOTHING, Shape, positive
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
-from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames
 
-_PLANE = "Infinite Plane"
+_PLANE, _GREY = "Infinite Plane", (0.5, 0.5, 0.5, 1.0)
 _POINT, _MOST_POINTS = 1e-3, 100
 _RIM = 8  # spheres on each rim of a cylinder
 _TOUCHES = {"sphere": "", "box": "a box that touches: {} in its corners",
@@ -61,11 +59,11 @@ class Touching:
     standing: set[Node] = field(default_factory=set)  # those of them that are feet of robots
 
 
-def read_touching(contacts: list[ContactPair], bodies: Bodies, network: Connections, turn: RigidTransform) -> Touching:
+def read_touching(model: SimulinkModel, turn: RigidTransform) -> Touching:
     """Sort contacts by what they connect; ``turn`` places the model's world in ours."""
-    touching = Touching()
-    for contact in contacts:
-        one, other = ((bodies.by_place[frame_place(network, node)], node) for node in contact.pair)
+    touching, network = Touching(), model.network
+    for contact in model.contacts:
+        one, other = ((model.bodies.by_place[frame_place(network, node)], node) for node in contact.pair)
         surface = contact.surface
         clouds = {node: body for body, node in (one, other) if node.kind == CLOUD}
         try:
@@ -73,8 +71,8 @@ def read_touching(contacts: list[ContactPair], bodies: Bodies, network: Connecti
             if not all(map(len, points.values())):
                 raise contact.node.refusal("its point cloud is empty")
         except (InvalidModel, ValueError) as problem:  # which have not three figures, or cannot be computed
-            file = contact.node.findings.report.source
-            contact.node.note("lost", f"its point cloud is not read: {str(problem).removeprefix(f'{file}: ')}")
+            why = str(problem).removeprefix(f"{model.report.source}: ")
+            contact.node.note("lost", f"its point cloud is not read: {why}")
             continue
         for node, body in clouds.items():
             if node not in touching.colliding:
@@ -97,9 +95,8 @@ def _stand(
     flat = bool(np.allclose(there.rotation().matrix()[:, 2], [0, 0, 1], atol=1e-6))
     if node.kind == "Disk" and not body.grounded:
         if all(solid.node is not node for solid in body.solids):
-            (radius,), grey = positive(node, "Radius", "1", 1), (0.5, 0.5, 0.5, 1.0)
-            thin = Shape("cylinder", (radius, 2 * _POINT))
-            body.solids.append(SolidBody(node, NOTHING, thin, grey, visible=True, pose=pose))
+            thin = Shape("cylinder", (*positive(node, "Radius", "1", 1), 2 * _POINT))
+            body.solids.append(SolidBody(node, NOTHING, thin, _GREY, pose=pose))
     elif not body.grounded:
         contact.note("lost", f"contact of {node.path}, a surface that moves")
     elif node.kind == GRID:
@@ -154,14 +151,10 @@ def _field(node: Node, pose: RigidTransform) -> HeightField:
 
 def _slab(node: Node, pose: RigidTransform) -> SolidBody:
     """Return what is under a plane, 20 m wide, or under a disk."""
-    if node.kind == _PLANE:
-        shape, thick = Shape("box", (20.0, 20.0, 1.0)), 1.0
-    else:
-        (radius,), thick = positive(node, "Radius", "1", 1), 0.02
-        shape = Shape("cylinder", (radius, thick))
-    grey = (0.5, 0.5, 0.5, 1.0)
-    under = pose @ RigidTransform([0.0, 0.0, -thick / 2])
-    return SolidBody(node, NOTHING, shape, grey, visible=node.kind != _PLANE, pose=under)
+    plane = node.kind == _PLANE
+    size = (20.0, 20.0, 1.0) if plane else (*positive(node, "Radius", "1", 1), 0.02)
+    under = pose @ RigidTransform([0.0, 0.0, -size[-1] / 2])
+    return SolidBody(node, NOTHING, Shape("box" if plane else "cylinder", size), _GREY, visible=not plane, pose=under)
 
 
 def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
@@ -171,19 +164,18 @@ def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
         taken.append(int(away.argmax()))
         away = np.minimum(away, np.linalg.norm(points - points[taken[-1]], axis=1))
     node.note("approximated", f"{len(taken)} of its {len(points)} points touch, as spheres of {_POINT:g} m")
-    sphere, grey = Shape("sphere", (_POINT,)), (0.5, 0.5, 0.5, 1.0)
-    places = [pose @ RigidTransform(points[place]) for place in taken]
-    return [SolidBody(node, NOTHING, sphere, grey, visible=False, pose=place) for place in places]
+    sphere, places = Shape("sphere", (_POINT,)), [pose @ RigidTransform(points[place]) for place in taken]
+    return [SolidBody(node, NOTHING, sphere, _GREY, visible=False, pose=place) for place in places]
 
 
-def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: ImportReport) -> dict[str, Any] | None:
+def feet_of(robot: RobotFile, files: "StationFiles") -> dict[str, Any] | None:
     """Return the feet of a robot as its `robot.yaml` has them: spheres, or None.
 
     Of the small spheres in the corners of a box four share its spring and damper; of those of a cylinder a rim does.
     """
     points: dict[str, list[list[float]]] = {}
     by_link: dict[str, list[tuple[float, ContactParameters]]] = {}  # by link
-    seen: set[Node] = set()
+    touching, report, seen = files.touching, files.report, set[Node]()
     for contact, *ends in touching.ends:
         for body, node in ends:
             if body not in robot.links or body.grounded or node in seen:
@@ -209,7 +201,7 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
                 by_link.setdefault(robot.links[body], []).extend([(radius, shared)] * share)
     if not points:
         return None
-    weight = robot.mass * gravity / sum(map(len, by_link.values()))
+    weight = robot.mass * files.gravity / sum(map(len, by_link.values()))
     kind, others = _feet_surfaces(by_link, weight, report, robot.element.get("name", ""))
     return {"default": "spheres", "contacts": {"spheres": kind | {"points": points} | others}}
 
@@ -268,8 +260,13 @@ def bounded_dissipation(surface: ContactParameters, weight: float, report: Impor
 
 @dataclass
 class StationFiles:
-    """What is written."""
+    """What is written of a model."""
 
+    model: SimulinkModel  # what was read
+    turn: RigidTransform  # places the model's world in ours
+    gravity: float  # downward there [m/s²]
+    names: UniqueNames  # those that are taken
+    touching: Touching  # the contacts
     robots: dict[str, RobotFile] = field(default_factory=dict)  # by name, with their `robot.yaml`
     pieces: list[str] = field(default_factory=list)  # names
     groups: dict[str, str] = field(default_factory=dict)
@@ -278,81 +275,71 @@ class StationFiles:
     content: dict[str, Any] = field(default_factory=dict)
     """Of the station's file; empty where nothing moves, and there is no station."""
 
-    def named(self, body: RigidPart, turn: RigidTransform) -> tuple[str, RigidTransform] | None:
-        """Return what a body is called in the station, and the pose of its first frame there; None if it is not in it.
+    @property
+    def report(self) -> ImportReport:
+        """What became of the blocks."""
+        return self.model.report
 
-        ``turn`` places the model's world in ours.
-        """
+    def prefix(self, robot: str) -> str:
+        """Return what stands before the names of a robot's axes and links, where there are several robots."""
+        return f"{robot}." if len(self.robots) > 1 else ""
+
+    def named(self, body: RigidPart) -> tuple[str, RigidTransform] | None:
+        """Return what a body is called in the station, and the pose of its first frame there; None if not in it."""
         if body.grounded:
-            return WORLD, turn
+            return WORLD, self.turn
         for name, robot in self.robots.items():
             if body in robot.links:
-                prefix = f"{name}." if len(self.robots) > 1 else ""
-                return prefix + robot.links[body], robot.frames[body].inverse()
+                return self.prefix(name) + robot.links[body], robot.frames[body].inverse()
         return next(((name, tree.frame.inverse()) for tree, name in self.free.items() if tree.root is body), None)
 
+    def is_of_robot(self, body: RigidPart) -> bool:
+        """Tell whether a body is a link of a robot, and moves."""
+        return not body.grounded and any(body in robot.links for robot in self.robots.values())
 
-@dataclass
-class ContactSections:
-    """The sections `contact`, `sensors` and `monitors` of a station."""
 
-    touching: Touching  # the contacts
-    files: StationFiles  # the robots and pieces that are written
-    model: SimulinkModel  # what was read
-    gravity: float  # [m/s²]
-    names: UniqueNames  # those that are given
+def contact_section(files: StationFiles) -> dict[str, Any]:
+    """Return the contact section: the figures of the first contact that no robot's feet tell."""
+    touching = files.touching
+    own = [(contact, ends) for contact, *ends in touching.ends if not any(files.is_of_robot(body) for body, _ in ends)]
+    if not own or not files.pieces:
+        return {"model": "point", "stiction_speed": touching.ends[0][0].surface.speed}
+    contact, ends = own[0]
+    surface = contact.surface
+    moving = next((body for body, _ in ends if not body.grounded), None)
+    weight = sum(solid.weight.mass for solid in moving.solids) * files.gravity if moving else 1.0
+    shared = sum(any(body is moving for body, _ in other) for _, other in own)
+    section = {
+        "model": "point",
+        "stiffness": surface.stiffness,
+        "dissipation": bounded_dissipation(surface, weight / shared, files.report, contact.node.path),
+        "friction": {"static": surface.static, "dynamic": surface.dynamic},
+        "stiction_speed": surface.speed,
+    }
+    if len({other.surface for other, _ in own}) > 1:
+        files.report.add("approximated", "contact", "contacts differ: all pieces get the figures of the first")
+    return section
 
-    def contact(self) -> dict[str, Any]:
-        """Return the contact section: the figures of the first contact that no robot's feet tell."""
-        section: dict[str, Any] = {"model": "point"}
-        robot_bodies = {body for robot in self.files.robots.values() for body in robot.links}
-        own = [
-            (contact, ends)
-            for contact, *ends in self.touching.ends
-            if not any(body in robot_bodies and not body.grounded for body, _ in ends)
-        ]
-        if own and self.files.pieces:
-            contact, ends = own[0]
-            surface = contact.surface
-            moving = next((body for body, _ in ends if not body.grounded), None)
-            weight = sum(solid.weight.mass for solid in moving.solids) * self.gravity if moving else 1.0
-            shared = sum(any(body is moving for body, _ in other) for _, other in own)
-            section |= {
-                "stiffness": surface.stiffness,
-                "dissipation": bounded_dissipation(surface, weight / shared, self.model.report, contact.node.path),
-                "friction": {"static": surface.static, "dynamic": surface.dynamic},
-                "stiction_speed": surface.speed,
-            }
-            if len({other.surface for other, _ in own}) > 1:
-                self.model.report.add(
-                    "approximated", "contact", "contacts differ: all pieces get the figures of the first"
-                )
-        elif self.touching.ends:
-            section["stiction_speed"] = self.touching.ends[0][0].surface.speed
-        return section
 
-    def sensors(self) -> dict[str, Any]:
-        """Return distance sensors for contacts that sense it, and monitors where it stops the simulation."""
-        sensors: dict[str, Any] = {}
-        monitors: dict[str, Any] = {}
-        for contact, *ends in self.touching.ends:
-            if not contact.senses_distance:
-                continue
-            names = [self._end_name(body, node) for body, node in ends]
-            if None in names:
-                continue
-            body, other = (names[1], names[0]) if names[0] == "floor" else (names[0], names[1])
-            name = self.names.give(contact.node.path)
-            sensors[name] = {"kind": "distance", "body": body, "other": other}
-            if contact.node in self.model.stopping:
-                monitors[f"{name}_stop"] = {"kind": "contact", "sensor": name}
-        return ({"sensors": sensors} if sensors else {}) | ({"monitors": monitors} if monitors else {})
+def distance_sensors(files: StationFiles) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return sensors for contacts that sense their distance, and monitors where it stops the simulation."""
+    sensors, monitors = dict[str, Any](), dict[str, Any]()
+    for contact, *ends in files.touching.ends:
+        names = [_end_name(files, body, node) for body, node in ends] if contact.senses_distance else [""]
+        if not all(names):
+            continue
+        body, other = reversed(names) if names[0] == "floor" else names
+        name = files.names.give(contact.node.path)
+        sensors[name] = {"kind": "distance", "body": body, "other": other}
+        if contact.node in files.model.stopping:
+            monitors[f"{name}_stop"] = {"kind": "contact", "sensor": name}
+    return sensors, monitors
 
-    def _end_name(self, body: RigidPart, node: Node) -> str | None:
-        if any(body in robot.links and not body.grounded for robot in self.files.robots.values()):
-            named = self.files.named(body, RigidTransform())
-            return named[0] if named and node in self.touching.standing else None
-        if node is self.touching.laid or (node.kind == _PLANE and node not in self.touching.slabs):
-            return "floor"
-        free = next((name for tree, name in self.files.free.items() if tree.root is body), None)
-        return free or self.files.groups.get(node.path.partition("/")[0]) or None
+
+def _end_name(files: StationFiles, body: RigidPart, node: Node) -> str:
+    touching, named = files.touching, files.named(body)
+    if files.is_of_robot(body):
+        return named[0] if named and node in touching.standing else ""
+    if node is touching.laid or (node.kind == _PLANE and node not in touching.slabs):
+        return "floor"
+    return named[0] if named and not body.grounded else files.groups.get(node.path.partition("/")[0], "")

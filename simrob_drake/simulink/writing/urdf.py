@@ -3,7 +3,6 @@
 import re
 import unicodedata
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -65,10 +64,6 @@ class RobotFile:
     weightless: dict[RigidPart, str] = field(default_factory=dict)
     """Links that move, and with what hangs on them have no mass, by body."""
     mass: float = 0.0  # of all that moves [kg]
-
-    def by_axis(self, values: Mapping[Freedom, float], prefix: str) -> dict[str, float]:
-        """Return values by the names of axes, each behind a prefix."""
-        return {f"{prefix}{self.axes[freedom]}": value for freedom, value in values.items()}
 
 
 class UrdfWriter:
@@ -244,8 +239,7 @@ def write_piece(
     if weighs and weight.mass > 0:
         content |= _weight_keys(weight, possible_moments(name, weight, solids[0].node.findings.report))
     content["shapes"] = shapes
-    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)
-    (folder / PIECE_FILE).write_text(text, encoding="utf-8")
+    (folder / PIECE_FILE).write_text(as_yaml(content), encoding="utf-8")
     return True
 
 
@@ -279,6 +273,11 @@ def _shape(solid: SolidBody, collides: bool, writer: UrdfWriter) -> dict[str, An
     if not solid.visible:
         entry["visible"] = False
     return entry
+
+
+def as_yaml(content: dict[str, Any]) -> str:
+    """Return a file of a station, robot or piece."""
+    return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None))
 
 
 def pose_list(pose: RigidTransform) -> list[float]:
