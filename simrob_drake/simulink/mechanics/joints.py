@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from math import inf
+from math import inf, isfinite
 
 import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis, Quaternion
@@ -25,40 +25,8 @@ class Pull:
     stops: tuple[tuple[float, float, float], ...] = ()
     """Of a force, a place beyond which a spring pushes back, which way (1 up, -1 down), and how stiff it is."""
 
-    @property
-    def acts(self) -> bool:
-        """Whether there is anything to it."""
+    def __bool__(self) -> bool:
         return bool(self.port or self.stiffness or self.damping or self.stops)
-
-
-def sensed_parts(node: Node) -> dict[int, tuple[int, ...]]:
-    """Return which parts of a frame sensor the ports of a joint hand out, by the number of the right port."""
-    asked = (tuple(parts) for name, parts in table("joints")["floating"].items() if node.is_on(name))
-    return dict(enumerate(asked, start=2))
-
-
-def read_pulls(node: Node) -> list[Pull]:
-    """Return what acts in a joint that leaves all free, along its base's axes: signals, springs, dampers, stops."""
-    pulls, port = [], 2
-    for place, kind in enumerate(("Px", "Py", "Pz")):
-        driven = node.text(f"{kind}TorqueActuationMode") == "InputTorque"
-        stiffness = node.number(f"{kind}SpringStiffness", unit="N/m")
-        damping = node.number(f"{kind}DampingCoefficient", unit="N*s/m")
-        stops = []
-        for end, way in (("Lower", 1.0), ("Upper", -1.0)):
-            if node.is_on(f"{kind}{end}LimitSpecify"):
-                bound = node.number(f"{kind}{end}LimitBound", unit="m")
-                stops.append((bound, way, node.number(f"{kind}{end}LimitStiffness", "1e4", unit="N/m")))
-        if stops:
-            node.note("approximated", f"its stops along {kind[1]} are springs without dampers")
-        rest = node.number(f"{kind}EquilibriumPosition", unit="m") if stiffness else 0.0
-        pulls.append(Pull(place, port if driven else 0, stiffness, rest, damping, tuple(stops)))
-        port += driven
-    for pull, axis in zip(_against_turning(node, "Sph"), "XYZ", strict=True):
-        driven = node.is_on(f"SphActuateTorque{axis}")
-        pulls.append(replace(pull, port=port if driven else 0))
-        port += driven
-    return [pull for pull in pulls if pull.acts]
 
 
 def _against_turning(node: Node, prefix: str) -> list[Pull]:
@@ -273,7 +241,7 @@ def _read_primitives(node: Node, joint: Joint, kinds: list[str]) -> None:
         freedoms = _ball(node, prefix) if kind.startswith("S") else [_freedom(node, kind, prefix)]
         joint.freedoms += freedoms
         if kind.startswith("S"):
-            joint.pulls = [pull for pull in _against_turning(node, prefix) if pull.acts]
+            joint.pulls = list(filter(None, _against_turning(node, prefix)))
             left += sum(node.is_on(f"{prefix}ActuateTorque{end}") for end in ("X", "Y", "Z", ""))
             right += sum(node.is_on(f"{prefix}{sensed}") for sensed in table("joints")["ball"])
             continue
@@ -361,18 +329,29 @@ def _ball(node: Node, prefix: str) -> list[Freedom]:
     turns = [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
     if any(node.is_on(f"{prefix}{end}LimitSpecify") for end in ("Lower", "Upper")):
         node.note("lost", "the limits of a ball joint")
+    turn, rates = _ball_targets(node, prefix)
     if node.is_on(f"{prefix}PositionTargetSpecify"):
-        for freedom, angle in zip(turns, xyz_angles(rotation(node, f"{prefix}PositionTarget")), strict=True):
+        for freedom, angle in zip(turns, xyz_angles(turn), strict=True):
             freedom.start, freedom.start_counts = angle, _COUNTS["High"]
     if node.is_on(f"{prefix}VelocityTargetSpecify"):
-        rates = node.numbers(f"{prefix}VelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
-        first, middle, last = (turn(freedom.start or 0.0) for turn, freedom in zip(_TURNS.values(), turns, strict=True))
-        if node.text(f"{prefix}VelocityTargetInFollowerFrame", "on") == "on":
-            rates = first @ middle @ last @ rates
+        first, middle = (
+            about(freedom.start or 0.0) for about, freedom in zip(_TURNS.values(), turns[:2], strict=False)
+        )
         axes = np.column_stack([turns[0].axis, first @ turns[1].axis, first @ middle @ turns[2].axis])
         for freedom, speed in zip(turns, np.linalg.solve(axes, rates), strict=True):
             freedom.start_speed, freedom.speed_counts = float(speed), _COUNTS["High"]
     return turns
+
+
+def _ball_targets(node: Node, prefix: str) -> tuple[RotationMatrix, Vector]:
+    """Return how a ball is turned at the start, and how fast it turns in the axes of its base, shape (3,) [rad/s]."""
+    turn, rates = RotationMatrix(), np.zeros(3)
+    if node.is_on(f"{prefix}PositionTargetSpecify"):
+        turn = rotation(node, f"{prefix}PositionTarget")
+    if node.is_on(f"{prefix}VelocityTargetSpecify"):
+        rates = node.numbers(f"{prefix}VelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
+        rates = turn @ rates if node.text(f"{prefix}VelocityTargetInFollowerFrame", "on") == "on" else rates
+    return turn, rates
 
 
 def xyz_angles(turn: RotationMatrix) -> tuple[float, float, float]:
@@ -384,16 +363,21 @@ def xyz_angles(turn: RotationMatrix) -> tuple[float, float, float]:
 
 
 def _read_floating(node: Node, joint: Joint) -> None:
-    joint.floating = True
-    turn = rotation(node, "SphPositionTarget") if node.is_on("SphPositionTargetSpecify") else RotationMatrix()
-    place = np.zeros(3)
-    for index, kind in enumerate(("Px", "Py", "Pz")):
-        if node.is_on(f"{kind}PositionTargetSpecify"):
-            place[index] = node.number(f"{kind}PositionTargetValue", unit="m")
-        if node.is_on(f"{kind}VelocityTargetSpecify"):
-            joint.start_speed[index] = node.number(f"{kind}VelocityTargetValue", unit="m/s")
-    joint.start = RigidTransform(turn, place)
-    if node.is_on("SphVelocityTargetSpecify"):
-        rates = node.numbers("SphVelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
-        joint.start_speed[3:] = turn @ rates if node.text("SphVelocityTargetInFollowerFrame", "on") == "on" else rates
-    joint.pulls, joint.senses = read_pulls(node), sensed_parts(node)
+    """Read a joint that leaves all free: where it starts, what acts along its base's axes, and what it senses."""
+    joint.floating, pulls, ports = True, [], iter(range(2, 8))
+    slides = [_freedom(node, kind, kind) for kind in ("Px", "Py", "Pz")]
+    for place, (one, letter) in enumerate(zip(slides, "xyz", strict=True)):
+        ends = ((one.lower, 1.0), (one.upper, -1.0)) if one.stop else ()
+        stops = tuple((bound, way, one.stop[0]) for bound, way in ends if one.stop and isfinite(bound))
+        if stops:
+            node.note("approximated", f"its stops along {letter} are springs without dampers")
+        port = next(ports) if node.text(f"P{letter}TorqueActuationMode") == "InputTorque" else 0
+        pulls.append(Pull(place, port, one.stiffness, one.rest, one.damping, stops))
+    turn, rates = _ball_targets(node, "Sph")
+    joint.start = RigidTransform(turn, [one.start or 0.0 for one in slides])
+    joint.start_speed = np.array([*(one.start_speed or 0.0 for one in slides), *rates])
+    for pull, letter in zip(_against_turning(node, "Sph"), "XYZ", strict=True):
+        pulls.append(replace(pull, port=next(ports) if node.is_on(f"SphActuateTorque{letter}") else 0))
+    joint.pulls = list(filter(None, pulls))
+    asked = (tuple(parts) for name, parts in table("joints")["floating"].items() if node.is_on(name))
+    joint.senses = dict(enumerate(asked, start=2))

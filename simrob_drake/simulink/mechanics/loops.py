@@ -8,7 +8,7 @@ in the speeds of the joints, with factors that stay the same where the gears' ax
 positions times factors stays what it is, planetary gears included.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -20,13 +20,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.simulink.mechanics.bodies import GEARS, ROD, Coupling, Link, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.shapes import positive
-from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Closing, Tree, body_poses
+from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Closing, Poses, Tree, body_poses
 from simrob_drake.simulink.model.nodes import Node
-
-_TINY = 1e-9
-_Z = np.array([0.0, 0.0, 1.0])
-
-Poses = Mapping[RigidPart, RigidTransform]
 
 
 @dataclass(frozen=True)
@@ -41,9 +36,13 @@ class Teeth:
 
 def _unit(node: Node, vector: Vector, what: str) -> Vector:
     length = float(np.linalg.norm(vector))
-    if length < _TINY:
+    if length < 1e-9:
         raise node.refusal(f"cannot tell where its teeth are: {what}")
     return np.asarray(vector / length)
+
+
+def _z(frame: RigidTransform) -> Vector:
+    return np.asarray(frame.rotation().matrix()[:, 2])
 
 
 def _toward(direction: Vector, target: Vector) -> Vector:
@@ -59,14 +58,14 @@ def _common(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth
         own = distance / (abs(ratio - 1) if inside else ratio + 1)
         other = ratio * own
     between = _unit(node, follower.translation() - base.translation(), "its frames are at one place")
-    axis = base.rotation().matrix() @ _Z
+    axis = _z(base)
     base_side, follower_side = (1.0, -1.0) if not inside else (1.0, 1.0) if own > other else (-1.0, -1.0)
     places = base.translation() + base_side * own * between, follower.translation() + follower_side * other * between
     return Teeth(places[0], places[1], np.cross(axis, between))
 
 
 def _bevel(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
-    axes = [frame.rotation().matrix() @ _Z for frame in (base, follower)]
+    axes = _z(base), _z(follower)
     across = _unit(node, np.cross(*axes), "its axes are parallel")
     between = follower.translation() - base.translation()
     _unit(node, between, "its frames are at one place")
@@ -79,7 +78,7 @@ def _bevel(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
 
 
 def _rack(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
-    turning, along = (frame.rotation().matrix() @ _Z for frame in (base, follower))
+    turning, along = _z(base), _z(follower)
     out = _unit(node, np.cross(turning, along), "the rack slides along the pinion's axis")
     (radius,) = positive(node, "PinionRadius", "10", 1)
     place = base.translation() + radius * _toward(out, follower.translation() - base.translation())
@@ -87,7 +86,7 @@ def _rack(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
 
 
 def _worm(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
-    along, turning = (frame.rotation().matrix() @ _Z for frame in (base, follower))
+    along, turning = _z(base), _z(follower)
     if node.text("SpecificationMethod", "PitchCircleRadii") != "PitchCircleRadii":
         raise node.refusal("is given by distance and ratio; only pitch radii are read")
     worm, gear = _radii(node, "WormRadius", "GearRadius")
@@ -127,16 +126,10 @@ def gear_row(coupling: Coupling, poses: Callable[[Vector], Poses], positions: Ve
             there = poses(positions + sign * step * np.eye(positions.size)[place])
             ways = [there[body] @ here[body].inverse() for body in (coupling.base, coupling.follower)]
             slip = slip + sign * (ways[0].multiply(teeth.base) - ways[1].multiply(teeth.follower))
-            turn = turn + sign * _turned(ways[1].inverse() @ ways[0])
+            turn = turn + sign * 2 * (ways[1].inverse() @ ways[0]).rotation().ToQuaternion().xyz()
         row[place] = teeth.along @ (slip + teeth.screw * turn) / (2 * step)
     row[np.abs(row) < 1e-7 * np.abs(row).max(initial=0.0)] = 0.0
     return row
-
-
-def _turned(pose: RigidTransform) -> Vector:
-    """Return a small turn as a vector, shape (3,) [rad]."""
-    matrix = pose.rotation().matrix()
-    return np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]) / 2
 
 
 _CLOSED, _LOOSE = 1e-6, 4e-4  # m and rad: what is no gap, and what a station takes of one that rounded figures leave

@@ -29,7 +29,7 @@ from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.signals.translation import Translation
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import undefined
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate, matrix
+from simrob_drake.simulink.values.evaluate import NUMBERS, Evaluator, UndefinedVariable, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
 
@@ -179,7 +179,7 @@ def _factors(node: Node, text: str, known: Known) -> Factors:
                 parameters[name] = _figure(node, name)
             return matrix(parameters.get(name, float(name == asked)))
 
-        return float(evaluate(parse(text), lookup)[0, 0])
+        return float(Evaluator(lookup, NUMBERS).evaluated(parse(text))[0, 0])
 
     constant = value("")
     found: Factors = ({}, {}, {0: constant})

@@ -13,7 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from simrob_drake.simulink.values.evaluate import NUMBERS, SEVERAL, Algebra, UndefinedVariable, evaluate, matrix
+from simrob_drake.simulink.values.evaluate import NUMBERS, SEVERAL, Algebra, Evaluator, UndefinedVariable, matrix
 from simrob_drake.simulink.values.mat import Files
 from simrob_drake.simulink.values.syntax import (
     KEYWORD,
@@ -45,7 +45,7 @@ def undefined(name: str) -> Any:
     raise UndefinedVariable(name)
 
 
-class CodeRun:
+class CodeRun(Evaluator):
     """One run of a piece of code.
 
     Attributes:
@@ -78,7 +78,7 @@ class CodeRun:
         self.unknown, self.incomplete, self.absent = set[str](), set[str](), set[str]()
         self.settings: dict[str, dict[str, str]] = {}
         self.unset = False
-        self._outside, self._files, self._texts = lookup, files, texts or {}
+        self._files, self._texts = files, texts or {}
         self.functions = {} if functions is None else functions
         self.shared: dict[str, Any] = {}  # by ``global``, over all functions
         self._declared: set[str] = set()  # names of those here
@@ -89,7 +89,7 @@ class CodeRun:
             **{"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter},
             "Simulink": lambda: {"Mask": {"get": lambda of: {"getParameter": lambda name: {"Value": text(of, name)}}}},
         }
-        self._algebra: dict[str, Callable[..., Any]] = {**self._base(), **own, **known}
+        super().__init__(lookup, {**self._base(), **own, **known})
 
     def _base(self) -> Algebra:
         """Return what expressions are computed with, before functions of files."""
@@ -106,20 +106,13 @@ class CodeRun:
         return self.variables[name] if name in self.variables else self._outside(name)
 
     def value(self, text: str) -> Any:
-        """Return the value of an expression (raises as `evaluate`)."""
-        return self._value(parse(text))
-
-    def _value(self, node: Expression, end: int | None = None) -> Any:
-        while True:
-            try:
-                return evaluate(node, self._lookup, self._algebra, end)
-            except UndefinedVariable as problem:
-                if problem.name in self.unknown or not self.find(problem.name):
-                    raise
+        """Return the value of an expression (raises as `evaluated`)."""
+        return self.evaluated(parse(text))
 
     def find(self, name: str) -> bool:
         """Take in the functions of a file of this name, unless they are there."""
-        if self._files is None or name in self.functions or len(self.functions) > _MOST_CALLS:
+        known = name in self.functions or name in self.unknown or len(self.functions) > _MOST_CALLS
+        if self._files is None or known:
             return False
         self._learn(self._files.script(name))
         return name in self.functions
@@ -127,7 +120,7 @@ class CodeRun:
     def _learn(self, code: str) -> None:
         for name, function in functions_of(code).items():
             self.functions.setdefault(name, function)
-            self._algebra.setdefault(name, partial(self._first_of, name))
+            self._algebra = {name: partial(self._first_of, name), **self._algebra}
 
     def _exists(self, name: Any, *_: Any) -> float:
         if name in self.unknown:
@@ -221,10 +214,10 @@ class CodeRun:
                 if self.depth > _MOST_CALLS:
                     raise NotUnderstood("makes code that makes code without end")
                 self.depth += 1
-                self._block(statements(str(self._value(code))))
+                self._block(statements(str(self.evaluated(code))))
                 self.depth -= 1
             case ("call", (("name", ("set_param",)), arguments)):
-                self._set(*map(self._value, arguments))
+                self._set(*map(self.evaluated, arguments))
 
     def _share(self, names: list[str]) -> None:
         self._declared.update(names)
@@ -286,7 +279,7 @@ class CodeRun:
     def _outputs(self, call: Expression) -> list[Any]:
         """Return all outputs of a function that is called; None in place of those that are not known."""
         target, arguments = call.parts if call.kind == "call" else (call, ())
-        name, values = target.parts[0], [self._value(argument) for argument in arguments]
+        name, values = target.parts[0], [self.evaluated(argument) for argument in arguments]
         if name in self.functions or self.find(name):
             return self.called(name, values)
         if name not in SEVERAL:
@@ -318,7 +311,7 @@ class CodeRun:
                 return self.variables.get(name)
             case _:
                 with suppress(NotUnderstood, UndefinedVariable):
-                    return self._value(target)
+                    return self.evaluated(target)
         return None
 
     def _changed(self, known: Any, index: tuple[Expression, ...], value: Any) -> Any:
@@ -350,7 +343,7 @@ class CodeRun:
     def _places(self, node: Expression, size: int) -> Any:
         if node.kind == "colon":
             return np.arange(size)
-        places = matrix(self._value(node, end=size)).reshape(-1).astype(int) - 1
+        places = self._at(node, size).reshape(-1).astype(int) - 1
         if places.size == 0 or places.min() < 0 or places.max() > _FARTHEST:
             raise NotUnderstood("has an index that no matrix has")
         return places

@@ -217,52 +217,54 @@ class UndefinedVariable(LookupError):
         self.name, self.why = name, why
 
 
-def evaluate(node: Expression, lookup: Lookup, algebra: Algebra | None = None, end: int | None = None) -> Any:
-    """Return the value of an expression's tree, of numbers unless another algebra is given; in an index, with its end.
+class Evaluator:
+    """Computes expressions of variables that are looked up, by an algebra."""
 
-    Raises:
-        UndefinedVariable: a name that is no variable, and no function here.
-        NotUnderstood: what cannot be computed.
-    """
-    try:
-        return _Evaluation(lookup, algebra or NUMBERS, end).value(node)
-    except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
-        raised = problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
-        raise raised from problem
+    def __init__(self, lookup: Lookup, algebra: Algebra) -> None:
+        self._outside, self._algebra = lookup, algebra
+        self._ends: list[int] = []  # what `end` is in the indices around
 
+    def evaluated(self, node: Expression) -> Any:
+        """Return the value of an expression's tree.
 
-class _Evaluation:
-    def __init__(self, lookup: Lookup, algebra: Algebra, end: int | None) -> None:
-        self._lookup, self._algebra = lookup, algebra
-        self._ends = [] if end is None else [end]  # what `end` is in the indices around
+        Raises:
+            UndefinedVariable: a name that is no variable, and no function here.
+            NotUnderstood: what cannot be computed.
+        """
+        try:
+            return self._of(node)
+        except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
+            raised = problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
+            raise raised from problem
 
-    def value(self, node: Expression) -> Any:
+    def find(self, _: str) -> bool:
+        """Tell whether there is a further function of this name, from now on in the algebra."""
+        return False
+
+    def _lookup(self, name: str) -> Any:
+        return self._outside(name)
+
+    def _of(self, node: Expression) -> Any:
+        match node:
+            case ("number", (number,)):
+                return matrix(number)
+            case ("text" | "string", (text,)):
+                return text
+            case ("name", (name,)):
+                return self._named(name, ())
+            case ("end", ()) if self._ends:
+                return matrix(self._ends[-1])
+            case ("end" | "colon", ()):
+                raise NotUnderstood("has an 'end' or a ':' outside an index")
         return getattr(self, f"_{node.kind}")(*node.parts)
-
-    def _number(self, value: float) -> Vector:
-        return matrix(value)
-
-    def _text(self, value: str) -> str:
-        return value
-
-    _string = _text
-
-    def _name(self, name: str) -> Any:
-        return self._named(name, ())
-
-    def _end(self) -> Vector:
-        return matrix(self._ends[-1]) if self._ends else self._colon()
-
-    def _colon(self) -> Vector:
-        raise NotUnderstood("has an 'end' or a ':' outside an index")
 
     def _named(self, name: str, arguments: tuple[Expression, ...]) -> Any:
         try:
             return self._lookup(name)
         except UndefinedVariable:
-            if name not in self._algebra:
+            if name not in self._algebra and not self.find(name):
                 raise
-        values = [self.value(argument) for argument in arguments]
+        values = [self._of(argument) for argument in arguments]
         try:
             found = self._algebra[name](*values)
         except TypeError as problem:
@@ -278,11 +280,11 @@ class _Evaluation:
             except UndefinedVariable:
                 return self._named(target.parts[0], arguments)
         else:
-            value = self.value(target)
+            value = self._of(target)
         if isinstance(value, str):
             return value
         if callable(value):  # a method of an object
-            return value(*map(self.value, arguments))
+            return value(*map(self._of, arguments))
         if isinstance(value, dict | list):
             several: list[Any] = value if isinstance(value, list) else [value]
             if len(arguments) == 2 and isinstance(several[0], list):
@@ -309,16 +311,22 @@ class _Evaluation:
     def _index(self, node: Expression, size: int) -> Any:
         if node.kind == "colon":
             return np.arange(size).reshape(1, -1)
-        self._ends.append(size)
-        index = matrix(self.value(node))
-        self._ends.pop()
+        index = self._at(node, size)
         if np.any(index != np.round(index)) or np.any(index < 1) or np.any(index > size):
             raise NotUnderstood(f"has the index {index.reshape(-1)[0]:g} of something that has {size} elements")
         return index.astype(int) - 1
 
+    def _at(self, node: Expression, size: int) -> Vector:
+        """Return the value of an index of something that has so many elements."""
+        self._ends.append(size)
+        try:
+            return matrix(self._of(node))
+        finally:
+            self._ends.pop()
+
     def _field(self, target: Expression, name: str) -> Any:
         try:
-            value = self.value(target)
+            value = self._of(target)
         except UndefinedVariable as problem:
             if problem.name not in self._algebra:
                 raise
@@ -330,8 +338,7 @@ class _Evaluation:
         return value[name]
 
     def _range(self, start: Expression, step: Expression | None, stop: Expression) -> Vector:
-        first, last = (float(matrix(self.value(end))[0, 0]) for end in (start, stop))
-        by = 1.0 if step is None else float(matrix(self.value(step))[0, 0])
+        first, last, by = (1.0 if end is None else float(matrix(self._of(end))[0, 0]) for end in (start, stop, step))
         steps = np.floor((last - first) / by * (1 + 1e-12) + 1e-9) if by else -1
         if not steps < LARGEST:
             raise NotUnderstood(f"makes a range of more than {LARGEST} elements")
@@ -340,7 +347,7 @@ class _Evaluation:
     def _matrix(self, rows: tuple[tuple[Expression, ...], ...]) -> Any:
         if not rows:
             return np.zeros((0, 0))
-        values = [[self.value(node) for node in row] for row in rows]
+        values = [[self._of(node) for node in row] for row in rows]
         texts = [value for row in values for value in row if isinstance(value, str)]
         if len(texts) == sum(map(len, values)):
             several = len(texts) > 1 and any(node.kind == "string" for row in rows for node in row)
@@ -350,11 +357,11 @@ class _Evaluation:
         return np.concatenate(lines, axis=0) if lines else np.zeros((0, 0))
 
     def _cell(self, rows: tuple[tuple[Expression, ...], ...]) -> list[Any]:
-        values = [[self.value(node) for node in row] for row in rows]
+        values = [[self._of(node) for node in row] for row in rows]
         return values if len(rows) > 1 and len(rows[0]) > 1 else [one for row in values for one in row]
 
     def _unary(self, operator: str, operand: Expression) -> Vector:
-        value = matrix(self.value(operand))
+        value = matrix(self._of(operand))
         if operator == "-":
             return -value
         if operator == "~":
@@ -362,11 +369,11 @@ class _Evaluation:
         return value.T if operator == "'" else value
 
     def _binary(self, operator: str, one: Expression, other: Expression) -> Vector:
-        left = self.value(one)
+        left = self._of(one)
         decided = operator in ("&&", "||") and matrix(left).dtype != object
         if decided and bool(np.all(left)) == (operator == "||"):
             return matrix(operator == "||")
-        right = self.value(other)
+        right = self._of(other)
         if operator in ("==", "~=") and (isinstance(left, str) or isinstance(right, str)):
             return matrix((left == right) == (operator == "=="))
         first, second, each = matrix(left), matrix(right), self._algebra
