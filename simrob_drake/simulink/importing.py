@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from dataclasses import asdict, dataclass
 from functools import cache
-from itertools import chain
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -81,16 +81,13 @@ def outcomes(model: SimulinkModel) -> list[BlockOutcome]:
     for entry in model.report.entries:
         if entry.kind in _BY_ENTRY:
             found.setdefault(entry.element, []).append((_BY_ENTRY[entry.kind], entry.text))
-    undriven = _undriven(model)
-    left_out = [BlockOutcome(path, kind, "structure", "ignored", why) for path, (kind, why) in
-                model.expanded.left_out.items()]  # fmt: skip
-    known = {node.path for node in model.expanded.nodes} | model.expanded.left_out.keys()
-    whole = [BlockOutcome(entry.element, "station", "mechanics", "lost", entry.text, entry.element) for entry in
-             model.report.of("lost") if entry.element not in known]  # fmt: skip
+    undriven, expanded = _undriven(model), model.expanded
+    known = {node.path for node in expanded.nodes} | expanded.left_out.keys()
+    whole = (entry for entry in model.report.of("lost") if entry.element not in known)
     return [
-        *whole,
-        *(_outcome(model, node, found.get(node.path, []), undriven.get(node, "")) for node in model.expanded.nodes),
-        *left_out,
+        *(BlockOutcome(one.element, "station", "mechanics", "lost", one.text, one.element) for one in whole),
+        *(_outcome(model, node, found.get(node.path, []), undriven.get(node, "")) for node in expanded.nodes),
+        *(BlockOutcome(path, kind, "structure", "ignored", why) for path, (kind, why) in expanded.left_out.items()),
     ]
 
 
@@ -165,20 +162,16 @@ def fidelity(found: list[BlockOutcome], prescribed: int = 0, assumed: int = 0) -
         prescribed: joints whose motion is given.
         assumed: figures whose variables are not known, in place of which a default is taken.
     """
-    nouns = Counter(outcome.noun for outcome in lost_mechanics(found))
-    lost = [counted(number, noun) for noun, number in nouns.items()]
-    parts = [
-        f"{' and '.join(part for part in (', '.join(lost[:-1]), *lost[-1:]) if part)} lost"
-        if lost
-        else "mechanics complete"
+    lost = [counted(number, noun) for noun, number in Counter(one.noun for one in lost_mechanics(found)).items()]
+    all_lost = " and ".join(filter(None, (", ".join(lost[:-1]), *lost[-1:])))
+    counts = [
+        (assumed, "figure", "assumed"),
+        (prescribed, "joint", "prescribed"),
+        (sum(outcome.text == _ALONE for outcome in found), "network block", "joined with no body"),
+        (sum(outcome.fate == "open" for outcome in found), "control block", "left open"),
     ]
-    parts.append(f"{counted(assumed, 'figure')} assumed" if assumed else "")
-    parts.append(f"{counted(prescribed, 'joint')} prescribed" if prescribed else "")
-    apart = sum(outcome.text == _ALONE for outcome in found)
-    parts.append(f"{counted(apart, 'network block')} joined with no body" if apart else "")
-    opened = sum(outcome.fate == "open" for outcome in found)
-    parts.append(f"{counted(opened, 'control block')} left open" if opened else "")
-    return "; ".join(part for part in parts if part)
+    parts = [f"{counted(number, noun)} {fate}" for number, noun, fate in counts if number]
+    return "; ".join([f"{all_lost} lost" if lost else "mechanics complete", *parts])
 
 
 REPORT_FILE = "report.json"
@@ -235,8 +228,7 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
             **model.report.as_json(),
             "blocks": [asdict(outcome) for outcome in made.outcomes],
         }
-        text = json.dumps(report, indent=2, ensure_ascii=False)
-        (work / REPORT_FILE).write_text(text + "\n", encoding="utf-8")
+        (work / REPORT_FILE).write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     return made
 
 
@@ -247,18 +239,17 @@ _OPEN = 1e-3  # m or rad, what a coupling may be open then and not be noted
 
 def _try(station: Path, duration: float) -> tuple[str, dict[str, float]]:
     """Return why a station does not go on from its first moments, and which couplings are open [m or rad]."""
-    steps: list[float] = []
+    steps = count(1)
 
-    def look(time: float, _: Any) -> None:
-        steps.append(time)
-        if len(steps) == _MOST_TRIED:
+    def look(*_: Any) -> None:
+        if next(steps) == _MOST_TRIED:
             raise KeyboardInterrupt  # which ends a run, and keeps what was reached
 
     try:
         result = simulate(station, duration=duration, progress=False, on_step=look)
     except SimrobError as problem:
         return str(problem).replace(str(station), station.name), {}
-    if result.ending == "interrupted" and len(steps) < _MOST_TRIED:
+    if result.ending == "interrupted" and next(steps) <= _MOST_TRIED:
         raise KeyboardInterrupt  # by the user
     gaps = (measure.entries for measure in result.verdict.measures if measure.criterion.name == "coupling_gap")
     soft = {entry.subject: entry.value for entry in chain.from_iterable(gaps) if entry.value > _OPEN}

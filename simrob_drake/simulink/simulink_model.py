@@ -19,7 +19,7 @@ from simrob_drake.simulink.mechanics.trees import Tree, grow
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Expanded, Findings, Node, expand
 from simrob_drake.simulink.reading.model_file import Libraries, read_model
-from simrob_drake.simulink.signals.forms import Value, flat, terms_of
+from simrob_drake.simulink.signals.forms import Tracer, Value, flat, terms_of
 from simrob_drake.simulink.signals.laws import (
     ExternalForce,
     Law,
@@ -29,7 +29,6 @@ from simrob_drake.simulink.signals.laws import (
     read_pushes,
 )
 from simrob_drake.simulink.signals.rules import tracer_of
-from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.values.workspace import Variables, find_octave
 
 _LONGEST = 3600.0  # s

@@ -158,8 +158,7 @@ class Node:
 
     def lose(self, problem: InvalidModel, instead: str = "") -> None:
         """Note that what the block does to the motion is lost, and why."""
-        message = str(problem).rpartition(f"{self.path}: ")[2]
-        self.note("lost", message + instead)
+        self.note("lost", str(problem).rpartition(f"{self.path}: ")[2] + instead)
 
     def refusal(self, problem: str) -> InvalidModel:
         """Return the error for what this block cannot be."""
@@ -192,11 +191,13 @@ class Expanded:
             raise parent.refusal("its libraries contain themselves")
         assert parent.block.system is not None
         for sid, written in parent.block.system.blocks.items():
-            block = self._as_set(parent, written)
+            path = path_below(parent, written)
+            found = self.settings.get(_plain(path))  # by code of masks around it
+            block = replace(written, parameters={**written.parameters, **found}) if found else written
             if block.commented == "on":
-                self.leave_out(path_below(parent, block), block, "commented out")
-                continue
-            parent.children[sid] = self._node(parent, block)
+                self.leave_out(path, block, "commented out")
+            else:
+                parent.children[sid] = self._node(parent, block)
         if parent.is_on("Variant"):
             for other in _drop_the_others(parent):
                 self.leave_out(other.path, other.block, "a variant that is not chosen")
@@ -206,11 +207,6 @@ class Expanded:
                 raise parent.refusal(f"the model has more than {MOST_BLOCKS} blocks with its libraries")
             if node.block.system is not None and node.block.commented != "through":
                 self.fill(node, depth + 1)
-
-    def _as_set(self, parent: Node, block: SimulinkBlock) -> SimulinkBlock:
-        """Return a block with the parameters that code of masks around it sets."""
-        found = self.settings.get(_plain(path_below(parent, block)))
-        return replace(block, parameters={**block.parameters, **found}) if found else block
 
     def _node(self, parent: Node, block: SimulinkBlock) -> Node:
         path = path_below(parent, block)

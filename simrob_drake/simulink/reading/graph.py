@@ -29,36 +29,33 @@ def parse_part(content: bytes) -> ET.Element:
     Raises:
         Unreadable: it is no XML, declares a document type, or is nested too deeply.
     """
-    builder = ET.TreeBuilder()
-    depth = 0
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > MAX_DEPTH:
-            raise Unreadable(f"nests elements more than {MAX_DEPTH} deep")
-        builder.start(tag, attributes)
-
-    def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
-        builder.end(tag)
-
-    def refuse(*_: object) -> None:
-        raise Unreadable("declares a document type or entities, which no model file does")
-
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler = builder.data
-    parser.StartDoctypeDeclHandler = refuse
     try:
-        parser.Parse(content, True)
-        return builder.close()
-    except expat.ExpatError as problem:
-        raise Unreadable(f"is not XML: {expat.ErrorString(problem.code)} at line {problem.lineno}") from problem
+        parser = ET.XMLParser(target=_Builder())
+        parser.feed(content)
+        return parser.close()
+    except ET.ParseError as problem:
+        raise Unreadable(f"is not XML: {expat.ErrorString(problem.code)} at line {problem.position[0]}") from problem
     except (ValueError, LookupError) as problem:  # characters or encodings that XML cannot hold
         raise problem if isinstance(problem, Unreadable) else Unreadable(f"is not XML: {problem}") from problem
+
+
+class _Builder(ET.TreeBuilder):
+    """Builds elements from a part that is no deeper than a model's."""
+
+    _depth = 0
+
+    def start(self, tag: str, attributes: dict[str, str], /) -> Element:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise Unreadable(f"nests elements more than {MAX_DEPTH} deep")
+        return super().start(tag, attributes)
+
+    def end(self, tag: str, /) -> Element:
+        self._depth -= 1
+        return super().end(tag)
+
+    def doctype(self, *_: object) -> None:
+        raise Unreadable("declares a document type or entities, which no model file does")
 
 
 _TOKEN = re.compile(
@@ -120,11 +117,9 @@ def _fill(element: Element, tokens: Iterator[tuple[str, str]], depth: int) -> No
 
 
 def _give(element: Element, key: str, value: str) -> Element:
-    if element.tag == "Block" and key == "BlockType":
+    if element.tag == "Block" and key in ("BlockType", "Name"):
         element.set(key, value)
-    elif element.tag == "Block" and key == "Name":
-        element.set(key, value)
-        element.set("SID", value)  # lines name the blocks
+        element.attrib |= {"SID": value} if key == "Name" else {}  # lines name the blocks
     parameter = SubElement(element, "P", Name=key)
     parameter.text = value
     return parameter
@@ -201,6 +196,15 @@ class System:
     """Signal lines, from an ``out`` port to the ports it feeds."""
     signals: dict[Port, str] = field(default_factory=dict)  # names of lines, by the ports they come from
     nets: list[list[Port]] = field(default_factory=list)  # physical lines: ports that are one node
+
+    def find(self, path: str) -> SimulinkBlock | None:
+        """Return the block at ``system/block``, in whose names a ``/`` stands twice; None where there is none."""
+        system: System | None = self
+        found: SimulinkBlock | None = None
+        for step in (one_line(part.replace("\0", "/")) for part in path.replace("//", "\0").split("/")):
+            found = next((one for one in system.blocks.values() if one.name == step), None) if system else None
+            system = found.system if found else None
+        return found
 
 
 @dataclass
@@ -309,14 +313,10 @@ def read_mask(element: Element) -> Mask:
 def _mask_parameter(element: Element) -> MaskParameter:
     options, members = element.find("TypeOptions"), element.findall("EnumerationTypeOptions/EnumerationMember")
     named = options.iter("Option") if options is not None else (one.find("DescriptiveName") for one in members)
-    return MaskParameter(
-        name=element.get("Name", ""),
-        value=element.findtext("Value") or "",
-        evaluated=element.get("Evaluate", "on") == "on",
-        kind=element.get("Type", "edit"),
-        choices=tuple(one.text or "" if one is not None else "" for one in named),
-        counts=tuple(member.findtext("Value") or "" for member in members),
-    )
+    choices = tuple(one.text or "" if one is not None else "" for one in named)
+    counts = tuple(member.findtext("Value") or "" for member in members)
+    value, evaluated = element.findtext("Value") or "", element.get("Evaluate", "on") == "on"
+    return MaskParameter(element.get("Name", ""), value, evaluated, element.get("Type", "edit"), choices, counts)
 
 
 def _mask_of_object(element: Element) -> Mask:
@@ -350,20 +350,13 @@ def _named_outputs(element: Element) -> Iterator[tuple[int, str]]:
 
 
 def _add_line(system: System, element: Element) -> None:
-    ends = [
-        (parameter.get("Name"), _port(parameter.text or ""))
-        for parameter in element.iter("P")
-        if parameter.get("Name") in ("Src", "Dst")
-    ]
-    physical = element.get("LineType") == "Connection" or any(port.side in ("lconn", "rconn") for _, port in ends)
-    if physical:
+    said = [(parameter.get("Name"), parameter.text or "") for parameter in element.iter("P")]
+    ends = [(role, _port(text)) for role, text in said if role in ("Src", "Dst")]
+    if element.get("LineType") == "Connection" or any(port.side in ("lconn", "rconn") for _, port in ends):
         system.nets.append([port for _, port in ends])
-        return
-    sources = [port for role, port in ends if role == "Src"]
-    if sources:
+    elif sources := [port for role, port in ends if role == "Src"]:
         system.wires.append((sources[0], [port for role, port in ends if role == "Dst"]))
-        name = _parameters(element).get("Name", "")
-        if name:
+        if name := _parameters(element).get("Name", ""):
             system.signals[sources[0]] = one_line(name)
 
 

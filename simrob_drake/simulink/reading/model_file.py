@@ -24,7 +24,6 @@ from simrob_drake.simulink.reading.graph import (
     System,
     SystemReader,
     Unreadable,
-    one_line,
     parse_mdl,
     parse_part,
     read_defaults,
@@ -165,13 +164,7 @@ def _add_scripts(package: Package, system: System) -> None:
         for chart in _element(package, name).iter("chart") if name.startswith("simulink/stateflow") else ():
             parts = (parameter for parameter in chart.iter("P") if parameter.get("Name") == "script")
             code = next((part.text for part in parts if part.text), "")
-            here: System | None = system
-            block = None
-            for step in (chart.findtext("P[@Name='name']") or "").replace("//", "\0").split("/"):
-                called = one_line(step.replace("\0", "/"))
-                block = next((one for one in here.blocks.values() if one.name == called), None) if here else None
-                here = block.system if block else None
-            if block is not None and code:
+            if code and (block := system.find(chart.findtext("P[@Name='name']") or "")) is not None:
                 block.parameters[SCRIPT] = code
 
 
@@ -257,14 +250,9 @@ class Libraries:
         Raises:
             InvalidModel: the library cannot be read.
         """
-        name, *way = (part.replace("\0", "/") for part in place.replace("//", "\0").split("/"))
+        name, slash, way = place.partition("/")
         model = self.model(name)
-        system: System | None = model.system if model else None
-        found: SimulinkBlock | None = None
-        for step in way:
-            found = next((block for block in system.blocks.values() if block.name == step), None) if system else None
-            system = found.system if found else None
-        return found
+        return model.system.find(way) if model and slash else None
 
     def script(self, name: str) -> str:
         """Return the text of a function's or script's own file, ``name.m``; empty where it lies in no folder."""

@@ -16,8 +16,10 @@ from simrob_drake.simulink.signals.forms import (
     PARTS,
     Form,
     Primitive,
+    Rule,
     Signal,
     Term,
+    Tracer,
     Value,
     computed,
     evaluated,
@@ -28,7 +30,6 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     widened,
 )
-from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.values.evaluate import INTEGERS
 
 MOST_INPUTS = 1000

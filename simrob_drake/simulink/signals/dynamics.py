@@ -12,13 +12,16 @@ import numpy as np
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import (
+    LAG,
     ONE,
     PARTS,
     Form,
     Primitive,
+    Rule,
     Signal,
     Term,
     TermKind,
+    Tracer,
     Value,
     fitted,
     flat,
@@ -27,7 +30,6 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     terms_of,
 )
-from simrob_drake.simulink.signals.tracing import LAG, Rule, Tracer
 
 Parameters = dict[str, Any]
 _FOLLOWING: dict[TermKind, TermKind] = {"q": "w", "w": "a"}

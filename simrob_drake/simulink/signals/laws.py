@@ -7,7 +7,6 @@ from math import inf
 import numpy as np
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import SimrobError
 from simrob_drake.importer.options import EntryKind
 from simrob_drake.simulink.mechanics.bodies import (
     BETWEEN,
@@ -29,6 +28,7 @@ from simrob_drake.simulink.signals.forms import (
     Primitive,
     Signal,
     Term,
+    Tracer,
     Value,
     added,
     closure,
@@ -39,7 +39,6 @@ from simrob_drake.simulink.signals.forms import (
     widened,
 )
 from simrob_drake.simulink.signals.sources import orientation, part_of
-from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9
 _INSTANT = 1e-6
@@ -94,12 +93,10 @@ def begin_on_motions(laws: dict[Freedom, Law]) -> None:
     """Let joints whose motion is given start on it, at its speed, before all that other joints ask for."""
     for freedom, law in laws.items():
         if freedom.driven == "motion" and law.reference is not None and of_time(law.reference):
-            try:
-                before, after = (early(law.reference, time) for time in (0.0, _INSTANT))
-            except (SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
-                continue
-            freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
-            freedom.start_counts = freedom.speed_counts = PRESCRIBED
+            before, after = (early(law.reference, time) for time in (0.0, _INSTANT))
+            if before is not None and after is not None:
+                freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
+                freedom.start_counts = freedom.speed_counts = PRESCRIBED
 
 
 def _first(tracer: Tracer, node: Node, number: int, how: str) -> Value:
@@ -204,7 +201,7 @@ class ExternalForce:
     pose: RigidTransform  # of its frame in the first one of the body
     force: list[Value]  # along the axes of its frame, each of 3 [N, N·m]
     torque: list[Value]
-    senses: bool  # whether it acts along the axes of the world, so that the orientation of its frame is measured
+    senses: bool = True  # whether it acts along the axes of the world, so that the orientation of its frame is measured
     ends: tuple[Node, Node] | None = None
     """The blocks on whose frames what it senses is, and from where that is seen; its own unless given."""
 
@@ -254,29 +251,28 @@ def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
             wrench[pull.place] += way * stiffness * applied("max", 0.0, way * (bound - place))
     force, torque = wrench[:_PLACES], wrench[_PLACES:]
     turn = orientation(node).T
-    pushes = [ExternalForce(node, link.follower, link.in_follower, list(turn.dot(force)), list(turn.dot(torque)), True)]
+    pushes = [ExternalForce(node, link.follower, link.in_follower, list(turn.dot(force)), list(turn.dot(torque)))]
     if not link.base.grounded:
         arm = [part_of(node, index) for index in range(_PLACES)]
         moment = [torque[i] + arm[i - 2] * force[i - 1] - arm[i - 1] * force[i - 2] for i in range(_PLACES)]
-        pushes.append(ExternalForce(node, link.base, link.in_base, list(-1.0 * force), [-one for one in moment], True))
+        pushes.append(ExternalForce(node, link.base, link.in_base, list(-1.0 * force), [-one for one in moment]))
     return pushes
 
 
 def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
     """Return what pushes two bodies apart along the line between them, on the follower and on the base."""
     node = coupling.node
-    values = tracer.physical(node, "lconn", 2)
-    if values is None:
-        values = tracer.physical(node, "rconn", 2)
-    if values is None:
+    sides = (tracer.physical(node, side, 2) for side in ("lconn", "rconn"))
+    if (values := next((one for one in sides if one is not None), None)) is None:
         node.note("lost", "its force input is not connected: nothing drives it")
         return []
     line = [part_of(node, index) for index in range(_PLACES)]
     length = applied("sqrt", sum((part * part for part in line), start=0.0))
     pull: Signal = signal([values.ravel()[0] * (part / length) for part in line])
-    ends = (coupling.base, coupling.in_base, -1.0 * pull), (
-        coupling.follower, coupling.in_follower, orientation(node).T.dot(pull))  # fmt: skip
-    return [ExternalForce(node, body, pose, list(force), [0.0] * 3, True) for body, pose, force in ends]
+    return [
+        ExternalForce(node, coupling.base, coupling.in_base, list(-1.0 * pull), [0.0] * 3),
+        ExternalForce(node, coupling.follower, coupling.in_follower, list(orientation(node).T.dot(pull)), [0.0] * 3),
+    ]
 
 
 def _push(tracer: Tracer, node: Node, body: RigidPart, pose: RigidTransform) -> ExternalForce:
@@ -319,13 +315,13 @@ def forces_of_contacts(contacts: Iterable[ContactPair], bodies: Bodies) -> dict[
         bodies_of = {solid.node: (body, solid) for body in bodies.bodies for solid in body.solids}
         plane, sphere = sorted(contact.pair, key=lambda node: node in bodies_of)
         body, solid = bodies_of.get(sphere, (None, None))
-        stands = plane.kind == "Infinite Plane" and plane in bodies.standing
-        if body is None or solid is None or not stands or body.grounded or contact.senses_distance:
+        stands = plane in bodies.standing and not contact.senses_distance
+        if body is None or solid is None or solid.shape is None or body.grounded or not stands:
             continue
-        if solid.shape is None or solid.shape.kind != "sphere":
+        if solid.shape.kind != "sphere":
             continue
         force, torque = _wrench(contact.node, contact.surface, solid.shape.size[0])
-        found[contact] = ExternalForce(contact.node, body, solid.pose, force, torque, True, (sphere, plane))
+        found[contact] = ExternalForce(contact.node, body, solid.pose, force, torque, ends=(sphere, plane))
         contact.node.note("read", "by its own law, as forces on the sphere")
     return found
 

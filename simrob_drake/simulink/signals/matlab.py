@@ -14,8 +14,7 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.model_file import SCRIPT
 from simrob_drake.simulink.signals.arithmetic import chosen, limited
 from simrob_drake.simulink.signals.dynamics import period_of
-from simrob_drake.simulink.signals.forms import TIME, Signal, Value, computed, fitted, flat, signal
-from simrob_drake.simulink.signals.tracing import Rule, Tracer
+from simrob_drake.simulink.signals.forms import TIME, Rule, Signal, Tracer, Value, computed, fitted, flat, signal
 from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import undefined

@@ -24,8 +24,7 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, limited, looked_up
 from simrob_drake.simulink.signals.descriptors import AT_ONCE, Reduced, reduced, without_fast
 from simrob_drake.simulink.signals.dynamics import rate_of
-from simrob_drake.simulink.signals.forms import Primitive, Signal, Value, added, flat, signal
-from simrob_drake.simulink.signals.tracing import Rule, Tracer
+from simrob_drake.simulink.signals.forms import Primitive, Rule, Signal, Tracer, Value, added, flat, signal
 from simrob_drake.simulink.signals.translation import Translation
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import undefined

@@ -12,8 +12,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, joined, limited, looked_up
 from simrob_drake.simulink.signals.dynamics import period_of
-from simrob_drake.simulink.signals.forms import Form, Primitive, Signal, Value, added, flat, signal
-from simrob_drake.simulink.signals.tracing import Rule, Tracer
+from simrob_drake.simulink.signals.forms import Form, Primitive, Rule, Signal, Tracer, Value, added, flat, signal
 
 _Change: TypeAlias = tuple[float, int, float]
 """Where a derivative jumps: when [s], which one, and by how much."""

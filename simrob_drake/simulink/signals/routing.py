@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from functools import partial
 
@@ -13,8 +14,10 @@ from simrob_drake.simulink.signals.arithmetic import MOST_INPUTS, chosen, compar
 from simrob_drake.simulink.signals.forms import (
     MOST_ELEMENTS,
     Form,
+    Rule,
     Signal,
     Term,
+    Tracer,
     Value,
     fitted,
     flat,
@@ -23,7 +26,6 @@ from simrob_drake.simulink.signals.forms import (
     widened,
 )
 from simrob_drake.simulink.signals.matlab import condition_on
-from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood
 
@@ -34,8 +36,7 @@ def _inport(reader: Tracer, node: Node, _: int) -> Signal:
     bus = reader.network.bus_of(node)
     if bus is not None:
         return _of_bus(reader, node, bus, [node.text(ELEMENT)])
-    dimensions = node.numbers("PortDimensions", "-1")
-    size = int(abs(np.prod(dimensions))) if dimensions.size else 1
+    size = int(abs(np.prod(node.numbers("PortDimensions", "-1"))))  # 1 of none
     return signal(Form({Term("input", node, index): 1.0}) for index in range(max(1, min(size, MOST_ELEMENTS))))
 
 
@@ -51,8 +52,7 @@ def _concatenated(reader: Tracer, node: Node, _: int) -> Signal:
 
 
 def _demux(reader: Tracer, node: Node, number: int) -> Signal:
-    sizes = node.numbers("Outputs", "2")
-    values = reader.input(node).ravel(order="F")
+    sizes, values = node.numbers("Outputs", "2"), reader.input(node).ravel(order="F")
     if sizes.size == 1:
         count = int(sizes[0])
         values = widened(values, count)
@@ -113,15 +113,13 @@ def _selector(reader: Tracer, node: Node, _: int) -> Signal | None:
 
 
 def _reshape(reader: Tracer, node: Node, _: int) -> Signal:
-    values = reader.input(node)
-    mode = node.text("OutputDimensionality", "1-D array")
+    values, mode = reader.input(node), node.text("OutputDimensionality", "1-D array")
+    column, row = mode.startswith("Column"), mode.startswith("Row")
+    shape: tuple[int, ...] = (values.size, 1) if column else (1, values.size) if row else (values.size,)
     if mode.startswith("Customize"):
-        size = node.numbers("OutputDimensions", "[1,1]").astype(int)
-        shape: tuple[int, ...] = tuple(int(one) for one in size)
-    else:
-        shape = {"C": (values.size, 1), "R": (1, values.size)}.get(mode[:1], (values.size,))
-    values = widened(values.ravel(order="F"), int(np.prod(shape)))
-    if int(np.prod(shape)) != values.size:
+        shape = tuple(map(int, node.numbers("OutputDimensions", "[1,1]")))
+    values = widened(values.ravel(order="F"), math.prod(shape))
+    if math.prod(shape) != values.size:
         raise node.refusal(f"makes {shape} of a signal of {values.size} elements")
     return values.reshape(shape, order="F")
 
@@ -215,10 +213,10 @@ def _multiport_switch(reader: Tracer, node: Node, _: int) -> Signal | None:
         return None
     first = 0 if node.text("DataPortOrder", "One").startswith("Zero") else 1
     choices = [reader.input(node, 2 + place) for place in range(min(int(node.number("Inputs", "3")), MOST_INPUTS))]
-    chosen, index = choices[-1], reader.input(node)
+    found, index = choices[-1], reader.input(node)
     for place in reversed(range(len(choices) - 1)):
-        chosen = switched(node, choices[place], index, chosen, "<=", place + first)
-    return chosen
+        found = switched(node, choices[place], index, found, "<=", place + first)
+    return found
 
 
 PASSING = {
@@ -255,10 +253,7 @@ def _conditional(reader: Tracer, node: Node, number: int) -> Signal | None:
         return None
     values, port = reader.output(*inside), reader.network.outport(node, number)
     start = port.numbers("InitialOutput", "0") if port is not None and port.text("InitialOutput") != "[]" else None
-    if start is None or start.size not in (1, values.size):
-        other = signal([0.0])
-    else:
-        other = signal(float(one) for one in start)
+    other = signal([0.0] if start is None or start.size not in (1, values.size) else map(float, start))
     if port is not None and port.text("OutputWhenDisabled", "held") == "held":
         message = "while its condition fails its outputs are what they begin with, and not held; its states go on"
         node.note("approximated", message)
@@ -287,9 +282,9 @@ def _merge(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return what the subsystem gives that runs; the last one where none does."""
     merged: Signal | None = None
     for place in range(1, min(int(node.number("Inputs", "2")), _MOST_WAYS) + 1):
-        source = reader.network.source(node, place)
-        condition = None if source is None else _condition(reader, source[0])
-        inside = None if source is None else reader.network.inside(*source)
+        if (source := reader.network.source(node, place)) is None:
+            return None
+        condition, inside = _condition(reader, source[0]), reader.network.inside(*source)
         if condition is None or inside is None:
             return None
         values = reader.output(*inside)
@@ -299,10 +294,9 @@ def _merge(reader: Tracer, node: Node, _: int) -> Signal | None:
 
 def subsystem(reader: Tracer, node: Node, number: int) -> Signal | None:
     """Return an output of a subsystem that runs under a condition, or that is a bus of its own making."""
-    if not reader.network.elements(node, number):
-        return _conditional(reader, node, number) if reader.network.is_conditional(node) else None
-    ports = _elements(reader, node, number).values()
-    return signal(value for port in ports for value in flat(reader.input(port)))
+    if ports := _elements(reader, node, number).values():
+        return signal(value for port in ports for value in flat(reader.input(port)))
+    return _conditional(reader, node, number) if reader.network.is_conditional(node) else None
 
 
 ROUTING["Merge"] = _merge

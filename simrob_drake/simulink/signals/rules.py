@@ -7,13 +7,12 @@ from simrob_drake.simulink.mechanics.joints import Joint
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.signals.arithmetic import ARITHMETIC
 from simrob_drake.simulink.signals.dynamics import DYNAMICS
-from simrob_drake.simulink.signals.forms import MOST_ELEMENTS, Form, Signal, Term, TermKind, signal
+from simrob_drake.simulink.signals.forms import MOST_ELEMENTS, Form, Rule, Signal, Term, TermKind, Tracer, signal
 from simrob_drake.simulink.signals.matlab import MATLAB
 from simrob_drake.simulink.signals.networks import NETWORKS, outputs_of
 from simrob_drake.simulink.signals.robotics import ROBOTICS
 from simrob_drake.simulink.signals.routing import ROUTING, subsystem
 from simrob_drake.simulink.signals.sources import PHYSICAL, SENSOR, SOURCES, out_of_physics, sensed
-from simrob_drake.simulink.signals.tracing import Rule, Tracer
 
 RULES: dict[str, Rule] = {
     **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **MATLAB, **PHYSICAL, **NETWORKS, **ROBOTICS,

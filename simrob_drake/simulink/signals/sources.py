@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up
@@ -19,8 +17,10 @@ from simrob_drake.simulink.signals.forms import (
     PARTS,
     TIME,
     Form,
+    Rule,
     Signal,
     Term,
+    Tracer,
     Value,
     early,
     flat,
@@ -31,7 +31,6 @@ from simrob_drake.simulink.signals.forms import (
     terms_of,
 )
 from simrob_drake.simulink.signals.matlab import FORMULAS
-from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.evaluate import matrix
@@ -154,8 +153,7 @@ def _settled(node: Node, value: Value, denominator: list[float]) -> Value:
         return value
     begun = 0.0
     if of_time(value):
-        with suppress(SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
-            begun = early(value)
+        begun = early(value) or 0.0
     elif denominator[-2] > _LATE:
         node.note("approximated", "its filter begins at 0, not at its input")
     return filtered(node, value - begun, [1.0], denominator) + begun

@@ -14,10 +14,21 @@ from simrob_drake.simulink.mechanics.bodies import PUSH, frame_place
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import AS_WRITTEN, PARTS, Form, Primitive, Term, Value, flat, signal, terms_of
+from simrob_drake.simulink.signals.forms import (
+    AS_WRITTEN,
+    LAG,
+    PARTS,
+    Form,
+    Primitive,
+    Term,
+    Tracer,
+    Value,
+    flat,
+    signal,
+    terms_of,
+)
 from simrob_drake.simulink.signals.laws import ExternalForce, Law
 from simrob_drake.simulink.signals.sources import SENSOR
-from simrob_drake.simulink.signals.tracing import LAG, Tracer
 from simrob_drake.simulink.writing.touching import StationFiles
 from simrob_drake.simulink.writing.urdf import UniqueNames, plain, pose_list
 

@@ -37,12 +37,11 @@ _BENT, _FINER = 2e-3, 10  # of a range: by so much rows may bend, or there are s
 class JointMotions:
     """Where the joints of a robot are asked to be."""
 
+    files: StationFiles  # what is written
     axes: dict[Freedom, str]  # names by degree of freedom
     values: dict[Freedom, Value | None]  # positions [rad or m]; None of what nothing drives
     start: dict[str, float]  # where each axis is at the beginning, by name [rad or m]
-    duration: float  # of the run [s]
     table: Path  # the CSV file to write where positions change over time
-    report: ImportReport  # of the import, to tell what cannot be computed
 
     @property
     def moving(self) -> dict[Freedom, Form]:
@@ -78,9 +77,10 @@ class JointMotions:
             block.parameters["time"] for terms in closure(moving.values()) for block in blocks_in([Form(terms)])
             if block.kind == "step"
         }  # fmt: skip
-        corners = [corner for corner in steps if 0 < corner < self.duration]
+        duration = self.files.model.duration
+        corners = [corner for corner in steps if 0 < corner < duration]
         most = MOST_VALUES // (len(axes) + 1) - 2 * len(corners) - 1
-        even = np.linspace(0.0, self.duration, min(round(self.duration * RATE), most) + 1)
+        even = np.linspace(0.0, duration, min(round(duration * RATE), most) + 1)
         times = np.unique(np.concatenate([even, corners, np.array(corners) - _CORNER]))
         moved = self._computed(moving, times)
         if (finer := _finer(times, moved)).size and finer.size < most - times.size:
@@ -101,7 +101,7 @@ class JointMotions:
                 alone = (self._computed({freedom: value}, times) for freedom, value in moving.items())
                 return {freedom: values for one in alone for freedom, values in one.items()}
             (freedom,) = moving
-            self.report.add("lost", freedom.name, f"its motion is not there, it is held: {problem}")
+            self.files.report.add("lost", freedom.name, f"its motion is not there, it is held: {problem}")
             return {}
 
     def _held(self, freedom: Freedom) -> float:

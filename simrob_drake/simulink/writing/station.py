@@ -19,7 +19,7 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Form, Term, Value, closure, of_time, terms_of
+from simrob_drake.simulink.signals.forms import Form, Term, closure, of_time, terms_of
 from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.flow import Sum, flows_of, frame_sensors
@@ -275,7 +275,8 @@ class StationWriter:
             entry["servo"] = servo_section(robot, laws)
             entry |= {"joint_stops": stops} if (stops := stop_section(robot)) else {}
         forms = {freedom: law.reference for freedom, law in laws.items()}
-        entry["reference"] = self._motions(f"{name}_reference", robot.axes, forms, start).reference()
+        file = self._folder / f"{name}_reference.csv"
+        entry["reference"] = JointMotions(self._files, robot.axes, forms, start, file).reference()
         if kinematic and any(freedom.start_speed for freedom in robot.axes):
             self._report.add("dropped", name, "speeds at the start: what moves it is its reference")
         return entry
@@ -286,25 +287,20 @@ class StationWriter:
         for name, robot in self._files.robots.items():
             axes = {freedom: axis for freedom, axis in robot.axes.items() if freedom.driven == "motion"}
             forms = {freedom: self._model.law_of(freedom).reference for freedom in axes}
-            found = self._motions(f"{name}_prescribed", axes, forms, self._starts(robot)).prescribed()
+            file = self._folder / f"{name}_prescribed.csv"
+            found = JointMotions(self._files, axes, forms, self._starts(robot), file).prescribed()
             sections |= {f"{self._files.prefix(name)}{axis}": section for axis, section in found.items()}
         return sections
 
-    def _motions(
-        self, table: str, axes: dict[Freedom, str], values: dict[Freedom, Value | None], start: dict[str, float]
-    ) -> JointMotions:
-        file = self._folder / f"{table}.csv"
-        return JointMotions(axes, values, start, self._model.duration, file, self._report)
-
     def _starts(self, robot: RobotFile) -> dict[str, float]:
-        return {axis: self._start(freedom) for freedom, axis in robot.axes.items()}
-
-    def _start(self, freedom: Freedom) -> float:
-        desired = freedom.start or 0.0
-        taken = float(np.clip(desired, freedom.lower + _INSIDE, freedom.upper - _INSIDE))
-        if abs(taken - desired) > 2 * _INSIDE:
-            self._report.add("repaired", freedom.name, f"starts at {desired:.4g}, out of its limits: at {taken:.4g}")
-        return taken
+        starts = {}
+        for freedom, axis in robot.axes.items():
+            desired = freedom.start or 0.0
+            starts[axis] = taken = float(np.clip(desired, freedom.lower + _INSIDE, freedom.upper - _INSIDE))
+            if abs(taken - desired) > 2 * _INSIDE:
+                message = f"starts at {desired:.4g}, out of its limits: at {taken:.4g}"
+                self._report.add("repaired", freedom.name, message)
+        return starts
 
     def _law(self, freedom: Freedom) -> Law:
         law = self._model.law_of(freedom)

@@ -245,13 +245,11 @@ def bounded_dissipation(surface: ContactParameters, weight: float, report: Impor
     """Return the dissipation of a contact, and tell how it differs from the model's damper."""
     exact = dissipation(surface, weight)
     taken = float(f"{min(exact, MOST_DISSIPATION):.6g}")
-    depth = 2 * weight / surface.stiffness
-    message = (
-        f"contact damper {surface.damping:g} N·s/m beside the spring as dissipation {taken:g} s/m: "
-        f"equal at a depth of {surface.damping / surface.stiffness / taken:.2g} m"
-        if taken
-        else "contact without damping"
-    )
+    depth, message = 2 * weight / surface.stiffness, "contact without damping"
+    if taken:
+        equal = surface.damping / surface.stiffness / taken
+        message = f"contact damper {surface.damping:g} N·s/m beside the spring as dissipation {taken:g} s/m: "
+        message += f"equal at a depth of {equal:.2g} m"
     if exact > MOST_DISSIPATION:
         message += f" (for {depth:.2g} m it would be {exact:.3g}: neither bounces)"
     report.add("approximated", where, message)
