@@ -76,6 +76,10 @@ class Node:
         """Return a parameter as it is written."""
         return self.block.parameters.get(name, default)
 
+    def named(self, *names: str) -> str:
+        """Return which of these names a parameter has here; the first where it has none of them."""
+        return next((one for one in names if one in self.block.parameters), names[0])
+
     def is_on(self, name: str) -> bool:
         """Tell whether a switch is on."""
         return self.text(name, "off") == "on"
@@ -136,7 +140,7 @@ class Node:
 
     def quantity(self, *names: str, default: str = "0") -> float:
         """Return a parameter in SI under the first of these names that is there; its unit is under ``<name>_unit``."""
-        name = next((one for one in names if one in self.block.parameters), names[0])
+        name = self.named(*names)
         return self.number(name, default) * self.in_si(self.text(f"{name}_unit", "1"), name)
 
     def unit(self, name: str, like: str) -> float:

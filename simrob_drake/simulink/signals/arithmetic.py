@@ -96,7 +96,7 @@ def inputs_of(reader: Tracer, node: Node, default: str = "2") -> list[Signal]:
     elif "," in text and "[" not in text:  # names of signals
         number = text.count(",") + 1
     else:
-        sizes = node.numbers("Inputs" if "Inputs" in node.block.parameters else "NumInputs", default)
+        sizes = node.numbers(node.named("Inputs", "NumInputs"), default)
         number = int(sizes[0]) if sizes.size == 1 else sizes.size
     return [reader.input(node, place + 1) for place in range(min(number, MOST_INPUTS))]
 
@@ -111,7 +111,7 @@ def _signed(reader: Tracer, node: Node, default: str, letters: str) -> list[tupl
 
 
 def _gain(reader: Tracer, node: Node, _: int) -> Signal:
-    gain, values = node.matrix("Gain" if "Gain" in node.block.parameters else "gain", "1"), reader.input(node)
+    gain, values = node.matrix(node.named("Gain", "gain"), "1"), reader.input(node)
     if gain.size == 1:
         return scaled(values, float(gain[0, 0]))
     mode = node.text("Multiplication", "Element-wise(K.*u)")
@@ -262,20 +262,17 @@ def _extreme(reader: Tracer, node: Node, _: int) -> Signal:
 
 def looked_up(value: Value, points: Any, values: Any, *, clip: bool) -> Value:
     """Return what a table, whose points rise, holds at a value; beyond its ends what they are, or go on to be."""
-    columns = {name: np.asarray(column, dtype=float).reshape(-1).tolist() for name, column in
-               (("points", points), ("values", values))}  # fmt: skip
-    return computed("lookup", value, **columns, **({"clip": True} if clip else {}))
+    x, y = (np.asarray(column, dtype=float).reshape(-1).tolist() for column in (points, values))
+    return computed("lookup", value, points=x, values=y, **({"clip": True} if clip else {}))
 
 
 def _lookup(reader: Tracer, node: Node, _: int) -> Signal | None:
     if node.text("NumberOfTableDimensions", "1") != "1":
         return None
-    points = "BreakpointsForDimension1" if "BreakpointsForDimension1" in node.block.parameters else "InputValues"
-    values = "Table" if "Table" in node.block.parameters else "OutputValues"
-    heights = node.numbers(values, "tanh([-5:5])")
+    heights = node.numbers(node.named("Table", "OutputValues"), "tanh([-5:5])")
     clip = "Clip" in node.text("ExtrapMethod") or "Use End Values" in node.text("LookUpMeth")
     if node.text("BreakpointsSpecification", "Explicit values") == "Explicit values":
-        places = node.numbers(points, "[-5:5]")
+        places = node.numbers(node.named("BreakpointsForDimension1", "InputValues"), "[-5:5]")
     else:
         first, step = (node.number(f"BreakpointsForDimension1{what}", "1") for what in ("FirstPoint", "Spacing"))
         places = np.asarray(first + step * np.arange(heights.size))

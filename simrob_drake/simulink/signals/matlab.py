@@ -123,7 +123,7 @@ def _formula(reader: Tracer, node: Node, _: int) -> Signal | None:
 
 
 def _parameter(node: Node, default: str, names: list[str]) -> Signal:
-    name = next((one for one in names if one in node.block.parameters), names[0])
+    name = node.named(*names)
     unit = node.text(f"{name}_unit", "1")
     factor = node.in_si(unit, name) * (2 * np.pi if "Hz" in unit else 1.0)  # in sines
     return (node.matrix(name, default) * factor).reshape(-1, order="F").astype(object)

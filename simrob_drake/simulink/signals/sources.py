@@ -40,7 +40,7 @@ _LATE = 0.02  # how long a filter takes to forget its start where that is told [
 
 
 def _constant(_: Tracer, node: Node, __: int) -> Signal:
-    value = node.matrix("Value" if "constant" not in node.block.parameters else "constant", "1").astype(object)
+    value = node.matrix(node.named("Value", "constant"), "1").astype(object)
     return value.reshape(-1) if 1 in value.shape and node.text("VectorParams1D", "on") == "on" else value
 
 
@@ -156,7 +156,7 @@ def _settled(node: Node, value: Value, denominator: list[float]) -> Value:
         begun = early(value) or 0.0
     elif denominator[-2] > _LATE:
         node.note("approximated", "its filter begins at 0, not at its input")
-    return filtered(node, value - begun, [1.0], denominator) + begun
+    return filtered(value - begun, [1.0], denominator) + begun
 
 
 def _lookup(node: Node) -> Callable[[Value], Value]:

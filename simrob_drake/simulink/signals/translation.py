@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import partial, reduce
 from typing import Any, Self
 
 import numpy as np
@@ -53,7 +53,8 @@ class Translation(CodeRun):
         super().__init__(*arguments)
         self._workspace = self._outside
 
-    def _base(self) -> Algebra:
+    def algebra(self) -> Algebra:
+        """Return what expressions are computed with, numbers or signals, before functions of files."""
         each: dict[str, Callable[..., Value]] = {
             "./": lambda a, b: a / self._guarded(b),
             **dict.fromkeys((".^", "power"), lambda a, b: _power(self._guarded(a), b)),
@@ -249,11 +250,12 @@ def _on_symbols(numeric: Callable[..., Any] | None, symbolic: Callable[..., Valu
 
 
 def _norm(array: Any, kind: Any = 2) -> Any:
-    if matrix(array).dtype != object:
+    values = matrix(array)
+    if values.dtype != object:
         return NUMBERS["norm"](array, kind)
     if count(kind) != 2:
         raise NotUnderstood("a norm that is not the second")
-    return matrix(signal([applied("sqrt", sum((one * one for one in _elements(array)), start=0.0))]))
+    return matrix(signal([applied("sqrt", sum((one * one for one in flat(values.astype(object))), start=0.0))]))
 
 
 def _inverse(array: Any) -> Any:
@@ -265,20 +267,13 @@ def _inverse(array: Any) -> Any:
     return found
 
 
-def _elements(array: Any) -> list[Value]:
-    return flat(matrix(array).astype(object))
-
-
 def _extreme(name: str, first: Any, second: Any = None, axis: Any = None) -> Any:
     if second is not None and matrix(second).size:
         return mapped(partial(applied, name), matrix(first).astype(object), matrix(second).astype(object))
-    values = matrix(first)
+    values = matrix(first).astype(object)
     if axis is not None or 1 not in values.shape:
         raise NotUnderstood(f"{name} of a matrix")
-    found, *rest = _elements(values)
-    for one in rest:
-        found = applied(name, found, one)
-    return matrix(signal([found]))
+    return matrix(signal([reduce(partial(applied, name), flat(values))]))
 
 
 def _table(points: Any, values: Any, at: Any, method: Any = "linear", *_: Any) -> Any:

@@ -83,15 +83,15 @@ class CodeRun(Evaluator):
         self.shared: dict[str, Any] = {}  # by ``global``, over all functions
         self._declared: set[str] = set()  # names of those here
         self._steps = self.depth = 0
-        known = {name: partial(self._first_of, name) for name in self.functions}
         text = self._parameter
         own: dict[str, Callable[..., Any]] = {
             **{"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter},
             "Simulink": lambda: {"Mask": {"get": lambda of: {"getParameter": lambda name: {"Value": text(of, name)}}}},
+            **{name: partial(self._first_of, name) for name in self.functions},
         }
-        super().__init__(lookup, {**self._base(), **own, **known})
+        super().__init__(lookup, {**self.algebra(), **own})
 
-    def _base(self) -> Algebra:
+    def algebra(self) -> Algebra:
         """Return what expressions are computed with, before functions of files."""
         return NUMBERS
 
@@ -103,7 +103,7 @@ class CodeRun(Evaluator):
     def _lookup(self, name: str) -> Any:
         if name in self.unknown:
             raise UndefinedVariable(name, "it is set by mask code outside the subset")
-        return self.variables[name] if name in self.variables else self._outside(name)
+        return self.variables[name] if name in self.variables else super()._lookup(name)
 
     def value(self, text: str) -> Any:
         """Return the value of an expression (raises as `evaluated`)."""
@@ -123,11 +123,11 @@ class CodeRun(Evaluator):
             self._algebra = {name: partial(self._first_of, name), **self._algebra}
 
     def _exists(self, name: Any, *_: Any) -> float:
-        if name in self.unknown:
-            raise UndefinedVariable(name)
         try:
             return float(self._lookup(name) is not None)
         except UndefinedVariable:
+            if name in self.unknown:
+                raise
             return 0.0
 
     def _parameter(self, block: Any, name: Any) -> Any:
@@ -178,7 +178,7 @@ class CodeRun(Evaluator):
         self._count()
         try:
             self._do(line)
-        except (NotUnderstood, UndefinedVariable, KeyError, IndexError, TypeError, ValueError) as problem:
+        except (LookupError, TypeError, ValueError) as problem:
             self._pass_over(line, problem)
 
     def _count(self) -> None:
@@ -303,15 +303,11 @@ class CodeRun(Evaluator):
 
     def _known(self, target: Expression, *, outside: bool = False) -> Any:
         """Return what is there already, of the variables outside only structures; None of nothing."""
-        match target:
-            case ("name", (name,)) if outside and name not in self.variables:
-                with suppress(UndefinedVariable):
-                    return self._lookup(name)
-            case ("name", (name,)):
-                return self.variables.get(name)
-            case _:
-                with suppress(NotUnderstood, UndefinedVariable):
-                    return self.evaluated(target)
+        name = target.parts[0] if target.kind == "name" else None
+        if name is not None and (name in self.variables or not outside):
+            return self.variables.get(name)
+        with suppress(NotUnderstood, UndefinedVariable):
+            return self.evaluated(target) if name is None else self._lookup(name)
         return None
 
     def _changed(self, known: Any, index: tuple[Expression, ...], value: Any) -> Any:
@@ -350,8 +346,7 @@ class CodeRun(Evaluator):
 
     def _switch(self, parts: list[tuple[str, list[Statement]]]) -> None:
         (head, _), *ways = parts
-        subject = head.removeprefix("switch").strip()
-        tests: list[tuple[str, list[Statement]]] = []
+        subject, tests = head.removeprefix("switch").strip(), []
         for words, body in ways:
             choices = words.removeprefix("case").strip().removeprefix("{").removesuffix("}").split(",")
             test = "if " + " || ".join(f"(({subject}) == ({choice}))" for choice in choices)
@@ -387,7 +382,7 @@ class CodeRun(Evaluator):
                 self.variables.pop(name, None)
 
     def _drop(self, known: Any, fields: list[str]) -> None:
-        if isinstance(known, dict) and len(fields) > 1:
-            self._drop(known.get(fields[0]), fields[1:])
-        elif isinstance(known, dict):
-            known.pop(fields[0], None)
+        for field in fields[:-1]:
+            known = known.get(field) if isinstance(known, dict) else None
+        if isinstance(known, dict):
+            known.pop(fields[-1], None)

@@ -53,35 +53,24 @@ def _shape(arguments: tuple[Any, ...]) -> tuple[int, int]:
     return rows, columns
 
 
-def _along(reduce: Callable[..., Vector], value: Any, axis: Any = None) -> Vector:
-    """Reduce a matrix down the columns, or along the only row, as MATLAB does."""
-    array = matrix(value)
-    chosen = count(axis) - 1 if axis is not None else _way(array)
-    return matrix(reduce(array, axis=chosen, keepdims=True))
+def _along(reduce: Callable[..., Vector], value: Any, axis: Any = None, **options: bool) -> Vector:
+    """Do something with a matrix down the columns, or along the only row, as MATLAB does."""
+    return matrix(reduce(matrix(value), axis=count(axis) - 1 if axis is not None else _way(value), **options))
 
 
 def _way(value: Any) -> int:
     return int(matrix(value).shape[0] == 1)
 
 
-def _on_way(function: Callable[..., Vector], value: Any) -> Vector:
-    return function(matrix(value), axis=_way(value))
-
-
 def _extreme(pairwise: np.ufunc, first: Any, second: Any = None) -> Vector:
-    return _along(pairwise.reduce, first) if second is None else matrix(pairwise(matrix(first), matrix(second)))
-
-
-def _diag(value: Any) -> Vector:
-    array = matrix(value)
-    return np.diag(array.reshape(-1)) if 1 in array.shape else matrix(np.diag(array)).T
+    if second is None:
+        return _along(pairwise.reduce, first, keepdims=True)
+    return matrix(pairwise(matrix(first), matrix(second)))
 
 
 def _repmat(value: Any, *times: Any) -> Vector:
-    rows, columns = _shape(times)
-    array = matrix(value)
-    if array.size * rows * columns > LARGEST:
-        raise NotUnderstood(f"makes a matrix of more than {LARGEST} elements")
+    (rows, columns), array = _shape(times), matrix(value)
+    _shape((array.size, rows * columns))  # which must not be too large
     return np.tile(array, (rows, columns))
 
 
@@ -142,11 +131,11 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "zeros": lambda *sizes: np.zeros(_shape(sizes)),
     "ones": lambda *sizes: np.ones(_shape(sizes)),
     "eye": lambda *sizes: np.eye(*_shape(sizes)),
-    "diag": _diag,
-    **{name: partial(_along, getattr(np, name)) for name in ("sum", "prod", "mean", "any", "all")},
+    "diag": lambda a: np.diag(matrix(a).reshape(-1)) if 1 in matrix(a).shape else matrix(np.diag(matrix(a))).T,
+    **{name: partial(_along, getattr(np, name), keepdims=True) for name in ("sum", "prod", "mean", "any", "all")},
     "min": partial(_extreme, np.minimum),
     "max": partial(_extreme, np.maximum),
-    **{name: partial(_on_way, getattr(np, name)) for name in ("diff", "unwrap", "cumsum", "flip")},
+    **{name: partial(_along, getattr(np, name)) for name in ("diff", "unwrap", "cumsum", "flip")},
     "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), _way(value)),
     "polyval": lambda coefficients, at: np.polyval(matrix(coefficients).reshape(-1), matrix(at)),
     "norm": lambda u, p=2: np.linalg.norm(matrix(u).ravel() if 1 in matrix(u).shape else matrix(u), count(p) or None),
@@ -198,8 +187,6 @@ SEVERAL: dict[str, Callable[..., list[Any]]] = {
 }
 """Functions of several outputs."""
 Lookup = Callable[[str], Any]  # returns the value of a variable, or raises `UndefinedVariable`
-
-
 Algebra = Mapping[str, Callable[..., Any]]
 """What an expression is computed with: operators, elementwise on two matrices, and functions of matrices, by name."""
 
@@ -274,13 +261,12 @@ class Evaluator:
         return found if isinstance(found, str | dict | list) else matrix(found)
 
     def _call(self, target: Expression, arguments: tuple[Expression, ...]) -> Any:
-        if target.kind == "name":
-            try:
-                value = self._lookup(target.parts[0])
-            except UndefinedVariable:
-                return self._named(target.parts[0], arguments)
-        else:
-            value = self._of(target)
+        try:
+            value = self._lookup(target.parts[0]) if target.kind == "name" else self._of(target)
+        except UndefinedVariable:
+            if target.kind != "name":
+                raise
+            return self._named(target.parts[0], arguments)
         if isinstance(value, str):
             return value
         if callable(value):  # a method of an object
@@ -302,11 +288,10 @@ class Evaluator:
             row = (1, -1) if array.shape[0] == 1 else (-1, 1)
             shape = index.shape if 1 not in array.shape or array.size == 1 else row
             return np.asarray(flat[index.reshape(-1, order="F")].reshape(shape, order="F"))
-        if len(arguments) == 2:
-            rows = self._index(arguments[0], array.shape[0]).reshape(-1)
-            columns = self._index(arguments[1], array.shape[1]).reshape(-1)
-            return np.asarray(array[np.ix_(rows, columns)])
-        raise NotUnderstood(f"has an index of {len(arguments)} dimensions")
+        if len(arguments) != 2:
+            raise NotUnderstood(f"has an index of {len(arguments)} dimensions")
+        places = (self._index(*one).reshape(-1) for one in zip(arguments, array.shape, strict=True))
+        return np.asarray(array[np.ix_(*places)])
 
     def _index(self, node: Expression, size: int) -> Any:
         if node.kind == "colon":
@@ -380,22 +365,22 @@ class Evaluator:
         lone = first.size == 1 or second.size == 1
         if operator == "*" and object in (first.dtype, second.dtype) and first.size * second.shape[1] > _MOST_PRODUCTS:
             raise NotUnderstood(f"multiplies matrices of signals by more than {_MOST_PRODUCTS} products")
+        if operator in ("/", "\\"):  # A \\ B is (B' / A')'
+            return self._quotient(first, second) if operator == "/" else self._quotient(second.T, first.T).T
         with np.errstate(all="ignore"):
             if operator in each:
                 return matrix(each[operator](first, second))
             if operator == "*":
                 return matrix(each[".*"](first, second) if lone else first @ second)
-            if operator == "^":
-                return matrix(each[".^"](first, second) if lone else np.linalg.matrix_power(first, int(second[0, 0])))
-            if operator == "\\":
-                first, second = second.T, first.T  # A \\ B is (B' / A')'
-            if second.size == 1:
-                quotient = matrix(each["./"](first, second))
-            elif object in (first.dtype, second.dtype):
-                quotient = matrix(first @ self._algebra["inv"](second))
-            else:
-                quotient = matrix(np.linalg.solve(second.T, first.T).T)
-        return quotient.T if operator == "\\" else quotient
+            return matrix(each[".^"](first, second) if lone else np.linalg.matrix_power(first, int(second[0, 0])))
+
+    @np.errstate(all="ignore")
+    def _quotient(self, first: Vector, second: Vector) -> Vector:
+        if second.size == 1:
+            return matrix(self._algebra["./"](first, second))
+        if object in (first.dtype, second.dtype):
+            return matrix(first @ self._algebra["inv"](second))
+        return matrix(np.linalg.solve(second.T, first.T).T)
 
 
 NUMBERS: Algebra = {
