@@ -31,7 +31,7 @@ from simrob_drake.simulink.mechanics.shapes import (
 )
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.reading.graph import Unreadable, parse_part
+from simrob_drake.simulink.reading.graph import Unreadable, one_line, parse_part
 
 _SHAPES: dict[str, Callable[[Node], tuple[Shape, Weight]]] = {
     "Brick Solid": shapes.brick, "Cylindrical Solid": shapes.cylinder, "Spherical Solid": shapes.sphere,
@@ -83,11 +83,10 @@ def hold_constant(network: Connections, node: Node) -> None:
     density = node.number("Density", "1000", unit="kg/m^3")
     if mass <= 0 or density <= 0:
         return
-    parameters = {**node.block.parameters, "Mass": f"{mass:.17g}", "MassUnits": "kg", how: "Mass"}
-    if how == "InertiaType":
-        parameters[how] = choice
-    else:  # a ball of even density
-        parameters |= {"SphereRadius": f"{(0.75 * mass / density / np.pi) ** (1 / 3):.17g}", "SphereRadiusUnits": "m"}
+    radius = (0.75 * mass / density / np.pi) ** (1 / 3)  # of a ball of even density
+    ball = {how: "Mass", "SphereRadius": f"{radius:.17g}", "SphereRadiusUnits": "m"}
+    parameters = {**node.block.parameters, "Mass": f"{mass:.17g}", "MassUnits": "kg"}
+    parameters |= {how: choice} if how == "InertiaType" else ball
     node.note("read", f"its mass is constant: {mass:g} kg")
     node.block = replace(node.block, kind=f"sm_lib/Body Elements/{place}", linked=True, parameters=parameters)
 
@@ -142,7 +141,7 @@ def _weight(node: Node, kind: str, even: Weight | None, of_mesh: Callable[[], We
         return NOTHING
     method = node.text("InertiaType", "Custom" if kind == "Inertia" else "CalculateFromGeometry")
     if method == "PointMass":
-        return Weight(_mass(node), np.zeros(3), np.zeros((3, 3)))
+        return replace(NOTHING, mass=_mass(node))
     if method == "Custom":
         mass = _mass(node)
         moments = node.numbers("MomentsOfInertia", "[1 1 1]", unit="kg*m^2", size=3, unknown="[0 0 0]")
@@ -247,14 +246,11 @@ def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> Rigi
     Raises:
         InvalidModel: a feature whose place is not known here.
     """
-    place = _origin(node, frame, weight)
-    axes = []
-    directions = []
-    for name in ("PrimaryAxis", "SecondaryAxis"):
+    place, axes, directions = _origin(node, frame, weight), [], []
+    for name, default in (("PrimaryAxis", "+Z"), ("SecondaryAxis", "+X")):
         source = frame.findtext(f"Value/{name}/Source") or "ReferenceFrame"
-        default = "+Z" if name == "PrimaryAxis" else "+X"
         along = frame.findtext(f"Value/{name}/SourceDirection") or default
-        feature = " ".join((frame.findtext(f"Value/{name}/FeatureName") or source).split())
+        feature = one_line(frame.findtext(f"Value/{name}/FeatureName") or source)
         direction = AXES.get(along, AXES[default]) if source == "ReferenceFrame" else _normal(node, feature, along)
         if direction is None:
             raise node.refusal(f"a frame follows '{feature}', which is not known here")
@@ -262,8 +258,7 @@ def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> Rigi
         directions.append(direction)
     if abs(axes[0] @ axes[1]) > 0.5 or abs(directions[0] @ directions[1]) > 0.5:
         raise node.refusal("a frame has both axes along one line")
-    own = np.column_stack([*axes, np.cross(axes[0], axes[1])])
-    there = np.column_stack([*directions, np.cross(directions[0], directions[1])])
+    own, there = (np.column_stack([*two, np.cross(*two)]) for two in (axes, directions))
     return RigidTransform(RotationMatrix(there @ own.T), place)
 
 
@@ -279,8 +274,7 @@ def _normal(node: Node, feature: str, along: str) -> Vector | None:
 
 def _origin(node: Node, frame: Element, weight: Weight | None) -> Vector:
     source = frame.findtext("Value/Origin/Source") or "ReferenceFrame"
-    feature = " ".join((frame.findtext("Value/Origin/FeatureName") or "").split())
-    kind = solid_kind(node)
+    feature, kind = one_line(frame.findtext("Value/Origin/FeatureName") or ""), solid_kind(node)
     place: Vector | None = None
     if source == "ReferenceFrame":
         place = np.zeros(3)
@@ -303,43 +297,46 @@ def _on_brick(node: Node, feature: str) -> Vector | None:
 
 
 def _on_cylinder(node: Node, feature: str) -> Vector | None:
-    half = node.number("CylinderLength", "1", unit="m") / 2
-    end = {"top": half, "bottom": -half, "side": 0.0}.get(feature.partition(" ")[0])
-    return None if end is None else np.array([0.0, 0.0, end])
+    end = {"top": 0.5, "bottom": -0.5, "side": 0.0}.get(feature.partition(" ")[0])
+    return None if end is None else np.array([0.0, 0.0, end * node.number("CylinderLength", "1", unit="m")])
 
 
 def _on_extrusion(node: Node, feature: str) -> Vector | None:
     half = node.number("ExtrusionLength", "1", unit="m") / 2
-    where, _, number = feature.partition(" ")
+    where = feature.partition(" ")[0]
     if where in ("top", "bottom"):
         return np.asarray(extrusion(node)[1].com + np.array([0.0, 0.0, half if where == "top" else -half]))
-    side = number.rpartition(" ")[2]
-    corners = extrusion_outline(node)
-    if not side.isdecimal() or not 1 <= int(side) <= len(corners):
+    if (ends := _side(feature, extrusion_outline(node))) is None:
         return None
+    side = feature.rpartition(" ")[2]
     node.note("approximated", f"a frame on '{feature}': in the middle of side {side}, counted as its corners are")
-    return np.append((corners[int(side) - 1] + corners[int(side) % len(corners)]) / 2, 0.0)
+    return np.append(ends.mean(axis=0), 0.0)
+
+
+def _side(feature: str, outline: Vector) -> Vector | None:
+    """Return the corners (2, 2) of a side of an outline that is called by its number."""
+    number = feature.rpartition(" ")[2]
+    known = number.isdecimal() and 1 <= int(number) <= len(outline)
+    return outline[[int(number) - 1, int(number) % len(outline)]] if known else None
 
 
 def _on_revolution(node: Node, feature: str) -> Vector | None:
     """Return the middle of an end of a part turn, or where a turned side stands on the axis."""
     outline, angle = revolution_outline(node)
-    where, _, number = feature.partition(" ")
+    where = feature.partition(" ")[0]
     if where in ("front", "back"):
         x, z = (integral(outline, axis) / area(outline) for axis in (lambda x, _: x, lambda _, z: z))
         turn = angle / 2 if where == "front" else -angle / 2
         node.note("approximated", f"a frame on '{feature}': on the side of the larger angle")
         return np.array([x * np.cos(turn), x * np.sin(turn), z])
-    side = number.rpartition(" ")[2]
-    if where != "side" or not side.isdecimal() or not 1 <= int(side) <= len(outline):
+    if where != "side" or (ends := _side(feature, outline)) is None:
         return None
-    ends = outline[[int(side) - 1, int(side) % len(outline)]]
     node.note("approximated", f"a frame on '{feature}': on the axis, counted as its corners are")
     return np.array([0.0, 0.0, ends[:, 1].mean()])
 
 
 _CENTRED = "Brick Solid", "Cylindrical Solid", "Spherical Solid", "Ellipsoidal Solid"
 _FEATURES: dict[str, Callable[[Node, str], Vector | None]] = {
-    "Brick Solid": _on_brick, "Cylindrical Solid": _on_cylinder, "Extruded Solid": _on_extrusion,
-    "Revolved Solid": _on_revolution, "Spherical Solid": lambda *_: np.zeros(3),
+    "Brick Solid": _on_brick, "Extruded Solid": _on_extrusion, "Revolved Solid": _on_revolution,
+    "Cylindrical Solid": _on_cylinder, "Spherical Solid": lambda *_: np.zeros(3),
 }  # fmt: skip

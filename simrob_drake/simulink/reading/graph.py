@@ -29,33 +29,35 @@ def parse_part(content: bytes) -> ET.Element:
     Raises:
         Unreadable: it is no XML, declares a document type, or is nested too deeply.
     """
+    builder = ET.TreeBuilder()
+    depth = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise Unreadable(f"nests elements more than {MAX_DEPTH} deep")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def refuse(*_: object) -> None:
+        raise Unreadable("declares a document type or entities, which no model file does")
+
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = builder.data, refuse
     try:
-        parser = ET.XMLParser(target=_Builder())
-        parser.feed(content)
-        return parser.close()
-    except ET.ParseError as problem:
-        raise Unreadable(f"is not XML: {expat.ErrorString(problem.code)} at line {problem.position[0]}") from problem
+        parser.Parse(content, True)
+        return builder.close()
+    except expat.ExpatError as problem:
+        raise Unreadable(f"is not XML: {expat.ErrorString(problem.code)} at line {problem.lineno}") from problem
     except (ValueError, LookupError) as problem:  # characters or encodings that XML cannot hold
         raise problem if isinstance(problem, Unreadable) else Unreadable(f"is not XML: {problem}") from problem
-
-
-class _Builder(ET.TreeBuilder):
-    """Builds elements from a part that is no deeper than a model's."""
-
-    _depth = 0
-
-    def start(self, tag: str, attributes: dict[str, str], /) -> Element:
-        self._depth += 1
-        if self._depth > MAX_DEPTH:
-            raise Unreadable(f"nests elements more than {MAX_DEPTH} deep")
-        return super().start(tag, attributes)
-
-    def end(self, tag: str, /) -> Element:
-        self._depth -= 1
-        return super().end(tag)
-
-    def doctype(self, *_: object) -> None:
-        raise Unreadable("declares a document type or entities, which no model file does")
 
 
 _TOKEN = re.compile(
