@@ -282,8 +282,7 @@ def _hold(station: Path, content: dict[str, Any], report: ImportReport) -> None:
 def check_importable(model: SimulinkModel) -> None:
     """Check that a station can be made of a model.
 
-    Raises:
-        InvalidModel: variables that are not known, or what was refused.
+    Raises InvalidModel: variables that are not known, or what was refused.
     """
     missing = undefined_variables(model)
     if missing is not None and not model.findings.assume:

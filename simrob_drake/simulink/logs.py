@@ -260,8 +260,7 @@ def _reference(config: StationConfig, logged: Mapping[str, LoggedSignal]) -> Vec
 def save_differences(differences: list[SignalDifference], folder: Path | str, *, force: bool = False) -> None:
     """Write the numbers, and a picture of each signal with its log and their difference below.
 
-    Raises:
-        OutputError: the folder cannot be written, or is there and not to be replaced.
+    Raises OutputError: the folder cannot be written, or is there and not to be replaced.
     """
     with filled_at_once(as_path(folder, "folder"), marker=NUMBERS, force=force) as work:
         rows = [f"{found.signal},{found.largest:.9g},{found.at:.9g},{found.rms:.9g}\n" for found in differences]

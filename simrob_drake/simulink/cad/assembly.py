@@ -90,8 +90,7 @@ def is_export(path: Path) -> bool:
 def read_assembly(path: Path) -> tuple[Instance, list[Tie]]:
     """Read an exported assembly: the instance that is the world, and its ties, those of assemblies for each instance.
 
-    Raises:
-        InvalidModel: it is damaged, of the first generation, or says what cannot be.
+    Raises InvalidModel: it is damaged, of the first generation, or says what cannot be.
     """
     try:
         content = content_of(path, _LARGEST)

@@ -212,8 +212,7 @@ _SHAPES = {
 def joint_of(ties: Sequence[Tie]) -> tuple[str, RigidTransform] | None:
     """Return the joint block that constraints between two bodies leave, and its frame; None if there is none such.
 
-    Raises:
-        ValueError: a constraint that is not known; the text says which.
+    Raises ValueError: a constraint that is not known; the text says which.
     """
     rows = np.vstack([np.zeros((1, 6)), *(_rows(tie) for tie in ties)])
     _, sizes, directions = np.linalg.svd(rows)

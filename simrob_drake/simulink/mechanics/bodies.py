@@ -94,8 +94,7 @@ def frame_place(network: Connections, node: Node) -> Place:
 def read_bodies(network: Connections, meshes: MeshFiles) -> Bodies:
     """Return the bodies and joints of a model.
 
-    Raises:
-        InvalidModel: a block's figures cannot be, or frames contradict each other.
+    Raises InvalidModel: a block's figures cannot be, or frames contradict each other.
     """
     frames = _Frames(network, meshes)
     for node in network.expanded.nodes:

@@ -49,8 +49,7 @@ _TURNS = {"X": RotationMatrix.MakeXRotation, "Y": RotationMatrix.MakeYRotation, 
 def rigid_transform(node: Node) -> RigidTransform:
     """Return X_BF of a Rigid Transform block; the offset is resolved in the base frame.
 
-    Raises:
-        InvalidModel: a method or figure that cannot be.
+    Raises InvalidModel: a method or figure that cannot be.
     """
     method, offset = node.text("TranslationMethod", "None"), np.zeros(3)
     if method == "Cartesian":
@@ -69,8 +68,7 @@ def rigid_transform(node: Node) -> RigidTransform:
 def rotation(node: Node, prefix: str = "") -> RotationMatrix:
     """Return R_BF of a block's rotation parameters; joints have them with a prefix, such as ``PositionTarget``.
 
-    Raises:
-        InvalidModel: a method or figure that cannot be.
+    Raises InvalidModel: a method or figure that cannot be.
     """
     if (method := node.text(f"{prefix}RotationMethod", "None")) not in _ROTATIONS:
         raise node.refusal(f"has the unknown rotation method '{method}'")
@@ -198,11 +196,7 @@ class Joint:
 
 
 def read_joint(node: Node) -> Joint:
-    """Return what a joint block is.
-
-    Raises:
-        InvalidModel: figures that cannot be, or a joint without a likeness here.
-    """
+    """Return what a joint block is; raises InvalidModel: figures that cannot be, or a joint without a likeness here."""
     if node.text("JointMode", "Normal") not in ("Normal", "Locked", ""):
         raise node.refusal(f"is in the mode {node.text('JointMode')}; Normal and Locked are read")
     joint = Joint(node)

@@ -256,8 +256,7 @@ class MeshFiles:
     def weight(self, node: Node, file: Path | None, scale: float) -> Weight:
         """Return the weight of a mesh filled with 1 kg/m³.
 
-        Raises:
-            InvalidModel: there is no mesh, or one that encloses nothing.
+        Raises InvalidModel: there is no mesh, or one that encloses nothing.
         """
         if file is None:
             raise node.refusal(f"its weight follows from the mesh {node.text('ExtGeomFileName')}, which cannot be read")
@@ -286,8 +285,7 @@ class MeshFiles:
 def load_mesh(file: Path) -> MeshPart:
     """Return the triangles of a mesh; no file is read but this one.
 
-    Raises:
-        UnreadableMesh: it is too large, garbage, or holds no triangles; the text says what.
+    Raises UnreadableMesh: it is too large, garbage, or holds no triangles; the text says what.
     """
     if file.suffix.lower() in STEP:
         return _from_step(file, file.stat().st_mtime_ns)

@@ -94,8 +94,7 @@ def hold_constant(network: Connections, node: Node) -> None:
 def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
     """Return what a solid block is.
 
-    Raises:
-        InvalidModel: figures that cannot be, or a weight that only a missing mesh could tell.
+    Raises InvalidModel: figures that cannot be, or a weight that only a missing mesh could tell.
     """
     kind = solid_kind(node)
     shape: Shape | None = None
@@ -119,8 +118,7 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
 def solid_kind(node: Node) -> str:
     """Return the block that a solid is today: older models have one for all shapes.
 
-    Raises:
-        InvalidModel: an unknown shape.
+    Raises InvalidModel: an unknown shape.
     """
     if node.kind != "Solid":
         return node.kind
@@ -243,8 +241,7 @@ def _frames(node: Node) -> list[Element]:
 def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> RigidTransform:
     """Return the pose of one of a solid's frames in its reference frame, of the solid's weight if that is known.
 
-    Raises:
-        InvalidModel: a feature whose place is not known here.
+    Raises InvalidModel: a feature whose place is not known here.
     """
     place, axes, directions = _origin(node, frame, weight), [], []
     for name, default in (("PrimaryAxis", "+Z"), ("SecondaryAxis", "+X")):

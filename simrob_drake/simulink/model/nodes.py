@@ -89,8 +89,7 @@ class Node:
 
         Where a variable is not known it is ``unknown``, or else the default.
 
-        Raises:
-            InvalidModel: it cannot be computed.
+        Raises InvalidModel: it cannot be computed.
         """
         text = self.text(name, default) or default
         try:
@@ -269,8 +268,7 @@ def expand(
 ) -> Expanded:
     """Return a model with libraries, referenced subsystems and chosen variants put in.
 
-    Raises:
-        InvalidModel: it has no end, or a library cannot be read.
+    Raises InvalidModel: it has no end, or a library cannot be read.
     """
     code = "\n".join(model.callbacks.values())
     called = Variables(name="callbacks", variables=dict(variables), code=code, octave=octave, files=libraries)

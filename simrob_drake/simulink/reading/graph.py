@@ -26,8 +26,7 @@ class Unreadable(ValueError):
 def parse_part(content: bytes) -> ET.Element:
     """Return the outermost element of a part.
 
-    Raises:
-        Unreadable: it is no XML, declares a document type, or is nested too deeply.
+    Raises Unreadable: it is no XML, declares a document type, or is nested too deeply.
     """
     builder = ET.TreeBuilder()
     depth = 0

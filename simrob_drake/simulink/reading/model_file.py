@@ -122,8 +122,7 @@ _CALLBACK = re.compile(r"(PreLoad|PostLoad|Init|Start)Fcn")
 def read_model(path: Path) -> Model:
     """Return the graph of a model file.
 
-    Raises:
-        InvalidModel: it is missing, damaged, protected, or holds no block diagram.
+    Raises InvalidModel: it is missing, damaged, protected, or holds no block diagram.
     """
     package = Package(path)
     diagram = _parsed(path, "", parse_mdl, package.text) if package.text else _element(package, _DIAGRAM)
@@ -247,8 +246,7 @@ class Libraries:
     def block(self, place: str) -> SimulinkBlock | None:
         """Return the block of a library at ``file/system/block``, or None where there is none.
 
-        Raises:
-            InvalidModel: the library cannot be read.
+        Raises InvalidModel: the library cannot be read.
         """
         name, slash, way = place.partition("/")
         model = self.model(name)

@@ -276,8 +276,7 @@ def _pid(reader: Tracer, node: Node, _: int) -> Signal:
 def _gains(reader: Tracer, node: Node, letters: str, both: bool) -> dict[str, Vector]:
     """Return a controller's gains, and N where inputs have them.
 
-    Raises:
-        InvalidModel: these change, or weight a setpoint.
+    Raises InvalidModel: these change, or weight a setpoint.
     """
     names = [name for name in "PID" if name in letters]
     if node.text("ControllerParametersSource", "internal") == "internal":

@@ -68,8 +68,7 @@ class Law:
 def read_laws(tracer: Tracer, joints: list[Joint], *, servos: bool = False) -> dict[Freedom, Law]:
     """Return the law of every driven degree of freedom; with ``servos`` those that come to one are servos.
 
-    Raises:
-        InvalidModel: vectors that do not fit.
+    Raises InvalidModel: vectors that do not fit.
     """
     laws: dict[Freedom, Law] = {}
     for joint in joints:

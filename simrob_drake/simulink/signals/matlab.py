@@ -63,8 +63,7 @@ def _understood(node: Node, translate: Callable[[], list[Signal]]) -> list[Signa
 def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Value:
     """Return whether all of a condition on signals holds, as a value that is not 0.
 
-    Raises:
-        InvalidModel: what is not understood.
+    Raises InvalidModel: what is not understood.
     """
     run = _over(node, variables)
     return flat(_understood(node, lambda: [signal([run._condition(text)])])[0])[0]

@@ -155,8 +155,7 @@ class CodeRun(Evaluator):
     def called(self, name: str, arguments: list[Any]) -> list[Any]:
         """Return the outputs of a function; None in place of those that are not known.
 
-        Raises:
-            NotUnderstood: it calls itself.
+        Raises NotUnderstood: it calls itself.
         """
         function = self.functions[name]
         if self.depth > _MOST_CALLS:

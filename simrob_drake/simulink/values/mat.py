@@ -109,8 +109,7 @@ class _Scan:
 def contents_of_mat(file: Path, option: str) -> dict[str, Any]:
     """Return what a file holds by name, as SciPy has it: matrices, records, and objects that it cannot read.
 
-    Raises:
-        InvalidParameter: it cannot be read; the message names the option that asked for it.
+    Raises InvalidParameter: it cannot be read; the message names the option that asked for it.
     """
     try:
         return _contents(content_of(file, LARGEST))

@@ -40,8 +40,7 @@ Octave = Callable[[str, Callable[[str], Any]], dict[str, Any]]
 def find_octave(folders: Iterable[Path] = ()) -> Octave:
     """Return what runs code, with functions and scripts of these folders.
 
-    Raises:
-        InvalidParameter: GNU Octave is not installed.
+    Raises InvalidParameter: GNU Octave is not installed.
     """
     program = shutil.which("octave-cli") or shutil.which("octave")
     if program is None:
