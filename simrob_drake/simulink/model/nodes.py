@@ -241,20 +241,19 @@ class Expanded:
                 self._note_missing(path, "referenced subsystem", referenced, moves=moves)
                 return replace(block, mask=None, system=None), home
             return replace(block, mask=model.mask, system=model.system), referenced
-        mask, own = block.mask, block
+        mask, own, written = block.mask, block, block.parameters.items()
         for _ in range(DEEPEST):
             if not own.linked or own.kind.partition("/")[0] in BUILT_IN:
                 break
-            source = own.kind
-            if source.startswith("$bdroot/"):
-                source = f"{home}/{source.removeprefix('$bdroot/')}"
-            home = source.partition("/")[0]
+            first, _, rest = own.kind.partition("/")
+            home = home if first == "$bdroot" else first
+            source = f"{home}/{rest}"
             found = self.libraries.block(source)
             if found is None:
                 self._note_missing(path, f"library block {source}", home, moves=moves)
                 return replace(block, mask=None, system=None), home
-            written = {name: text for name, text in block.parameters.items() if name not in _OF_LINKS}
-            own, mask = replace(found, parameters={**found.parameters, **written}), mask or found.mask
+            said = {name: text for name, text in written if name not in _OF_LINKS}
+            own, mask = replace(found, parameters=found.parameters | said), mask or found.mask
         return replace(own, sid=block.sid, name=block.name, mask=mask), home
 
     def _note_missing(self, path: str, what: str, name: str, *, moves: bool) -> None:

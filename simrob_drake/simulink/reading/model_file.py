@@ -129,31 +129,23 @@ def read_model(path: Path) -> Model:
     top = next((child for child in diagram if child.tag in _KINDS), None)
     inner = None if top is None else top.find("System")
     if top is None or inner is None:
-        raise InvalidModel(
-            path, _DIAGRAM, "holds no model, library or subsystem; a newer format than this reader knows?"
-        )
+        message = "holds no model, library or subsystem; a newer format than this reader knows?"
+        raise InvalidModel(path, _DIAGRAM, message)
     written = _element(package, _DEFAULTS) if _DEFAULTS in package.parts else top
     defaults = read_defaults(written.find("BlockParameterDefaults"))
     reader = SystemReader(lambda name: _element(package, f"simulink/systems/{name}.xml"), defaults)
     system = _parsed(path, "", reader.system, inner)
     _add_scripts(package, system)
-    workspace = top.find("ModelWorkspace")
     texts = {parameter.get("Name", ""): parameter.text or "" for parameter in top.iterfind("P")}
-    return Model(
-        path=path,
-        kind=top.tag,
-        system=system,
-        mask=read_mask(_element(package, _MASK)) if _MASK in package.parts else None,
-        code="" if workspace is None else _workspace_code(workspace),
-        stored=package.parts.get(_STORED, b""),
-        stop_time=_stop_time(package, texts),
-        callbacks={name: text for name, text in texts.items() if _CALLBACK.fullmatch(name) and text.strip()},
-    )
+    callbacks = {name: text for name, text in texts.items() if _CALLBACK.fullmatch(name) and text.strip()}
+    mask = read_mask(_element(package, _MASK)) if _MASK in package.parts else None
+    stored, code = package.parts.get(_STORED, b""), _workspace_code(top)
+    return Model(path, top.tag, system, mask, code, stored, callbacks, _stop_time(package, texts))
 
 
-def _workspace_code(workspace: Element) -> str:
+def _workspace_code(top: Element) -> str:
     """Return the code of a model's workspace, or what takes its variables from the file in which they are."""
-    texts = {parameter.get("Name", ""): parameter.text or "" for parameter in workspace.iterfind("P")}
+    texts = {parameter.get("Name", ""): parameter.text or "" for parameter in top.iterfind("ModelWorkspace/P")}
     command = {"MATLAB File": "run", "MAT-File": "load"}.get(texts.get("WSDataSource", ""))
     return f"{command}('{texts.get('WSSourceFileName', '')}')" if command else texts.get("WSMATLABCode", "")
 

@@ -26,6 +26,7 @@ from simrob_drake.simulink.signals.forms import (
     computed,
     fitted,
     flat,
+    late,
     mapped,
     scaled,
     signal,
@@ -43,18 +44,7 @@ _MOST_SAMPLES = 2000
 def blocks(reader: Tracer, node: Node, kind: str, *parameters: Parameters, at_once: bool = False) -> Signal:
     """Return a block, element by element; its inputs are followed later, unless its outputs depend on them at once."""
     shape = reader.input(node).shape if at_once else reader.shape(node)
-    size = max(len(parameters), math.prod(shape))
-
-    def made(index: int) -> Value:
-        def inputs() -> list[Value]:
-            values = flat(reader.input(node))
-            return [values[min(index, len(values) - 1)]]
-
-        own = parameters[min(index, len(parameters) - 1)]
-        return Primitive(kind, own, inputs, node, place=index if size > 1 else None).outputs[0]
-
-    found = signal(made(index) for index in range(size))
-    return found.reshape(shape, order="F") if size == math.prod(shape) else found
+    return late(kind, parameters, partial(reader.input, node), node, shape)
 
 
 def filtered(value: Value, numerator: Iterable[float], denominator: Iterable[float]) -> Value:
@@ -309,11 +299,12 @@ def _pid_parameters(reader: Tracer, node: Node, letters: str, rate: Vector | Non
             parameters |= {f"{key}_initial": start} if start else {}
             method = _METHODS.get(node.text(f"{name}Method", "Forward Euler"), 0.0)
             parameters |= {f"{key}_weight": method} if discrete and method else {}
+    parameters |= _limits(node)
     mode = node.text("AntiWindupMode", "none")
     if node.is_on("LimitOutput") and "I" in letters and mode != "none":
         parameters |= {"anti_windup": "clamping"} if mode == "clamping" else {
             "anti_windup": "back_calculation", "back_calculation": node.number("Kb", "1")}  # fmt: skip
-    return parameters | _limits(node)
+    return parameters
 
 
 DYNAMICS: dict[str, Rule] = {

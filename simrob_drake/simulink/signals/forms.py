@@ -7,7 +7,7 @@ What no sum can tell (a saturation, an integral, a product of two signals) is a 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
@@ -190,6 +190,24 @@ def scaled(values: Signal, factor: float) -> Signal:
     return mapped(lambda value: factor * value, values)
 
 
+def late(
+    kind: str, parameters: Sequence[dict[str, Any]], give: Callable[[], Signal], node: Node, shape: tuple[int, ...]
+) -> Signal:
+    """Return a block for each element of a signal that is followed later, with parameters of its own or the last."""
+    size = max(len(parameters), math.prod(shape))
+
+    def made(index: int) -> Value:
+        def inputs() -> list[Value]:
+            values = flat(give())
+            return [values[min(index, len(values) - 1)]]
+
+        own = parameters[min(index, len(parameters) - 1)]
+        return Primitive(kind, own, inputs, node, place=index if size > 1 else None).outputs[0]
+
+    found = signal(map(made, range(size)))
+    return found.reshape(shape, order="F") if size == math.prod(shape) else found
+
+
 def blocks_in(values: Iterable[Value]) -> Iterator[Primitive]:
     """Return the blocks that values depend on at once."""
     for value in values:
@@ -198,10 +216,9 @@ def blocks_in(values: Iterable[Value]) -> Iterator[Primitive]:
 
 def name_after(node: Node, values: Iterable[Value]) -> None:
     """Let blocks without a node, and those that they take, be parts of a block of the model."""
-    waiting = [block for block in blocks_in(values) if block.node is None]
+    waiting = list(blocks_in(values))
     while waiting:
-        block = waiting.pop()
-        if block.node is None:
+        if (block := waiting.pop()).node is None:
             block.node = node
             waiting += blocks_in(block.inputs())
 
@@ -233,14 +250,12 @@ def widened(values: Signal, size: int) -> Signal:
         return values
     (value,) = values.ravel()
     ((term, factor), *others) = terms_of(value).items() or [(ONE, 0.0)]
-    node = term.of
-    if not others and isinstance(node, Node) and _has_no_width(term.kind, node):
+    node, grows = term.of, term.kind == "open"
+    if term.kind == "input" and isinstance(node, Node):
+        grows = node.text("PortDimensions", "-1") in ("-1", "")
+    if not others and isinstance(node, Node) and grows:
         return signal(Form({Term(term.kind, node, term.index + index): factor}) for index in range(size))
     return signal([value] * size)
-
-
-def _has_no_width(kind: TermKind, node: Node) -> bool:
-    return kind == "open" or (kind == "input" and node.text("PortDimensions", "-1") in ("-1", ""))
 
 
 LAG = 1e-3
@@ -376,18 +391,8 @@ class Tracer:
         with self._guessing({}):
             shape = self.output(node, number).shape
 
-        def late(index: int) -> Primitive:
-            parameters = {"numerator": [1.0], "denominator": [LAG, 1.0]}
-            return Primitive(
-                "transfer_function", parameters, lambda: [self._element(node, number, index)], node, place=index
-            )
-
-        found = signal(late(index).outputs[0] for index in range(math.prod(shape)))
-        return found.reshape(shape, order="F")
-
-    def _element(self, node: Node, number: int, index: int) -> Value:
-        values = flat(self.output(node, number))
-        return values[min(index, len(values) - 1)]
+        parameters = [{"numerator": [1.0], "denominator": [LAG, 1.0]} for _ in range(math.prod(shape))]
+        return late("transfer_function", parameters, lambda: self.output(node, number), node, shape)
 
 
 Rule: TypeAlias = Callable[[Tracer, Node, int], Signal | None]

@@ -1,7 +1,8 @@
 """What drives joints and acts on bodies: sums of signals, motion over time, contact; servos where the user asks."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from math import inf
 
 import numpy as np
@@ -148,14 +149,13 @@ def _take(law: Law, terms: dict[Term, float], freedom: Freedom) -> bool:
     terms = _without_pid(law, terms)
     q, w = Term("q", freedom), Term("w", freedom)
     law.kp, law.kd = -terms.pop(q, 0.0), law.kd - terms.pop(w, 0.0)
-    integrals = [term for term in terms if isinstance(term.of, Primitive) and term.of.kind == "integrator"]
-    for term in integrals:
-        assert isinstance(term.of, Primitive)
-        (value,) = term.of.inputs()
-        inner = terms_of(value)
-        law.ki += -terms.pop(term) * inner.get(q, 0.0)
-        if {"lower", "upper", "period"} & term.of.parameters.keys() or not all(map(_asks, inner.keys() - {q})):
-            return False
+    for term, block in [(term, term.of) for term in terms]:
+        if isinstance(block, Primitive) and block.kind == "integrator":
+            (value,) = block.inputs()
+            inner = terms_of(value)
+            law.ki += -terms.pop(term) * inner.get(q, 0.0)
+            if {"lower", "upper", "period"} & block.parameters.keys() or not all(map(_asks, inner.keys() - {q})):
+                return False
     if min(law.kp, law.ki, law.kd) < 0 or not all(map(_asks, terms)) or (terms and not law.kp):
         return False
     if law.kp:
@@ -205,32 +205,32 @@ class ExternalForce:
     """The blocks on whose frames what it senses is, and from where that is seen; its own unless given."""
 
     @property
+    def terms(self) -> Iterator[Term]:
+        """All that it depends on, followed as it is asked for."""
+        return (term for terms in closure([*self.force, *self.torque]) for term in terms)
+
+    @property
     def jumps(self) -> bool:
         """Whether it depends on how a body is, and on a choice or a sign, as where contact is drawn of signals."""
-        terms = {term for terms in closure([*self.force, *self.torque]) for term in terms}
-        blocks = [term.of for term in terms if isinstance(term.of, Primitive)]
+        blocks = [term.of for term in self.terms if isinstance(term.of, Primitive)]
         chooses = any(one.kind in ("switch", "compare") or one.parameters.get("function") == "sign" for one in blocks)
-        return chooses and any(term.kind in ("q", "w", "sensed") for term in terms)
+        return chooses and any(term.kind in ("q", "w", "sensed") for term in self.terms)
 
 
 def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
     """Return what blocks apply from signals; those that inputs of the model drive alone stay ports of the station."""
     pushes = []
     for body in bodies.bodies:
-        for node, pose in [mark for mark in body.marks if mark[0].kind == PUSH]:
-            push = _push(tracer, node, body, pose)
-            if any(term.kind != "input" for terms in closure([*push.force, *push.torque]) for term in terms):
+        for mark in [mark for mark in body.marks if mark[0].kind == PUSH]:
+            push = _push(tracer, mark[0], body, mark[1])
+            if any(term.kind != "input" for term in push.terms):
                 pushes.append(push)
-                body.marks.remove((node, pose))
+                body.marks.remove(mark)
             else:
-                node.note("read", "it is the port external_force or external_torque of the station, at this frame")
-    for coupling in bodies.couplings:
-        if coupling.node.kind == BETWEEN:
-            pushes += _apart(tracer, coupling)
-    for link in bodies.links:
-        if link.joint.pulls:
-            pushes += _pulled(tracer, link)
-    return pushes
+                push.node.note("read", "it is the port external_force or external_torque of the station, at this frame")
+    between = (_apart(tracer, coupling) for coupling in bodies.couplings if coupling.node.kind == BETWEEN)
+    floating = (_pulled(tracer, link) for link in bodies.links if link.joint.pulls)
+    return [*pushes, *chain(*between, *floating)]
 
 
 def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:

@@ -80,22 +80,18 @@ def _declared(ports: StationPorts) -> dict[str, dict[int, tuple[str, str]]]:
         places = signal.entries or range(len(names))
         found.setdefault(port, {}).update(zip(places, zip(names, signal.units, strict=True), strict=True))
     for robot in ports.plant.robots.values():
-        for suffix, units in (
-            ("reference_velocity", [f"{unit.si}/s" for unit in robot.model.units]),
-            ("feedforward", [unit.effort for unit in robot.model.units]),
-        ):
-            port = f"{robot.prefix}{suffix}"
-            names = [f"{port}.{axis}" for axis in robot.axes]
-            found[port] = dict(enumerate(zip(names, units, strict=True)))
+        for suffix, text in (("reference_velocity", "{0.si}/s"), ("feedforward", "{0.effort}")):
+            port, units = f"{robot.prefix}{suffix}", map(text.format, robot.model.units)
+            found[port] = dict(enumerate(zip((f"{port}.{axis}" for axis in robot.axes), units, strict=True)))
     return found
 
 
 def _of_ports(ports: Mapping[str, Any], named: Mapping[str, Mapping[int, tuple[str, str]]]) -> dict[str, Element]:
-    found = {}
-    for port, own in ports.items():
-        for place, (name, unit) in (named.get(port) or _undeclared(port, own.size())).items():
-            found[legal(name)] = Element(legal(name), port, place, unit)
-    return found
+    return {
+        legal(name): Element(legal(name), port, place, unit)
+        for port, own in ports.items()
+        for place, (name, unit) in (named.get(port) or _undeclared(port, own.size())).items()
+    }
 
 
 def _undeclared(port: str, size: int) -> dict[int, tuple[str, str]]:

@@ -14,7 +14,7 @@ from typing import Any
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import content_of
-from simrob_drake.simulink.values.code import CodeRun
+from simrob_drake.simulink.values.code import CodeRun, undefined
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
 from simrob_drake.simulink.values.mat import Files, variables_of_mat
 from simrob_drake.simulink.values.syntax import NotUnderstood
@@ -49,18 +49,14 @@ def find_octave(folders: Iterable[Path] = ()) -> Octave:
     paths = "".join(f"addpath('{str(folder.resolve()).replace(chr(39), 2 * chr(39))}');\n" for folder in folders)
 
     def run(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
+        known = {}
+        for name in dict.fromkeys(_NAME.findall(code)):
+            with suppress(UndefinedVariable):  # a function, or a variable that the code sets
+                known[name] = lookup(name)
         with TemporaryDirectory() as folder:
-            return _run(program, paths + code, _names_needed(code, lookup), Path(folder))
+            return _run(program, paths + code, known, Path(folder))
 
     return run
-
-
-def _names_needed(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
-    known = {}
-    for name in dict.fromkeys(_NAME.findall(code)):
-        with suppress(UndefinedVariable):  # a function, or a variable that the code sets
-            known[name] = lookup(name)
-    return known
 
 
 def _run(program: str, code: str, variables: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -70,11 +66,9 @@ def _run(program: str, code: str, variables: dict[str, Any], folder: Path) -> di
     (folder / "code.m").write_text(_SCRIPT.format(code=code), encoding="utf-8")
     for name in _IDLE:
         (folder / f"{name}.m").write_text(_NOTHING.format(name=name), encoding="utf-8")
-    command = [program, "--no-gui", "--no-init-file", "--quiet", "code.m"]
+    command, quiet = [program, "--no-gui", "--no-init-file", "--quiet", "code.m"], subprocess.DEVNULL
     try:
-        subprocess.run(
-            command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=_PATIENCE, check=False
-        )
+        subprocess.run(command, cwd=folder, stdin=quiet, capture_output=True, timeout=_PATIENCE, check=False)
     except subprocess.TimeoutExpired as problem:
         expected = f"quicker: code of a mask has not ended after {_PATIENCE:g} s"
         raise InvalidParameter("--octave", code[:60], expected) from problem
@@ -151,14 +145,9 @@ class Variables:
         self.settings, self.unset = run.settings, run.unset
         lacking = self.unknown | run.incomplete
         if lacking and self.octave is not None:
-            found = self.octave(code, self._lookup_before)
+            found = self.octave(code, lambda name: undefined(name) if name in self.unknown else self.lookup(name))
             self.variables |= {name: value for name, value in found.items() if name in lacking}
             self.unknown -= found.keys()
-
-    def _lookup_before(self, name: str) -> Any:
-        if name in self.unknown:
-            raise UndefinedVariable(name)
-        return self.lookup(name)
 
 
 def variables_of(settings: Mapping[str, str], files: list[Path], named: Files | None = None) -> dict[str, Any]:

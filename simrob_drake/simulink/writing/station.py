@@ -98,33 +98,29 @@ class StationWriter:
         """Return which solids of the world belong to a robot's base: those drawn in its subsystem."""
         shared: dict[Tree, list[SolidBody]] = {}
         world = self._model.world
+        grounded = [tree for tree in trees if tree.root is world and homes[tree]]
         for solid in world.solids if world else []:
-            for tree in trees:
-                home = homes[tree]
-                if tree.root is world and home and solid.node.path.startswith(home + "/"):
-                    if solid.node not in self._touching.colliding:
-                        shared.setdefault(tree, []).append(solid)
-                    break
+            owner = next((tree for tree in grounded if solid.node.path.startswith(f"{homes[tree]}/")), None)
+            if owner is not None and solid.node not in self._touching.colliding:
+                shared.setdefault(owner, []).append(solid)
         return shared
 
     def _pieces(self, base_solids: dict[Tree, list[SolidBody]]) -> dict[str, dict[str, Any]]:
         taken = {solid.node for solids in base_solids.values() for solid in solids}
         pieces: dict[str, dict[str, Any]] = {}
         groups: dict[str, list[SolidBody]] = {}
-        standing = [*(self._model.world.solids if self._model.world else []), *self._touching.slabs.values()]
-        for solid in standing:
+        for solid in [*(self._model.world.solids if self._model.world else []), *self._touching.slabs.values()]:
             if solid.node not in taken:
                 groups.setdefault(solid.node.path.partition("/")[0], []).append(solid)
         for group, solids in groups.items():
             entry = {"parent": "world", "pose": pose_list(self._turn)}
             self._files.groups[group] = self._piece(pieces, group, solids, entry)
         for tree in self._model.trees:
-            if tree.branches or tree.root.grounded or not tree.root.solids:
-                continue
-            path = tree.root.solids[0].node.path.partition("/")[0]
-            solids = [replace(solid, pose=tree.frame.inverse() @ solid.pose) for solid in tree.root.solids]
-            if name := self._piece(pieces, path, solids, {"free": True, "pose": pose_list(self._turn @ tree.base)}):
-                self._files.free[tree] = name
+            if not (tree.branches or tree.root.grounded) and tree.root.solids:
+                path = tree.root.solids[0].node.path.partition("/")[0]
+                solids = [replace(solid, pose=tree.frame.inverse() @ solid.pose) for solid in tree.root.solids]
+                if name := self._piece(pieces, path, solids, {"free": True, "pose": pose_list(self._turn @ tree.base)}):
+                    self._files.free[tree] = name
         return pieces
 
     def _piece(self, pieces: dict[str, Any], path: str, solids: list[SolidBody], entry: dict[str, Any]) -> str:
@@ -189,9 +185,9 @@ class StationWriter:
         """Return the ports of what External Force and Torque blocks apply; a force unless they tell."""
         driven = {push.node for push in self._model.pushes}
         pushes = [node for node in self._model.expanded.nodes if node.kind == PUSH and node not in driven]
-        turns = any(node.is_on(f"EnableTorque{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
-        pulls = any(node.is_on(f"EnableForce{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
-        return [*(["external_force"] if pulls or not turns else []), *(["external_torque"] if turns else [])]
+        kinds = [kind for kind in ("Force", "Torque") if
+                 any(node.is_on(f"Enable{kind}{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))]  # fmt: skip
+        return [f"external_{kind.lower()}" for kind in kinds or ["Force"]]
 
     def _dynamics(self, sensors: dict[str, Any], measured: dict[Term, Sum]) -> dict[str, Any]:
         """Return what only a station of torques has: its solver, laws that are no servos, and speeds at the start."""
@@ -379,8 +375,7 @@ def _robot_sections(robots: dict[str, Any]) -> dict[str, Any]:
     if len(robots) != 1:
         return {"robots": robots} if robots else {}
     (robot,) = robots.values()
-    shared = {section: robot.pop(section) for section in ("servo", "joint_stops", "reference") if section in robot}
-    return {"robot": robot, **shared}
+    return {"robot": robot} | {key: robot.pop(key) for key in ("servo", "joint_stops", "reference") if key in robot}
 
 
 def _upright(model: SimulinkModel) -> tuple[RigidTransform, float]:
