@@ -20,8 +20,7 @@ from simrob_drake.simulink.mechanics.joints import JOINTS
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import closure
 from simrob_drake.simulink.signals.networks import NETWORKS
-from simrob_drake.simulink.signals.rules import RULES
-from simrob_drake.simulink.simulink_model import SimulinkModel, read_simulink, undefined_variables
+from simrob_drake.simulink.simulink_model import RULES, SimulinkModel, read_simulink, undefined_variables
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.writing.station import SOLVERS, StationWriter
 from simrob_drake.simulink.writing.touching import StationFiles

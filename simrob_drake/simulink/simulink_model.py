@@ -1,6 +1,7 @@
 """Read everything of a model: blocks, mechanics, contacts, control laws, and what stops it."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,28 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.simulink.cad.model import read_cad_model
 from simrob_drake.simulink.mechanics.bodies import Bodies, ContactPair, RigidPart, read_bodies, read_contacts
-from simrob_drake.simulink.mechanics.joints import Freedom
+from simrob_drake.simulink.mechanics.joints import Freedom, Joint
 from simrob_drake.simulink.mechanics.loops import close, cuttable
 from simrob_drake.simulink.mechanics.shapes import MeshFiles
 from simrob_drake.simulink.mechanics.trees import Tree, grow
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Expanded, Findings, Node, expand
 from simrob_drake.simulink.reading.model_file import Libraries, read_model
-from simrob_drake.simulink.signals.forms import Tracer, Value, flat, terms_of
+from simrob_drake.simulink.signals.arithmetic import ARITHMETIC
+from simrob_drake.simulink.signals.dynamics import DYNAMICS
+from simrob_drake.simulink.signals.forms import (
+    MOST_ELEMENTS,
+    Form,
+    Rule,
+    Signal,
+    Term,
+    TermKind,
+    Tracer,
+    Value,
+    flat,
+    signal,
+    terms_of,
+)
 from simrob_drake.simulink.signals.laws import (
     ExternalForce,
     Law,
@@ -28,7 +43,10 @@ from simrob_drake.simulink.signals.laws import (
     read_laws,
     read_pushes,
 )
-from simrob_drake.simulink.signals.rules import tracer_of
+from simrob_drake.simulink.signals.networks import NETWORKS, outputs_of
+from simrob_drake.simulink.signals.robotics import ROBOTICS
+from simrob_drake.simulink.signals.routing import ROUTING, subsystem
+from simrob_drake.simulink.signals.sources import PHYSICAL, SENSOR, SOURCES, out_of_physics, sensed
 from simrob_drake.simulink.values.workspace import Variables, find_octave
 
 _LONGEST = 3600.0  # s
@@ -206,3 +224,45 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
         for file in sorted(level.absent):
             report.add("defaulted", level.name, f"takes variables from {file}, which lies in none of the folders")
         level = level.outer
+
+
+RULES: dict[str, Rule] = {
+    **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **PHYSICAL, **NETWORKS, **ROBOTICS,
+    "PS-Simulink Converter": out_of_physics,
+}  # fmt: skip
+"""What each type of block gives."""
+_SENSED: dict[str, TermKind] = {kind: kind for kind in ("q", "w", "a", "t")}
+
+
+def tracer_of(network: Connections, joints: list[Joint], contacts: list[ContactPair]) -> Tracer:
+    """Return what follows the signals of a model, those that joints, contacts and sensors measure included."""
+    tracer = Tracer(network, {**RULES, **dict.fromkeys(("SubSystem", "ModelReference"), subsystem)})
+    for joint in joints:
+        _offer_sensed(tracer, joint)
+    for contact in contacts:
+        if contact.senses_distance:
+            tracer.offer(contact.node, contact.senses_distance, partial(_each, Term("distance", contact.node)))
+    for node in network.expanded.nodes:
+        if node.kind == SENSOR:
+            for number, give in sensed(node).items():
+                tracer.offer(node, number, give)
+        elif node.kind in PHYSICAL:
+            tracer.offer(node, 1, partial(tracer.output, node))
+        for number, (_, side, port) in enumerate(outputs_of(node) if node.kind in NETWORKS else (), start=1):
+            tracer.offer(node, port, partial(tracer.output, node, number), side)
+    return tracer
+
+
+def _offer_sensed(tracer: Tracer, joint: Joint) -> None:
+    for number, (freedom, what) in joint.outputs.items():
+        term = (
+            Term(_SENSED[what], freedom) if what in _SENSED else Term("open", joint.node, (number - 1) * MOST_ELEMENTS)
+        )
+        tracer.offer(joint.node, number, partial(_each, term))
+    for number, parts in joint.senses.items():
+        terms = [Term("sensed", joint.node, part) for part in parts]
+        tracer.offer(joint.node, number, partial(_each, *(terms or [Term("open", joint.node, number)])))
+
+
+def _each(*terms: Term) -> Signal:
+    return signal(Form({term: 1.0}) for term in terms)

@@ -50,6 +50,11 @@ class Coupling:
     in_base: RigidTransform  # pose of the block's frame in the base
     in_follower: RigidTransform  # likewise in the follower
 
+    @property
+    def ends(self) -> tuple[Node, RigidPart, RigidPart, RigidTransform, RigidTransform]:
+        """What it is between, for another coupling in its place."""
+        return self.node, self.base, self.follower, self.in_base, self.in_follower
+
 
 @dataclass(frozen=True, eq=False)
 class Link(Coupling):

@@ -144,9 +144,8 @@ _CUT: dict[str, Literal["hinge", "ball"]] = {"Revolute Joint": "hinge", "Spheric
 def cuttable(link: Link) -> bool:
     """Tell whether a coupling can take a joint's place: there is one, and the joint neither acts, senses nor asks."""
     joint = link.joint
-    held = any(
-        one.damping or one.stiffness or one.start is not None or one.start_speed is not None for one in joint.freedoms
-    )
+    asked = any((one.start, one.start_speed) != (None, None) for one in joint.freedoms)
+    held = asked or any(one.damping or one.stiffness for one in joint.freedoms)
     return joint.node.kind in _CUT and not (joint.inputs or joint.outputs or joint.pulls or held)
 
 
@@ -154,19 +153,17 @@ def close(tree: Tree) -> None:
     """Cut the loops of a tree, and start it with them closed, as near as can be to what its joints ask for."""
     for link in tree.closures:
         tree.closings += _cut(tree, link)
-    for coupling in tree.couplings:
-        if coupling.node.kind == ROD:
-            ends = coupling.base, coupling.follower, coupling.in_base, coupling.in_follower
-            (length,) = positive(coupling.node, "Distance", "1", 1)
-            tree.closings.append(Closing(coupling.node, *ends, "rod", float(length)))
+    gears = [coupling for coupling in tree.couplings if coupling.node.kind != ROD]
+    for rod in (coupling for coupling in tree.couplings if coupling not in gears):
+        (length,) = positive(rod.node, "Distance", "1", 1)
+        tree.closings.append(Closing(*rod.ends, "rod", float(length)))
     joints = [branch.link.joint for branch in tree.branches]
     screws = {joint.node: joint.screw for joint in joints if joint.screw}
     if tree.closings or screws:
         _settle(tree, _rows(tree, screws.values()))
     tree.gears |= screws
-    for coupling in tree.couplings:
-        if coupling.node.kind != ROD:
-            _mesh(tree, coupling)
+    for gear in gears:
+        _mesh(tree, gear)
     if tree.closings or tree.gears:
         _start(tree)
 
@@ -175,14 +172,12 @@ def _cut(tree: Tree, link: Link) -> list[Closing]:
     node = link.joint.node
     if cuttable(link):
         node.note("read", "closes a loop: a coupling in its place")
-        joined = link.base, link.follower, link.in_base, link.in_follower
-        return [Closing(node, *joined, _CUT[node.kind])]
+        return [Closing(*link.ends, _CUT[node.kind])]
     whole, turned = (link.base, True) if link.follower.grounded else (link.follower, False)
     halves = [replace(solid, weight=solid.weight.scaled(0.5)) for solid in whole.solids]
     whole.solids[:] = halves
     half = RigidPart(dict(whole.frames), [replace(solid, visible=False) for solid in halves])
-    base, follower = (half, link.follower) if turned else (link.base, half)
-    own = Link(node, base, follower, link.in_base, link.in_follower, link.joint)
+    own = replace(link, base=half) if turned else replace(link, follower=half)
     tree.branches.append(BodyOnJoint(half, link.follower if turned else link.base, own, turned))
     node.note("read", "closes a loop: its body is two halves that are welded together")
     return [Closing(node, half, whole, RigidTransform(), RigidTransform(), "weld")]
@@ -253,9 +248,7 @@ def _settle(tree: Tree, screws: Vector) -> None:
 
     if moves.any():
         found[moves] = least_squares(left, found[moves], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-    endless = np.array(
-        [freedom.turns and freedom.lower == -np.inf and freedom.upper == np.inf for freedom in tree.freedoms]
-    )
+    endless = np.array([one.turns and one.lower == -np.inf and one.upper == np.inf for one in tree.freedoms])
     endless &= ~screws.any(axis=0)  # there a whole turn is a way
     found -= endless * 2 * np.pi * np.round((found - desired) / (2 * np.pi))
     poses = body_poses(tree, found)

@@ -23,10 +23,9 @@ from simrob_drake.simulink.mechanics.shapes import (
     MeshFiles,
     Shape,
     Weight,
-    area,
+    centre,
     extrusion,
     extrusion_outline,
-    integral,
     revolution_outline,
 )
 from simrob_drake.simulink.model.network import Connections
@@ -322,7 +321,7 @@ def _on_revolution(node: Node, feature: str) -> Vector | None:
     outline, angle = revolution_outline(node)
     where = feature.partition(" ")[0]
     if where in ("front", "back"):
-        x, z = (integral(outline, axis) / area(outline) for axis in (lambda x, _: x, lambda _, z: z))
+        x, z = centre(outline)
         turn = angle / 2 if where == "front" else -angle / 2
         node.note("approximated", f"a frame on '{feature}': on the side of the larger angle")
         return np.array([x * np.cos(turn), x * np.sin(turn), z])

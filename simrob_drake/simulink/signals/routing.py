@@ -25,7 +25,7 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     widened,
 )
-from simrob_drake.simulink.signals.matlab import condition_on
+from simrob_drake.simulink.signals.sources import condition_on
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood
 

@@ -1,17 +1,20 @@
-"""Blocks that give signals of time, physical signals (converters, arithmetic, sources), and what sensors measure."""
+"""Blocks by their formula or MATLAB code, signals of time, physical signals, and what sensors measure."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from simrob_drake.frames import Vector
+from simrob_drake.parts.controllers.flow_blocks import FUNCTIONS
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up
-from simrob_drake.simulink.signals.dynamics import blocks, filtered
+from simrob_drake.simulink.reading.model_file import SCRIPT
+from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, limited, looked_up
+from simrob_drake.simulink.signals.dynamics import blocks, filtered, period_of
 from simrob_drake.simulink.signals.forms import (
     MOST_ELEMENTS,
     PARTS,
@@ -22,7 +25,9 @@ from simrob_drake.simulink.signals.forms import (
     Term,
     Tracer,
     Value,
+    computed,
     early,
+    fitted,
     flat,
     mapped,
     of_time,
@@ -30,11 +35,12 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     terms_of,
 )
-from simrob_drake.simulink.signals.matlab import FORMULAS
 from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.tables import table
-from simrob_drake.simulink.values.evaluate import matrix
-from simrob_drake.simulink.values.syntax import NotUnderstood
+from simrob_drake.simulink.values.code import undefined
+from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
+from simrob_drake.simulink.values.mat import Files
+from simrob_drake.simulink.values.syntax import NotUnderstood, functions_of
 
 _LATE = 0.02  # how long a filter takes to forget its start where that is told [s]
 
@@ -113,14 +119,6 @@ def _workspace(_: Tracer, node: Node, __: int) -> Signal:
     return signal(found)
 
 
-SOURCES: dict[str, Rule] = {
-    "Constant": _constant,
-    "Ground": lambda *_: signal([0.0]),
-    **dict.fromkeys(("Repeating Sequence", "Repeating Sequence Interpolated", "Repeating Sequence Stair"), _repeating),
-    "FromWorkspace": _workspace,
-}
-
-
 def _converter_unit(node: Node, values: Signal) -> float:
     """Return what the converter's unit is in SI, after checking that it fits a joint's signal."""
     text = node.text("Unit", "1")
@@ -164,15 +162,6 @@ def _lookup(node: Node) -> Callable[[Value], Value]:
     return lambda u: looked_up(u, *points, clip=node.text("extrap_method", "") not in ("1", "linear"))
 
 
-PHYSICAL: dict[str, Rule] = {
-    "Simulink-PS Converter": _into_physics,
-    **{kind: rule for kind, rule in FORMULAS.items() if kind.startswith("PS ")},
-    "PS Lookup Table (1D)": lambda reader, node, _: mapped(_lookup(node), reader.input(node)),
-    "PS Integrator": lambda reader, node, _: blocks(reader, node, "integrator", {"initial": node.quantity("x0", "x")}),
-}
-"""What blocks give at their right port 1, by type."""
-
-
 SENSOR = "Transform Sensor"
 _FIRST_PORT = 2  # after the follower's frame
 
@@ -198,3 +187,127 @@ def part_of(node: Node, index: int) -> Form:
 def orientation(node: Node) -> Signal:
     """Return the rotation matrix (3, 3) of a frame in the model's world, which a sensor of the block measures."""
     return _measured(node, "R")
+
+
+def _columns(values: Signal) -> Any:
+    return values.reshape(-1, 1) if values.ndim == 1 else values
+
+
+def _matlab_function(reader: Tracer, node: Node, number: int) -> Signal | None:
+    """Return an output of a MATLAB Function: of the S-Function in it, whose first output is for order alone."""
+    block = node.parent
+    code = block.text(SCRIPT) if block is not None else ""
+    if block is None or not code:
+        return None
+
+    def translated() -> list[Signal]:
+        functions = functions_of(code)
+        (main, *_) = functions.values()
+        inports = [child for child in block.children.values() if child.kind == "Inport"]
+        ports = {child.block.name: int(child.text("Port", "1") or "1") for child in inports}
+        arguments = [
+            _columns(reader.input(node, ports[name])) if name in ports else block.workspace.lookup(name)
+            for name in main.inputs
+        ]
+        files = reader.network.expanded.libraries
+        run = Translation({}, undefined, files, functions, period=period_of(reader, block))
+        return [as_signal(value) for value in run.called(main.name, arguments)]
+
+    outputs = _understood(block, lambda: reader.once(node, translated))
+    return outputs[number - 2] if 0 <= number - 2 < len(outputs) else None
+
+
+def _understood(node: Node, translate: Callable[[], list[Signal]]) -> list[Signal]:
+    try:
+        return translate()
+    except UndefinedVariable as problem:
+        raise node.refusal(f"its code uses {problem.name}, which is not known") from problem
+    except (NotUnderstood, ValueError, TypeError, IndexError, KeyError) as problem:
+        raise node.refusal(f"its code is not plain arithmetic: {' '.join(str(problem).split())[:120]}") from problem
+
+
+def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Value:
+    """Return whether all of a condition on signals holds, as a value that is not 0.
+
+    Raises InvalidModel: what is not understood.
+    """
+    run = _over(node, variables)
+    return flat(_understood(node, lambda: [signal([run._condition(text)])])[0])[0]
+
+
+def _over(node: Node, variables: Mapping[str, Signal], files: Files | None = None) -> Translation:
+    known = {name: _columns(values) for name, values in variables.items()}
+    return Translation(known, node.workspace.lookup, files)
+
+
+_BARE = re.compile(r"\bu\b(?!\s*\()")  # the input of a Fcn without an index: its first element
+
+
+def _expression(reader: Tracer, node: Node, _: int) -> Signal | None:
+    """Return an expression of the input ``u``, of a Fcn or Interpreted MATLAB Function."""
+    text = node.text("Expr", node.text("Expression", node.text("MATLABFcn", "")))
+    values = reader.input(node)
+    if node.kind == "Fcn":
+        text = _BARE.sub("u(1)", text.replace("[", "(").replace("]", ")"))
+    run = _over(node, {"u": values}, reader.network.expanded.libraries)
+    if text in FUNCTIONS or (text.isidentifier() and run.find(text)):
+        text = f"{text}(u)"
+    return _understood(node, lambda: [as_signal(run.value(text))])[0] if text else None
+
+
+_BLOCKS: dict[str, Callable[..., Value]] = {
+    **{kind: partial(limited, kind=kind) for kind in ("saturation", "dead_zone")},
+    "choose": chosen,
+    "step": lambda time, before, after: computed("step", time=float(time), before=float(before), after=float(after)),
+}
+"""Functions of formulas that are blocks of a flow."""
+
+
+_CHOICE = re.compile(r"\{(\w+)(?: or (\w+))?:(.+?)\}")
+
+
+def _formula(reader: Tracer, node: Node, _: int) -> Signal | None:
+    """Return what a block computes by its formula; None where that has no such choice."""
+    row = dict(table("formulas")[node.kind])
+    text, choices = row.pop("is"), row.pop("choices", None)
+    while choice := _CHOICE.search(text):
+        taken = node.text(choice[1], node.text(choice[2] or "")) or choice[3]
+        if (taken := taken if choices is None else choices.get(taken.lower().rpartition(".")[2], "")) == "":
+            return None
+        text = text[: choice.start()] + taken + text[choice.end() :]
+    if note := row.pop("note", ""):
+        node.note("approximated", note)
+    words = set(re.findall(r"[A-Za-z]\w*", text))
+    values = {name: reader.input(node, place) for place, name in enumerate("uvw", start=1) if name in words}
+    if "t" in words:
+        values["t"] = reader.input(node) if node.text("TimeSource").startswith("Use external") else signal([TIME])
+    values |= {name: _parameter(node, default, others or [name]) for name, (default, *others) in row.items()}
+    columns = map(_columns, fitted(node, *values.values()))
+    run = Translation(dict(zip(values, columns, strict=True)), own=_BLOCKS)
+    return _understood(node, lambda: [as_signal(run.value(text))])[0]
+
+
+def _parameter(node: Node, default: str, names: list[str]) -> Signal:
+    name = node.named(*names)
+    unit = node.text(f"{name}_unit", "1")
+    factor = node.in_si(unit, name) * (2 * np.pi if "Hz" in unit else 1.0)  # in sines
+    return (node.matrix(name, default) * factor).reshape(-1, order="F").astype(object)
+
+
+_FORMULAS: dict[str, Rule] = dict.fromkeys(table("formulas"), _formula)
+SOURCES: dict[str, Rule] = {
+    **_FORMULAS,
+    "S-Function": _matlab_function,
+    **dict.fromkeys(("Fcn", "MATLABFcn"), _expression),
+    "Constant": _constant,
+    "Ground": lambda *_: signal([0.0]),
+    **dict.fromkeys(("Repeating Sequence", "Repeating Sequence Interpolated", "Repeating Sequence Stair"), _repeating),
+    "FromWorkspace": _workspace,
+}
+PHYSICAL: dict[str, Rule] = {
+    "Simulink-PS Converter": _into_physics,
+    **{kind: rule for kind, rule in _FORMULAS.items() if kind.startswith("PS ")},
+    "PS Lookup Table (1D)": lambda reader, node, _: mapped(_lookup(node), reader.input(node)),
+    "PS Integrator": lambda reader, node, _: blocks(reader, node, "integrator", {"initial": node.quantity("x0", "x")}),
+}
+"""What blocks give at their right port 1, by type."""

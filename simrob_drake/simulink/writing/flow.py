@@ -85,11 +85,12 @@ class FlowWriter:
     def _derived(self, term: Term) -> Sum:
         """Return what a station does not measure: by what it does measure, or as an open input."""
         if term.kind == "a":
-            self._report.add(
-                "approximated", getattr(term.of, "name", ""), f"its acceleration is filtered, by {LAG:g} s"
-            )
-            parameters = {"kind": "transfer_function", "numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
-            return self._add(f"{getattr(term.of, 'name', 'joint')}_a", parameters, [Form({Term("w", term.of): 1.0})])
+            joint = getattr(term.of, "name", "")
+            self._report.add("approximated", joint, f"its acceleration is filtered, by {LAG:g} s")
+            name = self._names.give(f"{joint or 'joint'}_a")
+            self.blocks[name] = {"kind": "transfer_function", "numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
+            self.blocks[name]["of"] = [self.sum(Form({Term("w", term.of): 1.0}))]
+            return {name: 1.0}
         if term.kind == "t" and isinstance(term.of, Freedom) and term.of in self._laws:
             self._measured[term] = {}  # a torque that reads itself reads 0
             return self.sum(self._laws[term.of].net)
@@ -100,9 +101,9 @@ class FlowWriter:
         path = node.path if isinstance(node, Node) else f"{getattr(node, 'name', term.kind)}_{term.kind}"
         name = self._names.give(path if not term.index else f"{path}_{term.index + 1}")
         self.blocks[name] = {"kind": "input"}
-        message = f"it is the input {self.name}.{name} of the station, at 0 until something drives it"
         if isinstance(node, Node) and term.kind == "open":
             self.opened.setdefault(node, {})[term.index] = f"{self.name}.{name}"
+        message = f"it is the input {self.name}.{name} of the station, at 0 until something drives it"
         self._report.add("open", path, message)
         return {name: 1.0}
 
@@ -146,11 +147,6 @@ class FlowWriter:
         if name == plain(path.rpartition("/")[2]):
             self.shown.append(name)
         return name
-
-    def _add(self, path: str, parameters: dict[str, Any], values: list[Value]) -> Sum:
-        name = self._names.give(path)
-        self.blocks[name] = {**parameters, "of": [self.sum(value) for value in values]}
-        return {name: 1.0}
 
     @property
     def section(self) -> dict[str, Any]:
@@ -286,9 +282,8 @@ def _sensor(node: Node, places: list[Place], files: StationFiles) -> dict[str, A
     observer = node.text("MeasurementFrame", "World" if node.kind in (SENSOR, PUSH) else "Base")
     axes = _AXES.get(observer.removeprefix("NonRotating"), "world")
     ends = {"frame": frame, "offset": offset, "base": base, "base_offset": base_offset}
-    section: dict[str, Any] = {"kind": "frame", **ends}
-    section |= {"axes": axes, **({"turning": False} if observer.startswith("NonRotating") else {})}
-    return {key: value for key, value in section.items() if value != [0.0] * 6}
+    section = {"kind": "frame", **{key: value for key, value in ends.items() if value != [0.0] * 6}, "axes": axes}
+    return section | ({"turning": False} if observer.startswith("NonRotating") else {})
 
 
 def _part(name: str, index: int, rotation: Vector) -> dict[str, float]:

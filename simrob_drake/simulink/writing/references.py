@@ -1,5 +1,6 @@
 """What the joints of a station are asked to do, what holds them beside each other, and where it begins."""
 
+from collections import ChainMap
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -73,10 +74,8 @@ class JointMotions:
 
     def _sample(self, axes: dict[Freedom, str]) -> None:
         moving = self.moving
-        steps = {
-            block.parameters["time"] for terms in closure(moving.values()) for block in blocks_in([Form(terms)])
-            if block.kind == "step"
-        }  # fmt: skip
+        taken = (block for terms in closure(moving.values()) for block in blocks_in([Form(terms)]))
+        steps = {block.parameters["time"] for block in taken if block.kind == "step"}
         duration = self.files.model.duration
         corners = [corner for corner in steps if 0 < corner < duration]
         most = MOST_VALUES // (len(axes) + 1) - 2 * len(corners) - 1
@@ -86,11 +85,9 @@ class JointMotions:
         if (finer := _finer(times, moved)).size and finer.size < most - times.size:
             times = np.union1d(times, finer)
             moved = self._computed(moving, times)
-        columns: dict[str, Vector] = {"time": times}
-        for freedom, name in axes.items():
-            columns[name] = moved.get(freedom, np.full_like(times, self._held(freedom)))
-        rows = np.column_stack(list(columns.values()))
-        np.savetxt(self.table, rows, fmt="%.12g", delimiter=",", header=",".join(columns), comments="")
+        rows = np.column_stack([times, *(moved.get(one, np.full_like(times, self._held(one))) for one in axes)])
+        header = ",".join(["time", *axes.values()])
+        np.savetxt(self.table, rows, fmt="%.12g", delimiter=",", header=header, comments="")
 
     def _computed(self, moving: Mapping[Freedom, Form], times: Vector) -> dict[Freedom, Vector]:
         """Return positions over times (t,), by what they are of; what cannot be computed is lost, and held."""
@@ -98,8 +95,7 @@ class JointMotions:
             return dict(zip(moving, over_time(list(moving.values()), times), strict=True))
         except (RuntimeError, ValueError, SimrobError) as problem:  # of one block
             if len(moving) > 1:
-                alone = (self._computed({freedom: value}, times) for freedom, value in moving.items())
-                return {freedom: values for one in alone for freedom, values in one.items()}
+                return dict(ChainMap(*(self._computed({one: value}, times) for one, value in moving.items())))
             (freedom,) = moving
             self.files.report.add("lost", freedom.name, f"its motion is not there, it is held: {problem}")
             return {}
@@ -203,15 +199,13 @@ def _ends(held: Coupling, files: StationFiles, *, framed: bool) -> dict[str, Any
 
 def servo_section(robot: RobotFile, laws: Mapping[Freedom, Law]) -> dict[str, Any]:
     """Return the section `servo` of a robot, by the laws of its joints."""
-    section: dict[str, Any] = {}
-    for key in ("kp", "ki", "kd"):
-        values = {axis: float(f"{getattr(laws[freedom], key):.12g}") for freedom, axis in robot.axes.items()}
-        if key != "ki" or any(values.values()):
-            section[key] = _at_once(values)
+    gains = {
+        key: {axis: float(f"{getattr(laws[freedom], key):.12g}") for freedom, axis in robot.axes.items()}
+        for key in ("kp", "ki", "kd")
+    }
+    section = {key: _at_once(values) for key, values in gains.items() if key != "ki" or any(values.values())}
     limits = {axis: laws[freedom].limit for freedom, axis in robot.axes.items() if isfinite(laws[freedom].limit)}
-    if limits:
-        section["torque_limit"] = limits
-    return section
+    return section | ({"torque_limit": limits} if limits else {})
 
 
 def stop_section(robot: RobotFile) -> dict[str, Any]:
@@ -220,10 +214,9 @@ def stop_section(robot: RobotFile) -> dict[str, Any]:
     usual = tuple(JointStops().model_dump().values())
     if all(np.allclose(stop, usual, rtol=1e-3) for stop in found.values()):
         return {}
-    columns = zip(*found.values(), strict=True)
     return {
-        key: _at_once({axis: float(f"{value:.12g}") for axis, value in zip(found, values, strict=True)})
-        for key, values in zip(("stiffness", "damping"), columns, strict=True)
+        key: _at_once({axis: float(f"{stop[place]:.12g}") for axis, stop in found.items()})
+        for place, key in enumerate(("stiffness", "damping"))
     }
 
 
