@@ -216,9 +216,8 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
     for node, why in tracer.opened.items():
         report.add("open", node.path, f"{node.kind or 'block'}: left open{f'; {why}' if why else ''}")
     for name in expanded.model.callbacks:
-        report.add(
-            "read", name, "a callback: what it assigns is read where a block asks for it, and nothing else is done"
-        )
+        message = "a callback: what it assigns is read where a block asks for it, and nothing else is done"
+        report.add("read", name, message)
     level: Variables | None = expanded.root.workspace
     while level is not None:
         for file in sorted(level.absent):
@@ -255,9 +254,8 @@ def tracer_of(network: Connections, joints: list[Joint], contacts: list[ContactP
 
 def _offer_sensed(tracer: Tracer, joint: Joint) -> None:
     for number, (freedom, what) in joint.outputs.items():
-        term = (
-            Term(_SENSED[what], freedom) if what in _SENSED else Term("open", joint.node, (number - 1) * MOST_ELEMENTS)
-        )
+        place = (number - 1) * MOST_ELEMENTS
+        term = Term(_SENSED[what], freedom) if what in _SENSED else Term("open", joint.node, place)
         tracer.offer(joint.node, number, partial(_each, term))
     for number, parts in joint.senses.items():
         terms = [Term("sensed", joint.node, part) for part in parts]

@@ -319,9 +319,7 @@ def read_contacts(network: Connections) -> list[ContactPair]:
                 node.lose(problem)
         elif not any(network.on(network.net(node, side)) for side in _ENDS):
             node.note("dropped", "the contact: it is not connected")
-        elif any(
-            network.leads_outside(node, side, 1) for side, end in zip(_ENDS, (one, other), strict=True) if not end
-        ):
+        elif any(network.leads_outside(node, side, 1) for side in _ENDS if network.net(node, side) not in geometry):
             node.note("dropped", "the contact: with what this is put into")
         else:
             node.note("lost", "the contact: one of its ends is no solid or plane")
@@ -341,10 +339,8 @@ def _surface(node: Node) -> ContactParameters:
     friction = node.text("FrictionType", "SmoothStickSlip")
     if friction not in ("SmoothStickSlip", "None"):
         node.note("approximated", "its friction comes from a signal: the figures of the block are taken")
-    both = (("Static", "0.5"), ("Dynamic", "0.3"))
-    static, dynamic = (
-        0.0 if friction == "None" else node.number(f"CoefficientOf{name}Friction", usual) for name, usual in both
-    )
+    static = 0.0 if friction == "None" else node.number("CoefficientOfStaticFriction", "0.5")
+    dynamic = 0.0 if friction == "None" else node.number("CoefficientOfDynamicFriction", "0.3")
     stiffness = node.number("NormalStiffness", "1e6", unit="N/m")
     damping = node.number("NormalDamping", "1e3", unit="N*s/m")
     if stiffness <= 0 or damping < 0 or min(static, dynamic) < 0:

@@ -328,9 +328,7 @@ def _ball(node: Node, prefix: str) -> list[Freedom]:
         for freedom, angle in zip(turns, xyz_angles(turn), strict=True):
             freedom.start, freedom.start_counts = angle, _COUNTS["High"]
     if node.is_on(f"{prefix}VelocityTargetSpecify"):
-        first, middle = (
-            about(freedom.start or 0.0) for about, freedom in zip(_TURNS.values(), turns[:2], strict=False)
-        )
+        first, middle, _ = (about(one.start or 0.0) for about, one in zip(_TURNS.values(), turns, strict=True))
         axes = np.column_stack([turns[0].axis, first @ turns[1].axis, first @ middle @ turns[2].axis])
         for freedom, speed in zip(turns, np.linalg.solve(axes, rates), strict=True):
             freedom.start_speed, freedom.speed_counts = float(speed), _COUNTS["High"]

@@ -156,11 +156,12 @@ def of_time(value: Value) -> bool:
 
 def early(value: Value, time: float = 0.0) -> float | None:
     """Return a value of time alone, at a time [s] so early that its states are as at the start; None of none."""
-    own = {"time": time}
+
+    def leaf(term: Term) -> float | None:
+        return None if isinstance(term.of, Primitive) else time if term.kind == "time" else 1.0
+
     with suppress(SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
-        return evaluated(
-            value, lambda term: None if isinstance(term.of, Primitive) else own.get(term.kind, 1.0), {}, time
-        )
+        return evaluated(value, leaf, {}, time)
     return None
 
 

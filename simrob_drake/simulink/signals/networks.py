@@ -61,9 +61,7 @@ def ports_of(node: Node) -> dict[str, tuple[str, int]]:
     """Return side and number of each port of an element by name: as the file tells, or as the block is by default."""
     try:
         written = json.loads(node.text("InternalSimscapePortConfiguration", "{}"))
-        listed = {
-            side: [port["id"] for port in written[name]] for side, name in (("lconn", "Left"), ("rconn", "Right"))
-        }
+        listed = {f"{side[0].lower()}conn": [port["id"] for port in written[side]] for side in ("Left", "Right")}
     except (ValueError, KeyError, TypeError):
         left, right = elements()[node.kind].ports.split("|")
         listed = {"lconn": left.split(), "rconn": right.split()}

@@ -119,9 +119,8 @@ class Variables:
             raise UndefinedVariable(name, f"it is set by code of '{self.name}' that only MATLAB runs")
         if self.outer is None:
             missing = ", ".join(sorted(self.absent))
-            raise UndefinedVariable(
-                name, f"'{self.name}' takes variables from {missing}, which is not there" if missing else ""
-            )
+            why = f"'{self.name}' takes variables from {missing}, which is not there" if missing else ""
+            raise UndefinedVariable(name, why)
         return self.outer.lookup(name)
 
     def value(self, text: str) -> Any:
