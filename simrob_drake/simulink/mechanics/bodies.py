@@ -350,17 +350,3 @@ def _surface(node: Node) -> ContactParameters:
         static = dynamic
     speed = node.number("FrictionalCriticalVelocity", "1e-3", unit="m/s") or 1e-3
     return ContactParameters(stiffness, damping, static, dynamic, speed)
-
-
-def dissipation(surface: ContactParameters, weight_carried: float) -> float:
-    """Return Hunt and Crossley's d [s/m] for a contact with a damper beside its spring.
-
-    Simscape adds k x and b dx/dt; Drake multiplies, k x (1 + d dx/dt). They are equal at the depth b / (k d), which is
-    put to twice the depth at rest: as deep as a body sinks that is laid down.
-
-    Args:
-        surface: of the contact.
-        weight_carried: what presses on it at rest [N].
-    """
-    depth = max(2 * weight_carried / surface.stiffness, 1e-6)
-    return surface.damping / (surface.stiffness * depth)

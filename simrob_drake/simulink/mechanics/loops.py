@@ -20,7 +20,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.simulink.mechanics.bodies import GEARS, ROD, Coupling, Link, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.shapes import positive
-from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Closing, Poses, Tree, body_poses
+from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Closing, Tree, body_poses
 from simrob_drake.simulink.model.nodes import Node
 
 
@@ -105,25 +105,16 @@ def _radii(node: Node, *names: str) -> tuple[float, float]:
 _TEETH = dict(zip(GEARS, (_common, _bevel, _rack, _worm), strict=True))
 
 
-def gear_row(coupling: Coupling, poses: Callable[[Vector], Poses], positions: Vector) -> Vector:
-    """Return how fast the teeth of a gear slip for the speed of each joint, (n,), at positions (n,) of a tree.
-
-    Args:
-        coupling: the gear.
-        poses: gives the pose of each body at positions.
-        positions: of all joints [rad or m].
-
-    Raises:
-        InvalidModel: figures or frames that cannot be.
-    """
-    here = poses(positions)
+def _gear_row(tree: Tree, coupling: Coupling, positions: Vector) -> Vector:
+    """Return how fast the teeth of a gear slip for the speed of each joint, (n,), at positions (n,) [rad or m]."""
+    here = body_poses(tree, positions)
     one, other = here[coupling.base], here[coupling.follower]
     teeth = _TEETH[coupling.node.kind](coupling.node, one @ coupling.in_base, other @ coupling.in_follower)
-    row = np.zeros(positions.size)
-    for place in range(positions.size):
-        (slip, turn), step = (np.zeros(3), np.zeros(3)), 1e-6
+    row, step = np.zeros(positions.size), 1e-6
+    for place, way in enumerate(step * np.eye(positions.size)):
+        slip, turn = np.zeros(3), np.zeros(3)
         for sign in (1.0, -1.0):
-            there = poses(positions + sign * step * np.eye(positions.size)[place])
+            there = body_poses(tree, positions + sign * way)
             ways = [there[body] @ here[body].inverse() for body in (coupling.base, coupling.follower)]
             slip = slip + sign * (ways[0].multiply(teeth.base) - ways[1].multiply(teeth.follower))
             turn = turn + sign * 2 * (ways[1].inverse() @ ways[0]).rotation().ToQuaternion().xyz()
@@ -269,9 +260,9 @@ def _mesh(tree: Tree, coupling: Coupling) -> None:
     """Note which sum of positions a gear keeps; one whose factors change with the posture is lost."""
     desired, node = _desired(tree), coupling.node
     try:
-        row = gear_row(coupling, lambda positions: body_poses(tree, positions), desired)
+        row = _gear_row(tree, coupling, desired)
         moved = desired + 0.1 * (np.eye(desired.size) - np.linalg.pinv(row[None]) @ row[None]) @ np.cos(desired)
-        other = gear_row(coupling, lambda positions: body_poses(tree, positions), moved)
+        other = _gear_row(tree, coupling, moved)
         if not row.any() or np.abs(other - row).max() > _CHANGES * np.abs(row).max():
             raise node.refusal("its ratio changes with the posture" if row.any() else "turns nothing")
     except InvalidModel as problem:

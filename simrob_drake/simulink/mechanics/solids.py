@@ -95,7 +95,7 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
 
     Raises InvalidModel: figures that cannot be, or a weight that only a missing mesh could tell.
     """
-    kind = solid_kind(node)
+    kind = _kind_of(node)
     shape: Shape | None = None
     even: Weight | None = None  # of 1 kg/m³
     file, scale = None, 1.0
@@ -103,7 +103,8 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
         try:
             shape, even = _SHAPES[kind](node)
         except InvalidModel as problem:
-            if _weighs_by_shape(node, kind) and not node.findings.undefined:
+            computed = node.text("InertiaType", "CalculateFromGeometry") == "CalculateFromGeometry"
+            if computed and _density(node) != 0 and not node.findings.undefined:
                 raise
             node.note("dropped", f"its shape: it {problem.problem}")
             even = NOTHING
@@ -114,23 +115,18 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
     return SolidBody(node, weight, shape, _colour(node), visible=seen, file=file, scale=scale)
 
 
-def solid_kind(node: Node) -> str:
-    """Return the block that a solid is today: older models have one for all shapes.
-
-    Raises InvalidModel: an unknown shape.
-    """
-    if node.kind != "Solid":
-        return node.kind
+def _kind_of(node: Node) -> str:
+    """Return the block that a solid is today: older models have one for all shapes (raises InvalidModel: unknown)."""
     shape = node.text("GeometryShape", "Brick")
-    if shape not in _OLD_SHAPES:
+    if node.kind == "Solid" and shape not in _OLD_SHAPES:
         raise node.refusal(f"has the unknown shape '{shape}'")
-    return _OLD_SHAPES[shape]
+    return _OLD_SHAPES[shape] if node.kind == "Solid" else node.kind
 
 
-def _weighs_by_shape(node: Node, kind: str) -> bool:
-    computed = node.text("InertiaType", "CalculateFromGeometry") == "CalculateFromGeometry" and kind != "Graphic"
-    massless = node.text("BasedOnType", "Density") == "Density" and node.number("Density", "1000", unit="kg/m^3") == 0
-    return computed and not massless
+def _density(node: Node) -> float | None:
+    """Return the density that a solid's weight follows from [kg/m³]; None where its mass is known instead."""
+    based = node.text("BasedOnType", "Density") != "Mass"
+    return node.number("Density", "1000", unit="kg/m^3") if based else None
 
 
 def _weight(node: Node, kind: str, even: Weight | None, of_mesh: Callable[[], Weight]) -> Weight:
@@ -147,14 +143,11 @@ def _weight(node: Node, kind: str, even: Weight | None, of_mesh: Callable[[], We
         return Weight(mass, node.numbers("CenterOfMass", "[0 0 0]", unit="m", size=3), inertia)
     if method != "CalculateFromGeometry":
         raise node.refusal(f"has the unknown inertia type '{method}'")
-    based = node.text("BasedOnType", "Density")
-    if based == "Density" and node.number("Density", "1000", unit="kg/m^3") == 0:
+    if (density := _density(node)) == 0:
         return NOTHING
-    if even is None:
-        even = of_mesh()
-    if based == "Mass":
+    even = even or of_mesh()
+    if density is None:
         return even.scaled(_mass(node) / even.mass) if even.mass else NOTHING
-    density = node.number("Density", "1000", unit="kg/m^3")
     if density < 0:
         raise node.refusal(f"Density is {density:g}; it must not be negative")
     return even.scaled(density)
@@ -260,7 +253,7 @@ def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> Rigi
 
 def _normal(node: Node, feature: str, along: str) -> Vector | None:
     """Return where a flat side of a solid looks, or backwards for ``-Z``, shape (3,); None of what is not known."""
-    kind, side = solid_kind(node), feature.removesuffix(" surface").upper()
+    kind, side = _kind_of(node), feature.removesuffix(" surface").upper()
     ends = {"TOP": "+Z", "BOTTOM": "-Z"} if kind in ("Cylindrical Solid", "Extruded Solid") else {}
     ends = ends or (dict(zip(AXES, AXES, strict=True)) if kind == "Brick Solid" else {})
     if side not in ends or along[-1:] != "Z" or not feature.endswith(" surface"):
@@ -270,7 +263,7 @@ def _normal(node: Node, feature: str, along: str) -> Vector | None:
 
 def _origin(node: Node, frame: Element, weight: Weight | None) -> Vector:
     source = frame.findtext("Value/Origin/Source") or "ReferenceFrame"
-    feature, kind = one_line(frame.findtext("Value/Origin/FeatureName") or ""), solid_kind(node)
+    feature, kind = one_line(frame.findtext("Value/Origin/FeatureName") or ""), _kind_of(node)
     place: Vector | None = None
     if source == "ReferenceFrame":
         place = np.zeros(3)

@@ -173,12 +173,7 @@ def _nearest(
 ) -> Value:
     """Return how far along the path the nearest point is: at first of all of it, then ahead of where it was before.
 
-    Args:
-        reader: follows signals.
-        node: the block.
-        place: x and y.
-        path: waypoints [m], and how far along it each is [m].
-        ahead: how far a pursuer looks [m].
+    The place is x and y, the path waypoints and how far along it each is, ``ahead`` how far a pursuer looks [m].
     """
     period = period_of(reader, node) or _LOOKS
     node.note("approximated", f"looks for the nearest point of its path each {period:g} s, and only ahead")

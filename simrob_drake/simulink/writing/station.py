@@ -44,7 +44,6 @@ from simrob_drake.simulink.writing.urdf import (
     as_yaml,
     plain,
     pose_list,
-    write_piece,
 )
 
 _INSIDE = 1e-8  # how far within its limits a joint starts at least [rad or m]: files hold degrees and radians
@@ -129,10 +128,8 @@ class StationWriter:
         if not fixed and sum(solid.weight.mass for solid in solids) <= 0:
             self._report.add("dropped", path, "is free and weighs nothing: it cannot move")
             return ""
-        folder = self._folder / name
-        writer = UrdfWriter(folder, self._report, self._names)
-        if not write_piece(folder, name, solids, self._touching.colliding, writer, weighs=not fixed):
-            folder.rmdir()
+        writer = UrdfWriter(self._folder / name, self._report, self._names)
+        if not writer.piece(name, solids, self._touching.colliding, weighs=not fixed):
             return ""
         pieces[name] = {"model": f"{name}/{PIECE_FILE}", **entry}
         self._files.pieces.append(name)

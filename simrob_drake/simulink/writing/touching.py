@@ -18,7 +18,6 @@ from simrob_drake.simulink.mechanics.bodies import (
     ContactPair,
     ContactParameters,
     RigidPart,
-    dissipation,
     frame_place,
 )
 from simrob_drake.simulink.mechanics.shapes import NOTHING, Shape, positive
@@ -242,10 +241,14 @@ def _spheres(shape: Shape) -> tuple[list[Vector], float, int]:
 
 
 def bounded_dissipation(surface: ContactParameters, weight: float, report: ImportReport, where: str) -> float:
-    """Return the dissipation of a contact, and tell how it differs from the model's damper."""
-    exact = dissipation(surface, weight)
-    taken = float(f"{min(exact, MOST_DISSIPATION):.6g}")
+    """Return Hunt and Crossley's d [s/m] for a contact with a damper beside its spring, and tell how it differs.
+
+    Simscape adds k x and b dx/dt; Drake multiplies, k x (1 + d dx/dt). They are equal at the depth b / (k d), which is
+    put to twice the depth at rest: as deep as a body sinks that is laid down, whose ``weight`` [N] presses on it.
+    """
     depth, message = 2 * weight / surface.stiffness, "contact without damping"
+    exact = surface.damping / (surface.stiffness * max(depth, 1e-6))
+    taken = float(f"{min(exact, MOST_DISSIPATION):.6g}")
     if taken:
         equal = surface.damping / surface.stiffness / taken
         message = f"contact damper {surface.damping:g} N·s/m beside the spring as dissipation {taken:g} s/m: "

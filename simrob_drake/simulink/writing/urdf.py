@@ -143,7 +143,7 @@ class UrdfWriter:
             self._visual(link, solid, inverse @ solid.pose)
 
     def _visual(self, link: ET.Element, solid: SolidBody, pose: RigidTransform) -> None:
-        if not solid.visible or (look := self.look(solid)) is None:
+        if not solid.visible or (look := self._look(solid)) is None:
             return
         visual = ET.SubElement(link, "visual")
         place(visual, pose)
@@ -153,7 +153,7 @@ class UrdfWriter:
         ET.SubElement(ET.SubElement(visual, "geometry"), shape, dict(zip(keys, texts, strict=True)))
         add_colour(visual, f"{link.get('name')}_{len(link)}", solid.colour)
 
-    def look(self, solid: SolidBody) -> tuple[str, Any] | None:
+    def _look(self, solid: SolidBody) -> tuple[str, Any] | None:
         """Return shape and size of a solid, or ``mesh`` and its file, in metres; None where its mesh cannot be read."""
         shape, key = solid.shape, (solid.file, solid.scale)
         if shape is not None and shape.mesh is None:
@@ -195,44 +195,32 @@ class UrdfWriter:
             if node.kind == PUSH:
                 robot.pushed = robot.pushed or name
 
+    def piece(self, name: str, solids: list[SolidBody], colliding: set[Node], *, weighs: bool) -> bool:
+        """Write a piece's file of solids with their poses in its frame, and tell whether there is anything to it.
 
-def write_piece(
-    folder: Path, name: str, solids: list[SolidBody], colliding: set[Node], writer: UrdfWriter, *, weighs: bool = True
-) -> bool:
-    """Write a piece's file.
+        Those in ``colliding`` take part in contact; what stands fixed has no mass, and does not weigh.
+        """
+        shapes = [entry for solid in solids if (entry := self._shape(solid, solid.node in colliding)) is not None]
+        weight = together([moved(solid.weight, solid.pose) for solid in solids])
+        if not shapes and weight.mass <= 0:
+            self._folder.rmdir()
+            return False
+        content: dict[str, Any] = {"description": f"{name}, of a Simulink model"}
+        if weighs and weight.mass > 0:
+            inertia = possible_moments(name, weight, self._report)
+            moments = six_moments(inertia)
+            moments = moments if np.abs(moments[3:]).max() > 1e-9 * inertia.max() else moments[:3]
+            content |= {"mass": float(weight.mass), "com": weight.com.tolist(), "inertia": moments.tolist()}
+        (self._folder / PIECE_FILE).write_text(as_yaml({**content, "shapes": shapes}), encoding="utf-8")
+        return True
 
-    Args:
-        folder: of the piece.
-        name: of the piece.
-        solids: with their poses in the piece's frame.
-        colliding: those of them that take part in contact.
-        writer: of its meshes.
-        weighs: whether its mass matters; what stands fixed has none.
-
-    Returns:
-        whether there is anything to it.
-    """
-    shapes = [entry for solid in solids if (entry := _shape(solid, solid.node in colliding, writer)) is not None]
-    weight = together([moved(solid.weight, solid.pose) for solid in solids])
-    if not shapes and weight.mass <= 0:
-        return False
-    content: dict[str, Any] = {"description": f"{name}, of a Simulink model"}
-    if weighs and weight.mass > 0:
-        inertia = possible_moments(name, weight, solids[0].node.findings.report)
-        moments = six_moments(inertia)
-        moments = moments if np.abs(moments[3:]).max() > 1e-9 * inertia.max() else moments[:3]
-        content |= {"mass": float(weight.mass), "com": weight.com.tolist(), "inertia": moments.tolist()}
-    (folder / PIECE_FILE).write_text(as_yaml({**content, "shapes": shapes}), encoding="utf-8")
-    return True
-
-
-def _shape(solid: SolidBody, collides: bool, writer: UrdfWriter) -> dict[str, Any] | None:
-    if not (solid.visible or collides) or (look := writer.look(solid)) is None:
-        return None
-    shape, size = look
-    entry = {shape: size[0] if shape == "sphere" else size, "pose": pose_list(solid.pose)}
-    entry["colour"] = [round(value, 4) for value in solid.colour]
-    return entry | {key: False for key, on in (("collides", collides), ("visible", solid.visible)) if not on}
+    def _shape(self, solid: SolidBody, collides: bool) -> dict[str, Any] | None:
+        if not (solid.visible or collides) or (look := self._look(solid)) is None:
+            return None
+        shape, size = look
+        entry = {shape: size[0] if shape == "sphere" else size, "pose": pose_list(solid.pose)}
+        entry["colour"] = [round(value, 4) for value in solid.colour]
+        return entry | {key: False for key, on in (("collides", collides), ("visible", solid.visible)) if not on}
 
 
 def as_yaml(content: dict[str, Any]) -> str:
