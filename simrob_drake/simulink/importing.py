@@ -58,7 +58,7 @@ _BY_ENTRY: dict[EntryKind, Fate] = {
 """What an entry of the report makes of the block that it is about."""
 
 
-_SENSING = {*JOINTS, *GEARS, ROD, SPRING, BETWEEN, "Spatial Contact Force", "Weld Joint", "Transform Sensor"}
+_SENSING = {*JOINTS, *GEARS, ROD, SPRING, BETWEEN, "Spatial Contact Force", "Transform Sensor"}
 """Blocks whose right ports but the first tell what they measure."""
 
 
@@ -130,9 +130,9 @@ _ALONE = "its network is joined with no body, and nothing that moves depends on 
 
 def _stands_alone(model: SimulinkModel, node: Node) -> bool:
     """Tell whether a block is part of a network that is joined with no body, and of which nothing that moves takes."""
-    rows, joined = block_types(), model.network.joined(node)
-    bodies = (one.kind not in NETWORKS and one.kind in rows and rows[one.kind].domain == "mechanics" for one in joined)
-    return not any(bodies) and not any(map(model.tracer.followed, joined))
+    joined = model.network.joined(node)
+    mechanics = {kind for kind, row in block_types().items() if row.domain == "mechanics"} - NETWORKS.keys()
+    return not any(one.kind in mechanics or model.tracer.followed(one) for one in joined)
 
 
 def _unknown(model: SimulinkModel, node: Node) -> BlockType:
@@ -143,9 +143,8 @@ def _unknown(model: SimulinkModel, node: Node) -> BlockType:
         return BlockType("mechanics", "ignored", _ALONE) if alone else BlockType("mechanics", "lost", node.kind)
     if node in model.tracer.opened:
         return BlockType("signals", "open")
-    if not model.tracer.followed(node):
-        return BlockType("signals", "ignored", "nothing that moves depends on it")
-    return BlockType("signals", "exact")
+    followed = model.tracer.followed(node)
+    return BlockType("signals", *(("exact",) if followed else ("ignored", "nothing that moves depends on it")))
 
 
 def lost_mechanics(found: list[BlockOutcome]) -> list[BlockOutcome]:

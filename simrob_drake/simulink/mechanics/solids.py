@@ -213,21 +213,17 @@ class SolidPort(NamedTuple):
 
 def solid_ports(node: Node) -> list[SolidPort]:
     """Return the ports of a Solid, Inertia or Graphic block (raises InvalidModel: its frames cannot be read)."""
-    order: list[str | Element | None] = list(_frames(node))
+    try:
+        frames = parse_part((node.text("SerializedFrames") or "<Frames/>").encode()).iter("Frame")
+    except Unreadable as problem:
+        raise node.refusal(f"its SerializedFrames {problem}") from problem
+    order: list[str | Element | None] = list(frames)
     if node.is_on("ExportEntireGeometry") or node.is_on("ExportConvexHullGeometry"):
         order.append(GEOMETRY)
     if node.text("DoExposeReferenceFrame", "on") == "on":
         order = [*order[:1], *([None] if not order else []), REFERENCE, *order[1:]]
     sides = ("lconn", "rconn")
     return [SolidPort(sides[place % 2], place // 2 + 1, what) for place, what in enumerate(order) if what is not None]
-
-
-def _frames(node: Node) -> list[Element]:
-    text = node.text("SerializedFrames", "<Frames/>") or "<Frames/>"
-    try:
-        return list(parse_part(text.encode()).iter("Frame"))
-    except Unreadable as problem:
-        raise node.refusal(f"its SerializedFrames {problem}") from problem
 
 
 def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> RigidTransform:

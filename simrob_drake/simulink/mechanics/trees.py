@@ -144,8 +144,11 @@ def _grown(bodies: Bodies, world: RigidPart | None, links: list[Link]) -> list[T
         tree = Tree(link.base if link.base is world else link.follower)
         _grow(tree, [link], holding, seen)
         trees += [tree] if tree.branches else []  # else a loop, which is told below
-    for body in _free_roots(bodies, seen):
-        if body not in seen:
+    floating = [link.follower for link in bodies.links if link.joint.floating]
+    led_to = {link.follower for link in bodies.links}
+    first = [body for body in bodies.bodies if body not in led_to]
+    for body in (*floating, *first, *bodies.bodies):
+        if body not in seen and not body.grounded:
             seen.add(body)
             trees.append(_free_tree(body, bodies))
             _grow(trees[-1], holding.get(body, []), holding, seen)
@@ -162,14 +165,6 @@ def _grow(tree: Tree, links: list[Link], holding: Holding, seen: set[RigidPart])
             seen.add(outer)
             tree.branches.append(BodyOnJoint(outer, here, link, link.follower is here))
             ways += [(outer, following) for following in holding[outer]]
-
-
-def _free_roots(bodies: Bodies, seen: set[RigidPart]) -> list[RigidPart]:
-    """Return bodies that may be roots: first those that floating joints hold, then those no joint leads to."""
-    floating = [link.follower for link in bodies.links if link.joint.floating and not link.follower.grounded]
-    led_to = {link.follower for link in bodies.links}
-    first = [body for body in bodies.bodies if body not in led_to]
-    return [body for body in (*floating, *first, *bodies.bodies) if body not in seen and not body.grounded]
 
 
 def _free_tree(body: RigidPart, bodies: Bodies) -> Tree:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -26,8 +27,7 @@ from simrob_drake.simulink.signals.forms import (
     widened,
 )
 from simrob_drake.simulink.signals.sources import condition_on
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
-from simrob_drake.simulink.values.syntax import NotUnderstood
+from simrob_drake.simulink.values.evaluate import matrix
 
 _BETWEEN = re.compile(r",(?![^\[]*\])")  # the commas between the indices of a matrix, and not those within brackets
 
@@ -94,22 +94,20 @@ def _selector(reader: Tracer, node: Node, _: int) -> Signal | None:
         if places.size and places.max() >= len(values):
             raise node.refusal(f"selects element {places.max() + first} of a signal of {len(values)}")
         return None if not places.size or np.any(places < 0) else values[places]
-    options = node.text("IndexOptions").split(",")
-    parts = _BETWEEN.split(node.text("Indices"))
+    options, parts = node.text("IndexOptions").split(","), _BETWEEN.split(node.text("Indices"))
     if values.ndim != 2 or len(parts) != 2:
         return None
-    try:
-        chosen = [
-            np.arange(values.shape[axis])
-            if "all" in "".join(options[axis : axis + 1]).lower()
-            else matrix(node.workspace.value(part)).astype(int).reshape(-1) - first
-            for axis, part in enumerate(parts)
-        ]
-    except (UndefinedVariable, NotUnderstood, ValueError, TypeError, IndexError):
-        return None
-    if any(not 0 <= index < size for one, size in zip(chosen, values.shape, strict=True) for index in one):
-        return None
-    return np.asarray(values[np.ix_(*chosen)], dtype=object)
+    taken = []
+    for size, option, part in zip(values.shape, [*options, "", ""], parts, strict=False):
+        try:
+            whole = "all" in option.lower()
+            places: Any = range(size) if whole else matrix(node.workspace.value(part)).astype(int).reshape(-1) - first
+        except (LookupError, ValueError, TypeError):
+            return None
+        if any(not 0 <= index < size for index in places):
+            return None
+        taken.append(places)
+    return np.asarray(values[np.ix_(*taken)], dtype=object)
 
 
 def _reshape(reader: Tracer, node: Node, _: int) -> Signal:
@@ -185,19 +183,19 @@ def _in_bus(reader: Tracer, bus: Node, output: int, name: str) -> tuple[Node, in
 
 def _stored(reader: Tracer, node: Node, number: int) -> Signal | None:
     """Return what is written to a data store or an element of it, or what it begins with where nothing writes."""
-    name, nodes = node.text("DataStoreName", "A"), reader.network.expanded.nodes
-    same = {kind: [one for one in nodes if one.kind == kind and one.text("DataStoreName", "A") == name] for kind in
-            ("DataStoreWrite", "DataStoreMemory")}  # fmt: skip
+    name = node.text("DataStoreName", "A")
+    same = [one for one in reader.network.expanded.nodes if one.text("DataStoreName", "A") == name]
     asked = _elements_of(node)[number - 1]
-    written = [(one, element, place) for one in same["DataStoreWrite"] for place, element in
+    written = [(one, element, place) for one in same if one.kind == "DataStoreWrite" for place, element in
                enumerate(_elements_of(one), start=1) if f"{asked}.".startswith(f"{element}.")
                or element.startswith(f"{asked}.")]  # fmt: skip
     if [element for _, element, _ in written] == [asked]:
         node.note("approximated", f"the data store {asked} holds what is written at that time")
         return reader.input(written[0][0], written[0][2])
-    if written or not same["DataStoreMemory"]:
+    memory = next((one for one in same if one.kind == "DataStoreMemory"), None)
+    if written or memory is None:
         return None
-    value = same["DataStoreMemory"][0].value("InitialValue", "0")
+    value = memory.value("InitialValue", "0")
     for field in asked.split(".")[1:]:
         value = value.get(field) if isinstance(value, dict) else None
     return None if value is None or isinstance(value, dict) else signal(map(float, matrix(value).ravel(order="F")))

@@ -39,7 +39,6 @@ from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import undefined
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
-from simrob_drake.simulink.values.mat import Files
 from simrob_drake.simulink.values.syntax import NotUnderstood, functions_of
 
 _LATE = 0.02  # how long a filter takes to forget its start where that is told [s]
@@ -69,17 +68,19 @@ def _stairs(times: Any, values: Any, time: Value) -> Value:
 def _repeating(_: Tracer, node: Node, __: int) -> Signal:
     if node.kind == "Repeating Sequence":
         times, values = node.numbers("rep_seq_t", "[0 2]"), node.numbers("rep_seq_y", "[0 2]")
-    elif node.kind == "Repeating Sequence Interpolated":
-        times, values = node.numbers("TimeValues", "[0 0.1 0.5 0.6 1]"), node.numbers("OutValues", "[3 1 4 2 1]")
     else:
-        values = node.numbers("OutValues", "[3 1 4 2 1]")
-        times = np.asarray(node.number("tsamp", "1") * np.arange(values.size + 1), dtype=float)
+        times, values = node.numbers("TimeValues", "[0 0.1 0.5 0.6 1]"), node.numbers("OutValues", "[3 1 4 2 1]")
+    if node.kind == "Repeating Sequence Stair":
         values = np.append(values, values[0])
+        times = np.asarray(node.number("tsamp", "1") * np.arange(values.size), dtype=float)
     if times.size != values.size or times.size < 2 or np.any(np.diff(times) < 0) or times[-1] <= times[0]:
         raise node.refusal(f"has {times.size} times for {values.size} values; the times must rise, with as many values")
-    jumps = np.flatnonzero(np.diff(times) == 0)
-    times[jumps] -= 1e-9 * (times[-1] - times[0])  # two values at one time are a jump
-    return signal([_repeated(times, values, stairs=node.kind == "Repeating Sequence Stair")])
+    return signal([_repeated(_parted(times), values, stairs=node.kind == "Repeating Sequence Stair")])
+
+
+def _parted(times: Vector) -> Vector:
+    """Return times that rise: two values at one time are a jump."""
+    return np.asarray(times - 1e-9 * max(times[-1] - times[0], 1e-9) * np.append(np.diff(times) == 0, False))
 
 
 def _rows_of(structure: dict[str, Any]) -> Vector:
@@ -91,20 +92,15 @@ def _rows_of(structure: dict[str, Any]) -> Vector:
 
 def _workspace(_: Tracer, node: Node, __: int) -> Signal:
     value = node.value("VariableName", "[0 0]")
-    if isinstance(value, dict):
-        try:
-            rows = _rows_of(value)
-        except (NotUnderstood, LookupError, TypeError, ValueError) as problem:
-            raise node.refusal(f"needs times and values in its structure: {problem}") from problem
-    else:
-        rows = node.matrix("VariableName", "[0 0]")
+    try:
+        rows = _rows_of(value) if isinstance(value, dict) else node.matrix("VariableName", "[0 0]")
+    except (NotUnderstood, LookupError, TypeError, ValueError) as problem:
+        raise node.refusal(f"needs times and values in its structure: {problem}") from problem
     if rows.shape[1] < 2 or not np.all(np.isfinite(rows)) or np.any(np.diff(rows[:, 0]) < 0):
         raise node.refusal("needs a matrix of times that rise, and values")
     if len(rows) < 2:
         return rows[0, 1:].astype(object)
-    times, after = rows[:, 0].copy(), node.text("OutputAfterFinalValue", "Extrapolation")
-    same = np.flatnonzero(np.diff(times) == 0)
-    times[same] -= 1e-9 * max(times[-1] - times[0], 1e-9)
+    times, after = _parted(rows[:, 0]), node.text("OutputAfterFinalValue", "Extrapolation")
     stairs = node.text("Interpolate", "on") == "off"
     found = []
     for column in rows[:, 1:].T:
@@ -157,9 +153,9 @@ def _settled(node: Node, value: Value, denominator: list[float]) -> Value:
     return filtered(value - begun, [1.0], denominator) + begun
 
 
-def _lookup(node: Node) -> Callable[[Value], Value]:
-    points = node.numbers("x_t", "[1 2 3]"), node.numbers("y_t", "[1 2 3]")
-    return lambda u: looked_up(u, *points, clip=node.text("extrap_method", "") not in ("1", "linear"))
+def _lookup(reader: Tracer, node: Node, _: int) -> Signal:
+    points, clip = [node.numbers(name, "[1 2 3]") for name in ("x_t", "y_t")], node.text("extrap_method")
+    return mapped(lambda u: looked_up(u, *points, clip=clip not in ("1", "linear")), reader.input(node))
 
 
 SENSOR = "Transform Sensor"
@@ -203,12 +199,10 @@ def _matlab_function(reader: Tracer, node: Node, number: int) -> Signal | None:
     def translated() -> list[Signal]:
         functions = functions_of(code)
         (main, *_) = functions.values()
-        inports = [child for child in block.children.values() if child.kind == "Inport"]
+        inports = (child for child in block.children.values() if child.kind == "Inport")
         ports = {child.block.name: int(child.text("Port", "1") or "1") for child in inports}
-        arguments = [
-            _columns(reader.input(node, ports[name])) if name in ports else block.workspace.lookup(name)
-            for name in main.inputs
-        ]
+        inputs = {name: _columns(reader.input(node, ports[name])) for name in main.inputs if name in ports}
+        arguments = [inputs[name] if name in ports else block.workspace.lookup(name) for name in main.inputs]
         files = reader.network.expanded.libraries
         run = Translation({}, undefined, files, functions, period=period_of(reader, block))
         return [as_signal(value) for value in run.called(main.name, arguments)]
@@ -231,13 +225,8 @@ def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Valu
 
     Raises InvalidModel: what is not understood.
     """
-    run = _over(node, variables)
+    run = Translation({name: _columns(values) for name, values in variables.items()}, node.workspace.lookup)
     return flat(_understood(node, lambda: [signal([run._condition(text)])])[0])[0]
-
-
-def _over(node: Node, variables: Mapping[str, Signal], files: Files | None = None) -> Translation:
-    known = {name: _columns(values) for name, values in variables.items()}
-    return Translation(known, node.workspace.lookup, files)
 
 
 _BARE = re.compile(r"\bu\b(?!\s*\()")  # the input of a Fcn without an index: its first element
@@ -249,7 +238,7 @@ def _expression(reader: Tracer, node: Node, _: int) -> Signal | None:
     values = reader.input(node)
     if node.kind == "Fcn":
         text = _BARE.sub("u(1)", text.replace("[", "(").replace("]", ")"))
-    run = _over(node, {"u": values}, reader.network.expanded.libraries)
+    run = Translation({"u": _columns(values)}, node.workspace.lookup, reader.network.expanded.libraries)
     if text in FUNCTIONS or (text.isidentifier() and run.find(text)):
         text = f"{text}(u)"
     return _understood(node, lambda: [as_signal(run.value(text))])[0] if text else None
@@ -307,7 +296,7 @@ SOURCES: dict[str, Rule] = {
 PHYSICAL: dict[str, Rule] = {
     "Simulink-PS Converter": _into_physics,
     **{kind: rule for kind, rule in _FORMULAS.items() if kind.startswith("PS ")},
-    "PS Lookup Table (1D)": lambda reader, node, _: mapped(_lookup(node), reader.input(node)),
+    "PS Lookup Table (1D)": _lookup,
     "PS Integrator": lambda reader, node, _: blocks(reader, node, "integrator", {"initial": node.quantity("x0", "x")}),
 }
 """What blocks give at their right port 1, by type."""
