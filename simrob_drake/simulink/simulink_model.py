@@ -143,12 +143,12 @@ def undefined_variables(model: SimulinkModel) -> InvalidModel | None:
     missing = model.findings.undefined
     if not missing:
         return None
-    others = {name: f" and {len(places) - 1} more" if len(places) > 1 else "" for name, places in missing.items()}
-    listed = "; ".join(f"{name} ({places[0]}{others[name]})" for name, places in list(missing.items())[:8])
+    counts = {name: f" and {len(places) - 1} more" if len(places) > 1 else "" for name, places in missing.items()}
+    listed = [f"{name} ({places[0]}{counts[name]})" for name, places in missing.items()]
     more = f", and {len(missing) - 8} more" if len(missing) > 8 else ""
     first = next(iter(missing)).partition(" ")[0]
     remedy = f"give them with --set {first}=VALUE or --variables FILE.mat, or take defaults with --assume"
-    return InvalidModel(model.path, "", f"variables that only MATLAB knows: {listed}{more}; {remedy}")
+    return InvalidModel(model.path, "", f"variables that only MATLAB knows: {'; '.join(listed[:8])}{more}; {remedy}")
 
 
 def _gravity(expanded: Expanded, network: Connections, bodies: Bodies) -> Vector | None:
@@ -182,20 +182,15 @@ def _duration(expanded: Expanded) -> float:
 
 def _stopping(tracer: Tracer, expanded: Expanded) -> tuple[list[Node], dict[Node, Value]]:
     """Return the contacts whose distance, compared with zero, stops the simulation, and what else does."""
-    found: list[Node] = []
-    stops: dict[Node, Value] = {}
-    for node in expanded.nodes:
-        if node.kind not in ("Stop", "Stop Simulation"):
-            continue
+    found, stops = list[Node](), dict[Node, Value]()
+    for node in (one for one in expanded.nodes if one.kind in ("Stop", "Stop Simulation")):
         source = tracer.network.source(node)
         compares = source is not None and source[0].kind in ("Compare To Zero", "Compare To Constant")
         values = flat(tracer.input(source[0])) if source and compares else []
-        terms = [term for value in values for term in terms_of(value)]
+        terms = (term for value in values for term in terms_of(value))
         contacts = [term.of for term in terms if term.kind == "distance" and isinstance(term.of, Node)]
-        if contacts:
-            found += contacts
-        else:
-            stops[node] = flat(tracer.input(node))[0]
+        found += contacts
+        stops |= {} if contacts else {node: flat(tracer.input(node))[0]}
     return found, stops
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property, partial
-from itertools import count, takewhile
+from itertools import chain, count, takewhile
 
 from scipy.cluster.hierarchy import DisjointSet
 
@@ -59,10 +59,9 @@ class Connections:
         found, waiting = {start}, [start]
         while waiting:
             places = (self._wired.get if ends is None else ends)(waiting.pop()) or ()
-            new = {one for place in places for one in self.on(place) if not one.children} - found
-            new = {one for one in new if one.kind not in _ASIDE}
+            new = {one for place in places for one in self.on(place) if not one.children and one.kind not in _ASIDE}
+            waiting += new - found
             found |= new
-            waiting += new
         return found
 
     def unread(self, node: Node) -> list[Place]:
@@ -101,8 +100,8 @@ class Connections:
         if not node.is_on("Variant"):
             return port
         inner = _ports(chosen_variant(node), "Outport")
-        same = [own for own in inner if port is not None and own.block.name == port.block.name]
-        return next((own for own in (*same, *inner) if own in same or _number(own) == output), None)
+        same = (own for own in inner if port is not None and own.block.name == port.block.name)
+        return next(chain(same, (own for own in inner if _number(own) == output)), None)
 
     def elements(self, node: Node, output: int) -> dict[str, Node]:
         """Return the blocks in a subsystem that make one of its outputs a bus, by the names of their signals."""

@@ -101,12 +101,12 @@ def _selector(reader: Tracer, node: Node, _: int) -> Signal | None:
     for size, option, part in zip(values.shape, [*options, "", ""], parts, strict=False):
         try:
             whole = "all" in option.lower()
-            places: Any = range(size) if whole else matrix(node.workspace.value(part)).astype(int).reshape(-1) - first
+            own: Any = range(size) if whole else matrix(node.workspace.value(part)).astype(int).reshape(-1) - first
         except (LookupError, ValueError, TypeError):
             return None
-        if any(not 0 <= index < size for index in places):
+        if any(not 0 <= index < size for index in own):
             return None
-        taken.append(places)
+        taken.append(own)
     return np.asarray(values[np.ix_(*taken)], dtype=object)
 
 

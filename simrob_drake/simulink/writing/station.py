@@ -172,11 +172,11 @@ class StationWriter:
         return {**content, "duration": self._model.duration}
 
     def _terrain(self, name: str) -> dict[str, Any]:
-        if (terrain := self._touching.terrain) is None:
+        if self._touching.heights is None:
             return {}
         file = self._folder / f"{name}_terrain.csv"
-        np.savetxt(file, terrain.heights, fmt="%.6g", delimiter=",")
-        return {"terrain": {**terrain.section, "file": file.name}}
+        np.savetxt(file, self._touching.heights, fmt="%.6g", delimiter=",")
+        return {"terrain": {**self._touching.terrain, "file": file.name}}
 
     def _pushes(self) -> list[str]:
         """Return the ports of what External Force and Torque blocks apply; a force unless they tell."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -36,13 +36,6 @@ _TOUCHES = {"sphere": "", "box": "a box that touches: {} in its corners",
 MOST_DISSIPATION = 50.0  # s/m: a contact that damps more does not bounce either way, and is hard to integrate
 
 
-class HeightField(NamedTuple):
-    """A grid of heights as the terrain of a floor."""
-
-    section: dict[str, Any]  # of the terrain, without its file
-    heights: Vector  # of its tiles, shape (rows along the way, columns from the left) [m]
-
-
 @dataclass
 class Touching:
     """The contacts of a station."""
@@ -50,8 +43,9 @@ class Touching:
     ends: list[tuple[ContactPair, tuple[RigidPart, Node], tuple[RigidPart, Node]]] = field(default_factory=list)
     """Bodies and solids of each contact."""
     floor: bool = False  # whether a plane at z = 0, or a grid of heights, is one of the ends
-    terrain: HeightField | None = None  # that grid
-    laid: Node | None = None  # its block
+    laid: Node | None = None  # the block of that grid
+    terrain: dict[str, Any] = field(default_factory=dict)  # its section, without its file
+    heights: Vector | None = None  # of its tiles, shape (rows along the way, columns from the left) [m]
     slabs: dict[Node, SolidBody] = field(default_factory=dict)
     """Other planes and disks of the world, as what is under them, in the model's world."""
     colliding: set[Node] = field(default_factory=set)  # solids that touch
@@ -111,15 +105,14 @@ def _lay(touching: Touching, node: Node, pose: RigidTransform, *, flat: bool) ->
     try:
         if touching.laid not in (None, node) or not flat:
             raise node.refusal("is a second grid" if flat else "is tilted: only upright grids are read")
-        if touching.terrain is None:
-            touching.terrain = _field(node, pose)
+        if touching.laid is None:
+            touching.terrain, touching.heights = _field(node, pose)
+            touching.laid, touching.floor = node, True
     except InvalidModel as problem:
         node.lose(problem)
-        return
-    touching.laid, touching.floor = node, True
 
 
-def _field(node: Node, pose: RigidTransform) -> HeightField:
+def _field(node: Node, pose: RigidTransform) -> tuple[dict[str, Any], Vector]:
     """Return an upright grid as level tiles, as small as a terrain may have them; around it the ground is at z = 0."""
     from scipy.interpolate import RegularGridInterpolator
 
@@ -145,7 +138,7 @@ def _field(node: Node, pose: RigidTransform) -> HeightField:
     node.note("approximated", message)
     section = {"kind": "grid", "size": size, "start": float(x[0] + x0)}
     heading = float(np.rad2deg(np.arctan2(turn[1, 0], turn[0, 0])))
-    return HeightField(section | ({"heading_deg": heading} if heading else {}), tiles)
+    return section | ({"heading_deg": heading} if heading else {}), tiles
 
 
 def _slab(node: Node, pose: RigidTransform) -> SolidBody:
