@@ -225,7 +225,7 @@ RULES: dict[str, Rule] = {
     "PS-Simulink Converter": out_of_physics,
 }  # fmt: skip
 """What each type of block gives."""
-_SENSED: dict[str, TermKind] = {kind: kind for kind in ("q", "w", "a", "t")}
+_SENSED: tuple[TermKind, ...] = ("q", "w", "a", "t")
 
 
 def tracer_of(network: Connections, joints: list[Joint], contacts: list[ContactPair]) -> Tracer:
@@ -249,8 +249,8 @@ def tracer_of(network: Connections, joints: list[Joint], contacts: list[ContactP
 
 def _offer_sensed(tracer: Tracer, joint: Joint) -> None:
     for number, (freedom, what) in joint.outputs.items():
-        place = (number - 1) * MOST_ELEMENTS
-        term = Term(_SENSED[what], freedom) if what in _SENSED else Term("open", joint.node, place)
+        kind = next((kind for kind in _SENSED if kind == what), None)
+        term = Term(kind, freedom) if kind else Term("open", joint.node, (number - 1) * MOST_ELEMENTS)
         tracer.offer(joint.node, number, partial(_each, term))
     for number, parts in joint.senses.items():
         terms = [Term("sensed", joint.node, part) for part in parts]

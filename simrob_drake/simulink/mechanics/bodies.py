@@ -170,22 +170,18 @@ class _Frames:
         elif node.kind in JOINTS and not any(self._network.on(self._network.net(node, side)) for side in _ENDS):
             node.note("dropped", "the joint: it is not connected")
         elif node.kind in JOINTS:
-            joint = read_joint(node)
+            joint, (base, follower) = read_joint(node), self._ends(node)
             if node.text("JointMode") == "Locked":
-                self._join(*self._ends(node), _locked(joint), node)
+                self._join(base, follower, _locked(joint), node)
             else:
-                base, follower = self._ends(node)
-                moved_end = (id(node), "tilt", 1)
-                self._join(moved_end, follower, joint.tilt, node)
-                self.joints.append((joint, base, moved_end))
-        elif node.kind in (*GEARS, ROD, SPRING, BETWEEN):
-            places = [self._network.net(node, side) for side in _ENDS]
-            self.joints.append((node, places[0], places[1]))
-            self.attached += [(node, place) for place in places]
+                self._join((id(node), "tilt", 1), follower, joint.tilt, node)
+                self.joints.append((joint, base, (id(node), "tilt", 1)))
         elif node.kind in SOLIDS:
             self._take_solid(node)
-        elif node.kind == "Transform Sensor":
-            self.attached += [(node, self._network.net(node, side)) for side in _ENDS]
+        elif node.kind in (*GEARS, ROD, SPRING, BETWEEN, "Transform Sensor"):
+            base, follower = (self._network.net(node, side) for side in _ENDS)
+            self.attached += [(node, base), (node, follower)]
+            self.joints += [] if node.kind == "Transform Sensor" else [(node, base, follower)]
         elif node.kind in ("World Frame", *_MARKS) or node.kind in _GEOMETRY_ONLY:
             self.attached.append((node, frame_place(self._network, node)))
 

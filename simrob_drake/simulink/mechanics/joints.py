@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import count
 from math import inf, isfinite
 
 import numpy as np
@@ -232,14 +233,13 @@ def _read_primitives(node: Node, joint: Joint, kinds: list[str]) -> None:
     left, right = 2, 2
     for kind in kinds:
         prefix = "" if len(kinds) == 1 else kind
-        freedoms = _ball(node, prefix) if kind.startswith("S") else [_freedom(node, kind, prefix)]
-        joint.freedoms += freedoms
         if kind.startswith("S"):
+            joint.freedoms += _ball(node, prefix)
             joint.pulls = list(filter(None, _against_turning(node, prefix)))
             left += sum(node.is_on(f"{prefix}ActuateTorque{end}") for end in ("X", "Y", "Z", ""))
             right += sum(node.is_on(f"{prefix}{sensed}") for sensed in table("joints")["ball"])
             continue
-        (freedom,) = freedoms
+        joint.freedoms.append(freedom := _freedom(node, kind, prefix))
         for what in ("Torque", "Motion"):
             if node.text(f"{prefix}{what}ActuationMode") == f"Input{what}":
                 freedom.driven = what.lower()
@@ -256,12 +256,11 @@ def _read_screw(node: Node, joint: Joint) -> None:
     turn, way = joint.freedoms
     hand = 1.0 if node.text("Direction", "RightHand") == "RightHand" else -1.0
     joint.screw = {way: 1.0, turn: -hand * node.number("Lead", "1", unit="m/rad")}
-    port = 2
+    ports = count(2)
     for freedom, name in ((turn, "Rotation"), (way, "Translation")):
-        for quantity, what in (("Position", "q"), ("Velocity", "w"), ("Acceleration", "a")):
-            if node.is_on(f"Sense{name}{quantity}"):
-                joint.outputs[port] = (freedom, what)
-                port += 1
+        sensed = {"Position": "q", "Velocity": "w", "Acceleration": "a"}
+        joint.outputs |= {next(ports): (freedom, what) for quantity, what in sensed.items()
+                          if node.is_on(f"Sense{name}{quantity}")}  # fmt: skip
         length = "rad" if freedom.turns else "m"
         for quantity, unit in (("Position", length), ("Velocity", f"{length}/s")):
             asked = node.is_on(f"{quantity}TargetSpecify")

@@ -26,7 +26,6 @@ from simrob_drake.simulink.signals.forms import (
     fitted,
     flat,
     mapped,
-    scaled,
     signal,
     widened,
 )
@@ -113,13 +112,13 @@ def _signed(reader: Tracer, node: Node, default: str, letters: str) -> list[tupl
 def _gain(reader: Tracer, node: Node, _: int) -> Signal:
     gain, values = node.matrix(node.named("Gain", "gain"), "1"), reader.input(node)
     if gain.size == 1:
-        return scaled(values, float(gain[0, 0]))
+        return np.asarray(float(gain[0, 0]) * values)
     mode = node.text("Multiplication", "Element-wise(K.*u)")
     if mode.startswith("Element-wise"):
         if values.size not in (1, gain.size):
             raise node.refusal(f"Gain has {gain.size} numbers for a signal of {values.size}")
         factors = gain.reshape(-1, order="F") if 1 in gain.shape and values.ndim == 1 else gain
-        return mapped(lambda k, one: k * one, *fitted(node, factors.astype(object), values))
+        return np.asarray(np.multiply(*fitted(node, factors.astype(object), values)))
     if mode.startswith("Matrix(u*K)"):
         return _times(node, values.reshape(1, -1) if values.ndim == 1 else values, gain.astype(object)).reshape(-1)
     return _times(node, gain.astype(object), values)
@@ -131,7 +130,7 @@ def _times(node: Node, left: Signal, right: Signal) -> Signal:
     if rows.shape[1] != 1:
         right = widened(right, rows.shape[1])
     if 1 in (left.size, right.size):
-        return mapped(lambda one, other: one * other, left, right)
+        return np.asarray(left * right)
     if len(right) != rows.shape[1] == right.size:
         right = right.reshape(-1, 1)
     if len(right) != rows.shape[1]:
@@ -140,7 +139,7 @@ def _times(node: Node, left: Signal, right: Signal) -> Signal:
 
 
 def _sum(reader: Tracer, node: Node, _: int) -> Signal:
-    total = [scaled(one, 1.0 if sign == "+" else -1.0) for sign, one in _signed(reader, node, "++", "+-")]
+    total = [(1.0 if sign == "+" else -1.0) * one for sign, one in _signed(reader, node, "++", "+-")]
     if len(total) == 1:
         return signal([sum(flat(total[0]), start=0.0)])
     return mapped(lambda *values: sum(values[1:], start=values[0]), *fitted(node, *total))

@@ -28,7 +28,6 @@ from simrob_drake.simulink.signals.forms import (
     flat,
     late,
     mapped,
-    scaled,
     signal,
     terms_of,
 )
@@ -129,7 +128,7 @@ def _discrete_integrator(reader: Tracer, node: Node, _: int) -> Signal:
         if "Forward" not in method:
             node.note("approximated", "as forward Euler, with its limits")
         parameters = [{"initial": float(one) / gain, **limits, **sampled} for one in starts]
-        return scaled(blocks(reader, node, "integrator", *parameters), gain)
+        return np.asarray(gain * blocks(reader, node, "integrator", *parameters))
     through = gain * period * (0.5 if "Trapezoidal" in method else 1.0)
     matrices: Parameters = {"A": [[1.0]], "B": [[gain * period]], "C": [[1.0]], "D": [[through]], **sampled}
     return blocks(reader, node, "state_space", *(matrices | {"initial": [float(one)]} for one in starts), at_once=True)

@@ -186,11 +186,6 @@ def mapped(function: Callable[..., Value], *signals: Signal) -> Signal:
     return np.asarray(np.frompyfunc(function, len(signals), 1)(*signals), dtype=object)
 
 
-def scaled(values: Signal, factor: float) -> Signal:
-    """Return a signal times a number."""
-    return mapped(lambda value: factor * value, values)
-
-
 def late(
     kind: str, parameters: Sequence[dict[str, Any]], give: Callable[[], Signal], node: Node, shape: tuple[int, ...]
 ) -> Signal:

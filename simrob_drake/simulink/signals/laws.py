@@ -337,17 +337,12 @@ def _wrench(node: Node, surface: ContactParameters, radius: float) -> tuple[list
     speed = applied("sqrt", sliding[0] * sliding[0] + sliding[1] * sliding[1])
     across: list[Value] = [0.0, 0.0]
     if surface.static:
-        coefficient = _friction(surface, speed)
+        part = np.linspace(0.0, 1.0, 11)
+        smooth, speeds = part * part * (3.0 - 2.0 * part), surface.speed * np.append(part, 1.0 + 0.5 * part[1:])
+        falling = surface.static + (surface.dynamic - surface.static) * smooth[1:]
+        coefficient = looked_up(speed, speeds, np.append(surface.static * smooth, falling), clip=True)
         grip = coefficient * normal / applied("max", speed, _SLOWEST)
         across = [-1.0 * (grip * one) for one in sliding]
     turn = orientation(node).T
     force, torque = signal([*across, normal]), signal([radius * across[1], -radius * across[0], 0.0])
     return list(turn.dot(force)), list(turn.dot(torque))
-
-
-def _friction(surface: ContactParameters, speed: Value) -> Value:
-    part = np.linspace(0.0, 1.0, 11)
-    smooth = part * part * (3.0 - 2.0 * part)
-    speeds = surface.speed * np.concatenate([part, 1.0 + 0.5 * part[1:]])
-    values = [surface.static * smooth, surface.static + (surface.dynamic - surface.static) * smooth[1:]]
-    return looked_up(speed, speeds, np.concatenate(values), clip=True)

@@ -31,7 +31,6 @@ from simrob_drake.simulink.signals.forms import (
     flat,
     mapped,
     of_time,
-    scaled,
     signal,
     terms_of,
 )
@@ -128,12 +127,12 @@ def _converter_unit(node: Node, values: Signal) -> float:
 def out_of_physics(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return what a PS-Simulink Converter gives."""
     values = reader.physical(node, "lconn", 1)
-    return None if values is None else scaled(values, 1.0 / _converter_unit(node, values))
+    return None if values is None else 1.0 / _converter_unit(node, values) * values
 
 
 def _into_physics(reader: Tracer, node: Node, _: int) -> Signal:
     values = reader.input(node)
-    values = scaled(values, _converter_unit(node, values))
+    values = np.asarray(_converter_unit(node, values) * values)
     if node.text("FilteringAndDerivatives", "provide") != "filter":
         return values
     lag = node.number("InputFilterTimeConstant", "0.001")

@@ -63,8 +63,7 @@ class JointMotions:
 
     def prescribed(self) -> dict[str, dict[str, Any]]:
         """Return a reference for each joint, by its axis."""
-        moving = self.moving
-        if moving:
+        if moving := self.moving:
             self._sample({freedom: self.axes[freedom] for freedom in moving})
         follow = {"kind": "table", "file": self.table.name}  # by a cubic spline, for the sake of its acceleration
         return {
