@@ -228,6 +228,7 @@ def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Valu
     return flat(_understood(node, lambda: [signal([run._condition(text)])])[0])[0]
 
 
+_OF_C = {"sgn": "sign", "ln": "log", "fabs": "abs", "pow": "power"}  # functions that a Fcn has in place of MATLAB's
 _BARE = re.compile(r"\bu\b(?!\s*\()")  # the input of a Fcn without an index: its first element
 
 
@@ -237,6 +238,7 @@ def _expression(reader: Tracer, node: Node, _: int) -> Signal | None:
     values = reader.input(node)
     if node.kind == "Fcn":
         text = _BARE.sub("u(1)", text.replace("[", "(").replace("]", ")"))
+        text = re.sub(r"\b(sgn|ln|fabs|pow)\b", lambda found: _OF_C[found[1]], text)
     run = Translation({"u": _columns(values)}, node.workspace.lookup, reader.network.expanded.libraries)
     if text in FUNCTIONS or (text.isidentifier() and run.find(text)):
         text = f"{text}(u)"
