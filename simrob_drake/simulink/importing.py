@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import chain, count
@@ -76,16 +76,15 @@ class BlockOutcome:
 
 def outcomes(model: SimulinkModel) -> list[BlockOutcome]:
     """Return what became of every block of a model's file and libraries, those that take no part included."""
-    found: dict[str, list[tuple[Fate, str]]] = {}
+    found = defaultdict[str, list[tuple[Fate, str]]](list)
     for entry in model.report.entries:
-        if entry.kind in _BY_ENTRY:
-            found.setdefault(entry.element, []).append((_BY_ENTRY[entry.kind], entry.text))
+        found[entry.element] += [(_BY_ENTRY[entry.kind], entry.text)] if entry.kind in _BY_ENTRY else []
     undriven, expanded = _undriven(model), model.expanded
     known = {node.path for node in expanded.nodes} | expanded.left_out.keys()
     whole = (entry for entry in model.report.of("lost") if entry.element not in known)
     return [
         *(BlockOutcome(one.element, "station", "mechanics", "lost", one.text, one.element) for one in whole),
-        *(_outcome(model, node, found.get(node.path, []), undriven.get(node, "")) for node in expanded.nodes),
+        *(_outcome(model, node, found[node.path], undriven.get(node, "")) for node in expanded.nodes),
         *(BlockOutcome(path, kind, "structure", "ignored", why) for path, (kind, why) in expanded.left_out.items()),
     ]
 
@@ -94,7 +93,7 @@ def _undriven(model: SimulinkModel) -> dict[Node, str]:
     """Return what drives joints, and acts on bodies, but comes from blocks that are left open; these by their names."""
     drives = [(push.node, [*push.force, *push.torque]) for push in model.pushes]
     for link in model.bodies.links:
-        laws = [model.laws[freedom] for freedom in link.joint.freedoms if freedom in model.laws]
+        laws = map(model.law_of, link.joint.freedoms)
         drives.append((link.joint.node, [value for law in laws for value in (law.net, law.reference or 0.0)]))
     found: dict[Node, str] = {}
     for node, values in drives:

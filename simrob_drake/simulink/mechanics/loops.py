@@ -61,10 +61,9 @@ def _common(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth
         own = distance / (abs(ratio - 1) if inside else ratio + 1)
         other = ratio * own
     between = _unit(node, follower.translation() - base.translation(), "its frames are at one place")
-    axis = _z(base)
     base_side, follower_side = (1.0, -1.0) if not inside else (1.0, 1.0) if own > other else (-1.0, -1.0)
     places = base.translation() + base_side * own * between, follower.translation() + follower_side * other * between
-    return Teeth(places[0], places[1], np.cross(axis, between))
+    return Teeth(*places, np.cross(_z(base), between))
 
 
 def _bevel(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
@@ -72,12 +71,9 @@ def _bevel(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
     across = _unit(node, np.cross(*axes), "its axes are parallel")
     between = follower.translation() - base.translation()
     _unit(node, between, "its frames are at one place")
-    radii = _radii(node, "BaseGearRadius", "FollGearRadius")
-    places = [
-        frame.translation() + radius * _toward(np.cross(across, axis), way)
-        for frame, axis, radius, way in zip((base, follower), axes, radii, (between, -between), strict=True)
-    ]
-    return Teeth(places[0], places[1], across)
+    own, other = _radii(node, "BaseGearRadius", "FollGearRadius")
+    place = base.translation() + own * _toward(np.cross(across, axes[0]), between)
+    return Teeth(place, follower.translation() + other * _toward(np.cross(across, axes[1]), -between), across)
 
 
 def _rack(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
