@@ -77,9 +77,13 @@ def rotation(node: Node, prefix: str = "") -> RotationMatrix:
 
 
 def _aligned(node: Node, prefix: str) -> RotationMatrix:
-    follower = _triad(node, f"{prefix}FollAlignAxisA", f"{prefix}FollAlignAxisB")
-    base = _triad(node, f"{prefix}BaseAlignAxisA", f"{prefix}BaseAlignAxisB")
-    return RotationMatrix(base @ follower.T)
+    base, follower = list[Vector](), list[Vector]()
+    for names, found in ((f"{prefix}BaseAlignAxis", base), (f"{prefix}FollAlignAxis", follower)):
+        one, other = axis(node, f"{names}A"), axis(node, f"{names}B")
+        if abs(one @ other) > 0.5:
+            raise node.refusal(f"{names}A and {names}B are along one line; two axes span a frame")
+        found += [one, other, np.cross(one, other)]
+    return RotationMatrix(np.transpose(base) @ np.array(follower))
 
 
 def _matrix(node: Node, prefix: str) -> RotationMatrix:
@@ -109,13 +113,6 @@ def _about(node: Node, direction: Vector, prefix: str) -> RotationMatrix:
     if length < 1e-9 and angle:
         raise node.refusal("turns about an axis of length zero")
     return RotationMatrix(AngleAxis(angle, direction / length)) if angle else RotationMatrix()
-
-
-def _triad(node: Node, first: str, second: str) -> Vector:
-    one, other = axis(node, first), axis(node, second)
-    if abs(one @ other) > 0.5:
-        raise node.refusal(f"{first} and {second} are along one line; two axes span a frame")
-    return np.column_stack([one, other, np.cross(one, other)])
 
 
 def _sequence(node: Node, prefix: str) -> RotationMatrix:

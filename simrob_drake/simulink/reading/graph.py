@@ -282,18 +282,18 @@ class SystemReader:
             parameters |= {"Port": said.get("PortNumber", "1"), ELEMENT: said.get("Element", "")}
         name, side = _COUNTED.get(kind, ("", ""))
         counted = {name: counts.attrib[side]} if counts is not None and side in counts.attrib else {}
-        linked = kind == "Reference"
-        inner = element.find("System")
-        mask, before = element.find("Mask"), element.find("Object[@PropName='MaskObject']")
-        return SimulinkBlock(
-            sid=element.get("SID") or parameters.get("SID") or element.get("Name") or "",
-            name=one_line(element.get("Name", "")),
-            kind=one_line(source) if linked else kind,
-            linked=linked,
+        block = SimulinkBlock(
+            element.get("SID") or parameters.get("SID") or element.get("Name") or "", one_line(element.get("Name", "")),
+            one_line(source) if kind == "Reference" else kind, linked=kind == "Reference",
             parameters={**counted, **self._defaults.get(kind, {}), **parameters},
-            mask=read_mask(mask) if mask is not None else _mask_of_object(before) if before is not None else None,
-            system=None if inner is None else self.system(inner, depth + 1),
-        )
+        )  # fmt: skip
+        if (inner := element.find("System")) is not None:
+            block.system = self.system(inner, depth + 1)
+        if (mask := element.find("Mask")) is not None:
+            block.mask = read_mask(mask)
+        elif (before := element.find("Object[@PropName='MaskObject']")) is not None:
+            block.mask = _mask_of_object(before)
+        return block
 
 
 def read_defaults(element: Element | None) -> dict[str, dict[str, str]]:
@@ -304,11 +304,8 @@ def read_defaults(element: Element | None) -> dict[str, dict[str, str]]:
 
 def read_mask(element: Element) -> Mask:
     """Return a mask."""
-    code = element.find("Initialization")
-    return Mask(
-        tuple(_mask_parameter(parameter) for parameter in element.iterfind("MaskParameter")),
-        code.text or "" if code is not None else "",
-    )
+    parameters = tuple(map(_mask_parameter, element.iterfind("MaskParameter")))
+    return Mask(parameters, element.findtext("Initialization") or "")
 
 
 def _mask_parameter(element: Element) -> MaskParameter:
