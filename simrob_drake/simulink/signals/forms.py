@@ -125,15 +125,8 @@ def added(*parts: tuple[float, Value]) -> Value:
 def evaluated(value: Value, leaf: Callable[[Term], float | None], known: dict[Term, float], time: float = 0.0) -> float:
     """Return what a value is at a time [s], of blocks in the states at their start.
 
-    Args:
-        value: the value.
-        leaf: gives a term; None of a block that is to be computed.
-        known: terms that are known, to which others are added.
-        time: when [s].
-
-    Raises:
-        RecursionError: a loop.
-        ArithmeticError, ValueError: what cannot be computed.
+    ``leaf`` gives a term, or None of a block that is to be computed; ``known`` are terms, to which others are added.
+    Raises RecursionError: a loop; ArithmeticError, ValueError: what cannot be computed.
     """
     total = 0.0
     for term, factor in terms_of(value).items():
@@ -365,6 +358,7 @@ class Tracer:
         self._known[key] = found
         return found
 
+    @np.errstate(all="ignore")  # as above
     def _computed(self, node: Node, number: int) -> Signal:
         rule, why = self._rules.get(node.kind), ""
         try:

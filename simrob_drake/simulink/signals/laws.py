@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, count
 from math import inf
 
 import numpy as np
@@ -276,14 +276,11 @@ def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
 
 def _push(tracer: Tracer, node: Node, body: RigidPart, pose: RigidTransform) -> ExternalForce:
     """Read the ports of one block, of the force and then of the torque: for each axis that is on, then a vector."""
-    port, senses, parts = 0, False, []
+    ports, senses, parts = count(1), False, []
     for what in ("Force", "Torque"):
         vector: Signal = np.zeros(3).astype(object)
-        for axis in ("X", "Y", "Z", ""):
-            if not node.is_on(f"Enable{what}{axis}"):
-                continue
-            port += 1
-            values = tracer.physical(node, "lconn", port)
+        for axis in (axis for axis in ("X", "Y", "Z", "") if node.is_on(f"Enable{what}{axis}")):
+            values = tracer.physical(node, "lconn", next(ports))
             if values is not None and axis:
                 vector["XYZ".index(axis)] += values.ravel()[0]
             elif values is not None and values.size in (1, _PLACES):

@@ -49,31 +49,27 @@ def find_octave(folders: Iterable[Path] = ()) -> Octave:
     paths = "".join(f"addpath('{str(folder.resolve()).replace(chr(39), 2 * chr(39))}');\n" for folder in folders)
 
     def run(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
-        known = {}
+        from scipy.io import savemat
+
+        known = {"none_": 0.0}
         for name in dict.fromkeys(_NAME.findall(code)):
             with suppress(UndefinedVariable):  # a function, or a variable that the code sets
                 known[name] = lookup(name)
+        texts = {"code": _SCRIPT.format(code=paths + code), **{name: _NOTHING.format(name=name) for name in _IDLE}}
+        command, quiet = [program, "--no-gui", "--no-init-file", "--quiet", "code.m"], subprocess.DEVNULL
         with TemporaryDirectory() as folder:
-            return _run(program, paths + code, known, Path(folder))
+            savemat(Path(folder, "given.mat"), known)
+            for name, text in texts.items():
+                Path(folder, f"{name}.m").write_text(text, encoding="utf-8")
+            try:
+                subprocess.run(command, cwd=folder, stdin=quiet, capture_output=True, timeout=_PATIENCE, check=False)
+            except subprocess.TimeoutExpired as problem:
+                expected = f"quicker: code of a mask has not ended after {_PATIENCE:g} s"
+                raise InvalidParameter("--octave", code[:60], expected) from problem
+            found = Path(folder, "found.mat")
+            return variables_of_mat(found, "--octave") if found.is_file() else {}
 
     return run
-
-
-def _run(program: str, code: str, variables: dict[str, Any], folder: Path) -> dict[str, Any]:
-    from scipy.io import savemat
-
-    savemat(folder / "given.mat", {"none_": 0.0, **variables})
-    (folder / "code.m").write_text(_SCRIPT.format(code=code), encoding="utf-8")
-    for name in _IDLE:
-        (folder / f"{name}.m").write_text(_NOTHING.format(name=name), encoding="utf-8")
-    command, quiet = [program, "--no-gui", "--no-init-file", "--quiet", "code.m"], subprocess.DEVNULL
-    try:
-        subprocess.run(command, cwd=folder, stdin=quiet, capture_output=True, timeout=_PATIENCE, check=False)
-    except subprocess.TimeoutExpired as problem:
-        expected = f"quicker: code of a mask has not ended after {_PATIENCE:g} s"
-        raise InvalidParameter("--octave", code[:60], expected) from problem
-    found = folder / "found.mat"
-    return variables_of_mat(found, "--octave") if found.is_file() else {}
 
 
 @dataclass
