@@ -154,10 +154,7 @@ def lost_mechanics(found: list[BlockOutcome]) -> list[BlockOutcome]:
 def fidelity(found: list[BlockOutcome], prescribed: int = 0, assumed: int = 0) -> str:
     """Return how faithful a station is, as in ``2 gears and 1 spring lost; 3 control blocks left open``.
 
-    Args:
-        found: what became of the blocks.
-        prescribed: joints whose motion is given.
-        assumed: figures whose variables are not known, in place of which a default is taken.
+    ``prescribed`` joints have a motion that is given, and ``assumed`` figures a default in place of unknown variables.
     """
     lost = [counted(number, noun) for noun, number in Counter(one.noun for one in lost_mechanics(found)).items()]
     all_lost = " and ".join(filter(None, (", ".join(lost[:-1]), *lost[-1:])))

@@ -107,17 +107,10 @@ class Node:
     def numbers(
         self, name: str, default: str, *, unit: str = "1", size: int | None = None, unknown: str | None = None
     ) -> Vector:
-        """Return a parameter as a flat vector in SI.
+        """Return a parameter as a flat vector in SI; its unit stands under ``<name>Units``, and must be like ``unit``.
 
-        Args:
-            name: the parameter; its unit stands under ``<name>Units``.
-            default: what counts where it is missing.
-            unit: a unit of the dimension it must have.
-            size: how many numbers there must be.
-            unknown: what counts where a variable is not known; the default unless given.
-
-        Raises:
-            InvalidModel: another number of numbers, or a unit that does not fit.
+        The default counts where it is missing, and ``unknown``, or the default, where a variable is not known. Raises
+        InvalidModel: not ``size`` numbers, or a unit that does not fit.
         """
         array = self.matrix(name, default, unknown).reshape(-1)
         if size is not None and array.size != size:

@@ -39,13 +39,7 @@ class Translation(CodeRun):
     def __init__(
         self, *arguments: Any, period: float | None = None, own: Mapping[str, Callable[..., Value]] | None = None
     ) -> None:
-        """Take what :class:`CodeRun` takes, and more.
-
-        Args:
-            arguments: what that takes.
-            period: the time between samples [s]; None where nothing says it.
-            own: further functions, of values, by name.
-        """
+        """Take what :class:`CodeRun` takes, the time between samples [s] if there is one, and functions of values."""
         self._guards: list[Value] = []
         self._period, self._within, self._own = period, False, own or {}
         self._kept: dict[str, Any] = {}  # persistent variables as they are at a sample; None before they have begun

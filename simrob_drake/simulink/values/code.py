@@ -65,14 +65,9 @@ class CodeRun(Evaluator):
         functions: dict[str, ScriptFunction] | None = None,
         texts: Mapping[str, str] | None = None,
     ) -> None:
-        """Take what it begins with.
+        """Take variables and functions that are known already, and what looks others up; files hold further ones.
 
-        Args:
-            variables: by name.
-            lookup: looks others up.
-            files: where functions and scripts are found.
-            functions: that are known already.
-            texts: of the parameters of the block whose mask this is, as they are written.
+        The texts are those of the parameters of the block whose mask this is, as they are written.
         """
         self.variables = variables
         self.unknown, self.incomplete, self.absent = set[str](), set[str](), set[str]()

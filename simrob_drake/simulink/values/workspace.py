@@ -146,15 +146,10 @@ class Variables:
 
 
 def variables_of(settings: Mapping[str, str], files: list[Path], named: Files | None = None) -> dict[str, Any]:
-    """Return the variables that a user gives.
+    """Return the variables that a user gives, by expressions and files, which may name what others hold.
 
-    Args:
-        settings: expressions by name; ``tool.mass`` is a field of a structure.
-        files: `.mat` files, or `.m` scripts of assignments.
-        named: functions, scripts and variables that these may name.
-
-    Raises:
-        InvalidParameter: a file or an expression that cannot be read.
+    A name ``tool.mass`` is a field of a structure; files are `.mat`, or `.m` scripts of assignments. Raises
+    InvalidParameter: a file or an expression that cannot be read.
     """
     run = CodeRun({}, files=named)
     for file in files:
@@ -164,14 +159,12 @@ def variables_of(settings: Mapping[str, str], files: list[Path], named: Files | 
             try:
                 run.run(content_of(file).decode("utf-8", errors="replace"))
             except (OSError, NotUnderstood) as problem:
-                raise InvalidParameter(
-                    "--variables", str(file), f"a .mat file or a script of assignments: {problem}"
-                ) from problem
+                expected = f"a .mat file or a script of assignments: {problem}"
+                raise InvalidParameter("--variables", str(file), expected) from problem
     for name, text in settings.items():
         try:
             run.assign(f"{name}={text}")
         except (NotUnderstood, UndefinedVariable) as problem:
-            raise InvalidParameter(
-                f"--set {name}", text, f"an expression such as [0 0 1] or 30*pi/180: it {problem}"
-            ) from problem
+            expected = f"an expression such as [0 0 1] or 30*pi/180: it {problem}"
+            raise InvalidParameter(f"--set {name}", text, expected) from problem
     return run.variables

@@ -49,14 +49,7 @@ class FlowWriter:
     def __init__(
         self, name: str, measured: Mapping[Term, Sum], laws: Mapping[Freedom, Law], report: ImportReport
     ) -> None:
-        """Take what the blocks are made of.
-
-        Args:
-            name: of the flow in its station.
-            measured: what no block computes, as sums of the station's signals.
-            laws: what drives each joint, for those that read the torque of others.
-            report: of the import.
-        """
+        """Take what no block computes, as sums of the station's signals, and joints' laws, for who reads a torque."""
         self.name, self._measured, self._laws, self._report = name, dict(measured), laws, report
         families = {one.partition(".")[0] for names in measured.values() for one in names}
         self._names = UniqueNames(("one", "time", "torque", *families))
