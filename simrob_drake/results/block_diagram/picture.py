@@ -110,9 +110,8 @@ class Drawing:
 
         width, height = self._size
         figure = Figure(figsize=(width / 72, height / 72), dpi=144)
-        axes = figure.add_axes(
-            (0, 0, 1, 1), xlim=(-_EDGE, width - _EDGE), ylim=(height - _EDGE - _HEADER, -_EDGE - _HEADER)
-        )
+        top = self._top - _EDGE
+        axes = figure.add_axes((0, 0, 1, 1), xlim=(-_EDGE, width - _EDGE), ylim=(top + height, top))
         axes.set_axis_off()
         for mark in (mark for _, marks in self._parts for mark in marks):
             if isinstance(mark, _Area):
