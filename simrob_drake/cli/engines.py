@@ -9,9 +9,9 @@ import typer
 from simrob_drake.cli.arguments import refuse, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
 from simrob_drake.cli.programs import export_program
-from simrob_drake.cli.screen import console, errors, say
+from simrob_drake.cli.screen import console, errors, say, table
 from simrob_drake.cli.simulink import compare_with_log
-from simrob_drake.cli.tables import in_units, table
+from simrob_drake.cli.tables import in_units
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.extras import require
 from simrob_drake.folders import check_folder

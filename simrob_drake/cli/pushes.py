@@ -10,8 +10,7 @@ from rich.table import Table
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse
 from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, StationArgument, Workers, with_mesh_path
-from simrob_drake.cli.screen import console, say
-from simrob_drake.cli.tables import table
+from simrob_drake.cli.screen import console, say, table
 from simrob_drake.results.files import default_folder
 from simrob_drake.sections import validated
 from simrob_drake.yaml_files import read_yaml

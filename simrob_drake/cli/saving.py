@@ -10,8 +10,8 @@ from rich.text import Text
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Saving
-from simrob_drake.cli.screen import console, errors, finished_first, say
-from simrob_drake.cli.tables import cells_table, table
+from simrob_drake.cli.screen import console, errors, finished_first, say, table
+from simrob_drake.cli.tables import cells_table
 from simrob_drake.folders import check_folder
 from simrob_drake.results.files import COMMANDS, SUMMARY, Saved, default_folder
 from simrob_drake.results.record.summary import remarks_of

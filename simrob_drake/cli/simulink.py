@@ -13,8 +13,8 @@ from rich.text import Text
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse, refuse_import, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_group, with_mesh_path
-from simrob_drake.cli.screen import console, errors, say
-from simrob_drake.cli.tables import in_units, report_table, table
+from simrob_drake.cli.screen import console, errors, say, table
+from simrob_drake.cli.tables import in_units, report_table
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.folders import check_folder
 from simrob_drake.importer.options import ImportOptions

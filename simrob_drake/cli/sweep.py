@@ -12,8 +12,7 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, texts_by_key
 from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Scheduler, Settings, Workers, with_mesh_path
 from simrob_drake.cli.saving import prepared_folder, saved
-from simrob_drake.cli.screen import console, say
-from simrob_drake.cli.tables import table
+from simrob_drake.cli.screen import console, say, table
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.results.files import default_folder
 from simrob_drake.stations.located import located_changes

@@ -1,11 +1,10 @@
 """What the command line shows: results, findings and robots as tables."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from simrob_drake.cli.screen import table
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import listed
 from simrob_drake.frames import Vector
@@ -20,16 +19,6 @@ _COLOURS: dict[EntryKind, str] = {
     "open": "yellow", "lost": "red", "refused": "red",
 }  # fmt: skip
 _MARKS = {"ok": Text("ok", "green"), "warning": Text("warning", "yellow"), "note": Text("note", "dim")}
-
-
-def table(headings: Sequence[str], *rows: Sequence[str | Text], title: str = "", numbers: bool = True) -> Table:
-    """Return rows of cells below their headings; of ``numbers`` all columns but the first are to the right."""
-    found = Table(box=None, pad_edge=False, title=title or None)
-    for place, heading in enumerate(headings):
-        found.add_column(Text(heading), justify="right" if numbers and place else "left")  # as text [s] is no mark-up
-    for row in rows:
-        found.add_row(*row)
-    return found
 
 
 def cells_table(result: SimulationResult) -> Table:

@@ -10,8 +10,7 @@ import typer
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force, Scheduler, Workers, with_mesh_path
-from simrob_drake.cli.screen import console, say
-from simrob_drake.cli.tables import table
+from simrob_drake.cli.screen import console, say, table
 from simrob_drake.errors import one_of
 from simrob_drake.results.files import default_folder
 
