@@ -158,8 +158,10 @@ def _placed(model: ET.Element, include: ET.Element) -> list[ET.Element]:
     placement = include.findtext("placement_frame")
     if placement:
         model.set("placement_frame", placement.strip())
-    if include.get("merge") != "true":
-        return [model]
+    return _merged(model) if include.get("merge") == "true" else [model]
+
+
+def _merged(model: ET.Element) -> list[ET.Element]:
     own = f"_merged_{name_of(model)}"
     frame = ET.Element("frame", name=own)
     frame.extend(model.findall("pose"))
@@ -173,6 +175,4 @@ def _placed(model: ET.Element, include: ET.Element) -> list[ET.Element]:
             (ET.SubElement(part, "pose") if pose is None else pose).set("relative_to", MODEL)
         for element in part.findall("pose") if part.tag == "model" else part.iter():
             element.attrib |= {key: own for key, value in element.attrib.items() if value == MODEL}
-            if element.tag in ("parent", "child") and (element.text or "").strip() == MODEL:
-                element.text = own
     return [frame, *parts]
