@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import GetPydanticSchema, PlainSerializer
@@ -25,17 +25,19 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.yaml_files import parse_json
 
 _LARGEST = 10_000_000  # bytes of a file
-_OF_ROBOTS = ("positions", "velocities", "references")
+_OF_ROBOTS, _OF_PLANT = ("positions", "velocities", "references"), ("joints", "blocks")
 
 
-class JointState(NamedTuple):
+@dataclass(frozen=True)
+class JointState:
     """Position and velocity of one joint of a plant, free bodies included, in Drake's coordinates."""
 
     position: Vector
     velocity: Vector
 
 
-class BlockState(NamedTuple):
+@dataclass(frozen=True)
+class BlockState:
     """Continuous state, discrete groups and abstract values of one block."""
 
     continuous: Vector
@@ -211,7 +213,8 @@ class State:
 
         Abstract values that JSON does not know are left out: their blocks begin with those that they declare.
         """
-        return _Kept.model_construct(**vars(self)).model_dump_json(indent=1)
+        own = {key: {name: tuple(vars(one).values()) for name, one in getattr(self, key).items()} for key in _OF_PLANT}
+        return _Kept.model_construct(**{**vars(self), **own}).model_dump_json(indent=1)
 
     @classmethod
     def from_json(cls, text: str, where: Path | str = "state") -> "State":
