@@ -16,9 +16,9 @@ from simrob_drake.files import content_of
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.mechanics.bodies import BETWEEN, GEARS, ROD, SPRING
-from simrob_drake.simulink.mechanics.joints import JOINTS
+from simrob_drake.simulink.mechanics.joints import JOINTS, Freedom
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import closure
+from simrob_drake.simulink.signals.forms import Value, closure
 from simrob_drake.simulink.signals.networks import NETWORKS
 from simrob_drake.simulink.simulink_model import RULES, SimulinkModel, read_simulink, undefined_variables
 from simrob_drake.simulink.tables import table
@@ -89,17 +89,31 @@ def outcomes(model: SimulinkModel) -> list[BlockOutcome]:
     ]
 
 
+_MEASURED = ("q", "w", "a", "t", "distance", "sensed")  # kinds of terms that no time tells
+
+
 def _undriven(model: SimulinkModel) -> dict[Node, str]:
-    """Return what drives joints, and acts on bodies, but comes from blocks that are left open; these by their names."""
+    """Return why joints are not driven, or bodies pushed, as in the model: for what is open, or no motion over time."""
     drives = [(push.node, [*push.force, *push.torque]) for push in model.pushes]
+    motions: list[tuple[Node, list[Value]]] = []
     for link in model.bodies.links:
-        laws = map(model.law_of, link.joint.freedoms)
-        drives.append((link.joint.node, [value for law in laws for value in (law.net, law.reference or 0.0)]))
+        for freedom in link.joint.freedoms:
+            law = model.law_of(freedom)
+            drives.append((link.joint.node, [law.net, law.reference or 0.0]))
+            motions += [(link.joint.node, [law.reference or 0.0])] if freedom.driven == "motion" else []
     found: dict[Node, str] = {}
+    for node, values in motions:
+        followed = [term.of for terms in closure(values) for term in terms if term.kind in _MEASURED]
+        names = {of.name for of in followed if isinstance(of, Freedom)}
+        if names := names | {of.path for of in followed if isinstance(of, Node)}:
+            measured = ", ".join(sorted(names))
+            found[node] = (
+                f"its motion follows what is measured ({measured}), not time alone: it is held where it starts"
+            )
     for node, values in drives:
-        terms = (term for terms in closure(values) for term in terms if term.kind == "open")
-        if names := sorted({term.of.path for term in terms if isinstance(term.of, Node)}):
-            found[node] = ", ".join(names)
+        opened = (term.of for terms in closure(values) for term in terms if term.kind == "open")
+        if paths := ", ".join(sorted({of.path for of in opened if isinstance(of, Node)})):
+            found[node] = f"what drives it comes from {paths}, left open: it is 0 until something drives that"
     return found
 
 
@@ -118,8 +132,7 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], un
         else:
             fate, text = "lost", f"nothing reads its port {ports}"
     if undriven and fate != "lost":
-        text = f"what drives it comes from {undriven}, left open: it is 0 until something drives that"
-        return BlockOutcome(node.path, node.kind, "mechanics", "lost", text, "drive")
+        return BlockOutcome(node.path, node.kind, "mechanics", "lost", undriven, "drive")
     noun = row.text if row.fate == "lost" and row.text else node.kind
     return BlockOutcome(node.path, node.kind, row.domain, fate, text, noun)
 

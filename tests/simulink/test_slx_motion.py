@@ -317,6 +317,26 @@ def test_a_motion_begins_where_its_filter_does(tmp_path, bias):
     np.testing.assert_allclose(result["q.A"], exact, atol=1e-3)
 
 
+def test_a_motion_that_follows_what_is_measured_is_lost(tmp_path):
+    """Only motions over time can be prescribed: what B's angle says of A's motion would be held in silence."""
+    level = Level()
+    _, (joint, other) = hinges(level, {"MotionActuationMode": "InputMotion"}, {"SensePosition": "on"})
+    out, half, into = (
+        level.block(FROM_PHYSICS, "Out"),
+        level.block("Gain", "Half", Gain="0.5"),
+        level.block(TO_PHYSICS, "In"),
+    )
+    level.connect(f"{other}#rconn:2", f"{out}#lconn:1")
+    level.wire(f"{out}#out:1", f"{half}#in:1")
+    level.wire(f"{half}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity.startswith("1 drive lost")
+    (lost,) = (one for one in imported.outcomes if one.fate == "lost")
+    assert lost.path == "A"
+    assert "follows what is measured (B)" in lost.text
+
+
 def test_functions_of_files_beside_the_model_are_translated(tmp_path):
     """An Interpreted MATLAB Function of a file, which calls another one: q = 2 sin(3 t)."""
     (tmp_path / "wanted.m").write_text("function q = wanted(t)\nq = 2 * waving(t);\nend\n", encoding="utf-8")
