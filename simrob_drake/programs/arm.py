@@ -22,7 +22,7 @@ from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
 from simrob_drake.programs.moves.move_free import plan_move_free
 from simrob_drake.programs.moves.move_j import plan_move_j
 from simrob_drake.programs.moves.move_l import plan_move_c, plan_move_l
-from simrob_drake.programs.moves.play import PlayMove
+from simrob_drake.programs.moves.wait import PlayMove
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import Planning
 from simrob_drake.programs.program import Program, pace_of, run_cells
@@ -199,9 +199,10 @@ class Arm(ArmGeometry):
         self, piece: str, parent: str | None = None, *, frame: str | None = None, pose: PoseLike | None = None
     ) -> None:
         """Take a piece with the tool that the arm has now, or hang it on ``parent``; see :meth:`Workcell.attach`."""
-        tool = self.cell.model.tool_in_use(self.name)
-        own = tool if tool in self.cell.config.pieces else self.name
-        self.cell.attach(piece, own if parent is None else parent, frame=frame, pose=pose)
+        if parent is None:
+            self.cell.take(piece, self.name, frame=frame, pose=pose)
+        else:
+            self.cell.attach(piece, parent, frame=frame, pose=pose)
 
     def release(self, piece: str, parent: str = "world", *, frame: str | None = None, fixed: bool = False) -> None:
         """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`."""
@@ -301,12 +302,6 @@ class Workcell(RecordedStation):
     def planning(self, robot: str | None) -> Planner:
         """Return what plans moves of an arm from where it is; the only one need not be named."""
         return self.arm(robot).plan
-
-    def take(
-        self, piece: str, robot: str | None = None, *, frame: str | None = None, pose: PoseLike | None = None
-    ) -> None:
-        """Let an arm take a piece; see :meth:`Arm.attach`."""
-        self.arm(robot).attach(piece, frame=frame, pose=pose)
 
     def perform(self, program: Program | Path | str) -> SimulationResult:
         """Do a program of arms from the state that the station is in, and return all of it as one result.

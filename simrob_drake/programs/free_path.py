@@ -4,7 +4,7 @@ It is measured by how far tools move: a radian of an axis counts as many metres 
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from typing import Any
@@ -48,7 +48,8 @@ class FreeSpace:
         """Allow what touches at the start; raises StartInCollision: a robot that begins deep in something else."""
         self._ends = np.cumsum([len(posture) for posture in self.start.values()])[:-1]
         self._begun = {bodies: depth for depth, bodies in reversed(self.hits(self.posture, _AT_ALL))}
-        deep = [(depth, bodies) for bodies, depth in self._begun.items() if depth > ROUGH and not self._of_one(bodies)]
+        owners, begun = self._owners, self._begun.items()
+        deep = [(depth, (a, b)) for (a, b), depth in begun if depth > ROUGH and owners[a] != owners[b]]
         if deep:
             raise StartInCollision(*max(deep))
 
@@ -77,10 +78,6 @@ class FreeSpace:
         found = self.hits(posture, SEARCHED)
         self.met.update(found[0][1] if found else ())
         return not found
-
-    def first_hit(self, rows: Iterable[Vector]) -> Hit | None:
-        """Return the deepest hit of the first of postures (n,) that is not free; None if all are."""
-        return next((found[0] for row in rows if (found := self.hits(row))), None)
 
     def obstacles(self, most: int = 3) -> list[str]:
         """Return what was in the way most often, beside the robots that move."""
@@ -112,10 +109,6 @@ class FreeSpace:
         allowed = np.inf if still or made_so else ROUGH if one == other else TOUCH
         bodies = (first, second) if one in self.start else (second, first)
         return self._pairs.setdefault(shapes, (bodies, allowed))
-
-    def _of_one(self, bodies: Bodies) -> bool:
-        """Tell whether two bodies are of the same robot."""
-        return self._owners[bodies[0]] == self._owners[bodies[1]]
 
 
 _LOOK = 0.02  # m between the looks of a search
@@ -183,12 +176,12 @@ class Search:
             knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
             looks = int(np.ceil(whole / CLOSE_LOOK)) + 2 * len(control)
             rows = np.asarray(BSpline(knots, control, _DEGREE)(np.linspace(0.0, 1.0, looks)))
-            found = self.space.first_hit(rows)
-            if found is None:
+            first = next((found[0] for row in rows if (found := self.space.hits(row))), None)
+            if first is None:
                 return self.gone(rows), rows
-            hit = found
-        depth, (first, second) = hit
-        raise NoFreePath(f"the way that was found leads {first} {1e3 * depth:.1f} mm into {second}: try another seed")
+            hit = first
+        depth, (one, other) = hit
+        raise NoFreePath(f"the way that was found leads {one} {1e3 * depth:.1f} mm into {other}: try another seed")
 
     def length(self, rows: Vector) -> float:
         """Return how long a way through postures (k, n) is [m]."""

@@ -186,8 +186,7 @@ class Balance(LoopSection):
         site.draw_nothing(f"{key}.{name}")
         return mapped(builder, f"{key}.{name}", known.matrix[part], site.state)
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         assert robot.feet is not None  # check() has asked
         feet = list(robot.feet.links)
 

@@ -105,13 +105,13 @@ class LoopSection(Strict):
         """Return those of them whose reference it takes over."""
         return self.axes(robot)
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop; ``key`` is where the section stands, for errors."""
         raise NotImplementedError
 
     def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> Wired:
         """Add the loop, as a block ``controller.<name>``."""
-        block = builder.AddNamedSystem(f"controller.{name}", self.block(f"controllers.{name}", robot, site))
+        block = builder.AddNamedSystem(f"controller.{name}", self._block(f"controllers.{name}", robot, site))
         inputs = [block.get_input_port(index) for index in range(block.num_input_ports())]
         outputs = [block.get_output_port(index) for index in range(block.num_output_ports())]
         return Wired(

@@ -134,8 +134,7 @@ class Policy(LoopSection):
         moves = dict(self.moves_deg) if isinstance(self.moves_deg, dict) else self.moves_deg
         return robot.model.user_units * robot.model.axis_vector(moves, "moves_deg")
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> "LearntPolicy":
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> "LearntPolicy":
         for output in self._outputs:
             if output not in site.outputs:
                 raise UnknownName(f"what {key} observes", output, [*_READS, *_REMEMBERED, *site.outputs])

@@ -109,8 +109,7 @@ class Walk(LoopSection):
         before = [row for row in self.commands if rows and row.time < rows[0].time]
         return self.model_copy(update={"commands": (*before, *rows)}) if rows else self
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         parameters, feet = self.walking(robot), robot.feet
         assert feet is not None  # check() has asked
         names = [foot for group in parameters.groups for foot in group]
@@ -207,10 +206,11 @@ class WalkingLoop(SampledBlock):
             velocity = (target - memory["target"]) / self.period
             return {**changes, "target": target, "offset_velocity": velocity, "ready": ready}
         posture, engine, (known, stride) = memory["posture"], self.engine, self._last
+        estimator = engine.estimator
         if memory["stride"].tobytes() != known:
             stride = Stride.of(memory["stride"])
         command = self._commanded(memory, read, changes)
-        estimate = None if blind else engine.estimate(stride, engine.body.seen(seen), self._forces(stride, read))
+        estimate = None if blind else estimator.estimate(stride, engine.body.seen(seen), self._forces(stride, read))
         after, target = engine.sample(stride, posture, command, estimate)
         numbers = after.numbers()
         self._last = numbers.tobytes(), after

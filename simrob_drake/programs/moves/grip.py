@@ -8,10 +8,11 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.programs.moves.move import ArmStation, Move, Run
+from simrob_drake.programs.moves.move import Move, Run
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import POINTS, Planning
 from simrob_drake.programs.segments import joint_segment, joint_way
+from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.grasps import Stroke, stroke_of
 from simrob_drake.sections import Duration, NotNegative, Positive
@@ -38,10 +39,6 @@ class FingerMove(Move):
     robot: str | None = None
     """Whose; that of the program unless given."""
 
-    def caption(self, *, robots: bool = False) -> str:
-        """Return what they do."""
-        return f"{self.key} of {self.robot}" if robots else self.key
-
     def plan(self, planning: Planning) -> Plan:
         """Return the fingers' move, planned; other axes stay; raises InvalidParameter: no fingers, or no such width."""
         robot, row = planning.model, planning.start.copy()
@@ -63,7 +60,7 @@ class FingerMove(Move):
             raise InvalidParameter("width", width, f"at most {stroke.widest:.4g} m, as far as {robot.name} opens")
         return stroke.part(width)
 
-    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Move the fingers with their force: as what turns presses where it begins, and then as where it stopped."""
         planning = cell.planning(self.robot or robot)
         name, model = planning.robot, planning.model
@@ -80,7 +77,7 @@ class FingerMove(Move):
             self._press(cell, planning, last)
         return result
 
-    def _press(self, cell: ArmStation, planning: Planning, effort: float) -> None:
+    def _press(self, cell: StatefulStation, planning: Planning, effort: float) -> None:
         """Let the motor of each finger give so much at most from now on [N·m or N]."""
         axes = list(planning.model.axes)
         cell.limit_efforts(planning.robot, {axes[place]: effort for place in planning.model.fingers})
@@ -101,7 +98,7 @@ class GripMove(FingerMove):
     force: Positive | None = None
     """With which each finger presses from then on [N]; the gripper's own unless given, or its motors' up to 100 N."""
 
-    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Check that the fingers can press so, and close them."""
         if self.force is not None:
             self._check_force(cell.planning(self.robot or robot), cell.config, self.force)

@@ -11,10 +11,9 @@ from simrob_drake.programs.moves.grip import GripMove, OpenMove
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kick import KickMove
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, field_of, kind_of, read_move
-from simrob_drake.programs.moves.play import PlayMove
 from simrob_drake.programs.moves.together import MOTIONS, TogetherMove
 from simrob_drake.programs.moves.tool import ToolMove
-from simrob_drake.programs.moves.wait import WaitMove
+from simrob_drake.programs.moves.wait import PlayMove, WaitMove
 from simrob_drake.programs.moves.walk import ActMove, GoMove, WalkMove
 
 __all__ = ["KINDS", "ActMove", "AttachMove", "GoMove", "JointMove", "PlayMove", "ReleaseMove", "WaitMove", "WalkMove"]

@@ -5,7 +5,8 @@ from typing import ClassVar, Self
 
 from pydantic import model_validator
 
-from simrob_drake.programs.moves.move import ArmStation, Move, Run
+from simrob_drake.programs.moves.move import Move, Run
+from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.sections import Pose
 
 
@@ -32,7 +33,7 @@ class ToolMove(Move):
             raise ValueError("a tool is given by one of name and pose")
         return self
 
-    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> None:
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
         """Use it."""
         tool = self.name if self.pose is None else self.pose
         assert tool is not None  # one of them is given
