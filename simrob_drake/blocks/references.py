@@ -300,3 +300,7 @@ def add_reference(
     builder.Connect(source.get_output_port(), split.get_input_port())
     position, velocity, *further = (split.get_output_port(order) for order in range(1 + derivatives))
     return ReferenceSource(position, velocity, further[0] if further else None, source)
+
+
+add_course = add_reference
+"""Its former name."""

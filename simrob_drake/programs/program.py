@@ -18,7 +18,7 @@ from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.controllers.postures import Cell, Pace, Sequencer
 from simrob_drake.programs.geometry import CellRobot
 from simrob_drake.programs.moves.joints import JointMove
-from simrob_drake.programs.moves.kinds import KINDS, AnyMove, check_entry
+from simrob_drake.programs.moves.kinds import KINDS, AnyMove, check_move
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.timeline import Change
 from simrob_drake.results.result import SimulationResult
@@ -231,7 +231,7 @@ class Program(Strict):
             entries = content.get(key)
             for number, entry in enumerate(entries if isinstance(entries, list) else []):
                 kinds = {JointMove.key: JointMove} if key == "references" else KINDS
-                check_entry(entry, f"{source}: {key}[{number}]", kinds)
+                check_move(entry, f"{source}: {key}[{number}]", kinds)
         return validated(cls, content, source)
 
     def _place(self, index: int, last: int) -> int:

@@ -24,7 +24,7 @@ from pydantic import Field, model_validator
 from simrob_drake.frames import Vector
 from simrob_drake.sections import NotNegative, Number, Speed, Strict
 from simrob_drake.walking.parameters import MaxSpeed
-from simrob_drake.walking.steps import Command
+from simrob_drake.walking.steps import Command, within
 
 _SAME = 1e-6  # of points [m]
 _HOP = 0.05  # how much further on its path a robot comes in a sample, at most [m]
@@ -157,24 +157,21 @@ class Follower:
         spot = self.path.at(progress)
         off = (complex(x, y) - spot.place) / spot.direction
         hop = off.real / max(1.0 - spot.curvature * off.imag, 0.2)
-        progress = min(max(progress + min(max(hop, -_HOP), _HOP), 0.0), length)
+        progress = min(max(progress + within(hop, _HOP), 0.0), length)
         left = length - progress
         if left < _ARRIVED:
             error = 0.0 if self._heading is None else phase(turned_by(1j * self._heading) / sight)
             if abs(error) < _FACES or not self._turn:
                 return Command(), length + 1.0
-            return Command(0j, self._within(_TURNS * error)), progress
+            return Command(0j, within(_TURNS * error, self._turn)), progress
         soon = self.path.at(min(progress + _SOON * self._speed, length))
         speed = min(self._speed, _BRAKES * left + _CREEPS)
         bend = max(abs(spot.curvature), abs(soon.curvature))
         if bend:
             speed = min(speed, _SPARE * self._turn / bend)
-        back = min(max(-_ACROSS * off.imag, -self._speed * tan(_STEEPEST)), self._speed * tan(_STEEPEST))
+        back = within(-_ACROSS * off.imag, self._speed * tan(_STEEPEST))
         error = phase(soon.direction * complex(self._speed, back) / sight)
         way = soon.direction * complex(speed, back) * max(cos(error), 0.0) / sight
-        aside = min(max(way.imag, -self._aside), self._aside)
-        turn = self._within(soon.curvature * speed + _TURNS * error)
+        aside = within(way.imag, self._aside)
+        turn = within(soon.curvature * speed + _TURNS * error, self._turn)
         return Command(complex(max(min(way.real, self._speed), 0.0), aside), turn), progress
-
-    def _within(self, turn: float) -> float:
-        return min(max(turn, -self._turn), self._turn)

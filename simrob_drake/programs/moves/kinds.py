@@ -55,8 +55,8 @@ def move_from(
     """
     if isinstance(content, Move):
         made = content
-    elif isinstance(content, Mapping) and (kind := kind_of(content, KINDS.values())) is not None:
-        made = read_move(kind, content, "the move")
+    elif isinstance(content, Mapping) and kind_of(content, KINDS.values()) is not None:
+        made = check_move(content)
     else:
         return move_of(content, otherwise if duration is None else duration)
     if duration is not None:
@@ -64,16 +64,7 @@ def move_from(
     return made
 
 
-def check_move(content: Mapping[str, Any]) -> Move:
-    """Return the move that a mapping of a program's file is; raises InvalidConfig: what is no move; names the key."""
-    kind = kind_of(content, KINDS.values())
-    if kind is None:
-        key = next(iter(content), "")
-        raise InvalidConfig("the move", str(key), f"is no kind of move{nearest(key, KINDS)}")
-    return read_move(kind, content, "the move")
-
-
-def check_entry(entry: Any, where: str, kinds: Mapping[str, type[Move]] = KINDS) -> Move:
+def check_move(entry: Any, where: str = "the move", kinds: Mapping[str, type[Move]] = KINDS) -> Move:
     """Return the move that an entry of a program's file is, checked by itself, so that messages can name it.
 
     Raises InvalidConfig: no mapping, a kind that there is not, or a wrong key or value; names ``where``.
