@@ -18,9 +18,8 @@ from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kinds import move_from
 from simrob_drake.programs.moves.motion import describe
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, move_name, naming
-from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
 from simrob_drake.programs.moves.move_free import plan_move_free
-from simrob_drake.programs.moves.move_j import plan_move_j
+from simrob_drake.programs.moves.move_j import plan_move_abs_j, plan_move_j
 from simrob_drake.programs.moves.move_l import plan_move_c, plan_move_l
 from simrob_drake.programs.moves.wait import PlayMove
 from simrob_drake.programs.plan import Plan

@@ -18,11 +18,10 @@ from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundi
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.sections import Boolean
 from simrob_drake.walking.body import Body
-from simrob_drake.walking.commands import Commanded, Commander, beyond, clipped, command_of
+from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, beyond, clipped, command_of
 from simrob_drake.walking.engine import Engine
 from simrob_drake.walking.height_map import HeightMap
 from simrob_drake.walking.parameters import WalkingParameters, load_walking
-from simrob_drake.walking.path import Follower, Waypoints
 from simrob_drake.walking.steps import Command
 from simrob_drake.walking.stride import NUMBERS, Stride, eased
 

@@ -1,10 +1,14 @@
-"""Fingers that close on a piece, which they hold by friction alone, or open."""
+"""What tools do: another one for an arm (SimRob's Tool), and fingers that close on a piece or open.
+
+They hold it by friction alone.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
@@ -15,9 +19,40 @@ from simrob_drake.programs.segments import joint_segment, joint_way
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.grasps import Stroke, stroke_of
-from simrob_drake.sections import Duration, NotNegative, Positive
+from simrob_drake.sections import Duration, NotNegative, Pose, Positive
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.servos import servo_gains
+
+
+class ToolMove(Move):
+    """A robot uses another tool; it takes no time."""
+
+    key: ClassVar[str] = "tool"
+    title: ClassVar[str] = "Tool"
+    brief: ClassVar[bool] = True
+    takes_time: ClassVar[bool] = False
+    of_legs: ClassVar[bool] = False
+    form: ClassVar[Mapping[str, str | float | None]] = {"name": "tools"}
+
+    name: str | None = None
+    """A tool of the robot, or a piece that it carries."""
+    pose: Pose | None = None
+    """Or its pose in the frame of the tool that the robot has now."""
+    robot: str | None = None
+    """Which robot of the station; that of the program unless given."""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.name is None) == (self.pose is None):
+            raise ValueError("a tool is given by one of name and pose")
+        return self
+
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
+        """Use it."""
+        tool = self.name if self.pose is None else self.pose
+        assert tool is not None  # one of them is given
+        cell.tool(cell.robot_name(self.robot or robot), tool)
+
 
 _SHORTEST = 0.5  # s
 _EASY = 2.2  # times the time of a way at full speed: a smooth move is at most 1.9 times as fast as on average

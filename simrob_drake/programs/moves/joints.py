@@ -10,7 +10,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, Outlook, Run, Stage, checked
-from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
+from simrob_drake.programs.moves.move_j import plan_move_abs_j
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import Duration, Number

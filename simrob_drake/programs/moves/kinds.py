@@ -7,12 +7,11 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted
 from simrob_drake.programs.moves.attach import AttachMove, ReleaseMove
 from simrob_drake.programs.moves.climb import ClimbMove
 from simrob_drake.programs.moves.get_up import GetUpMove
-from simrob_drake.programs.moves.grip import GripMove, OpenMove
+from simrob_drake.programs.moves.grip import GripMove, OpenMove, ToolMove
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kick import KickMove
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, field_of, kind_of, read_move
 from simrob_drake.programs.moves.together import MOTIONS, TogetherMove
-from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.moves.wait import PlayMove, WaitMove
 from simrob_drake.programs.moves.walk import ActMove, GoMove, WalkMove
 

@@ -7,9 +7,8 @@ from pydantic import Field
 
 from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import Move, Run, field_of
-from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
 from simrob_drake.programs.moves.move_free import MoveFree, plan_together
-from simrob_drake.programs.moves.move_j import MoveJ
+from simrob_drake.programs.moves.move_j import MoveAbsJ, MoveJ
 from simrob_drake.programs.moves.move_l import MoveC, MoveL
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.sections import Duration
