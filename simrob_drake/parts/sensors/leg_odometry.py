@@ -30,13 +30,11 @@ from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
+from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, rotation_of, xyz_quaternion_from_transform
 from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings, named
 from simrob_drake.sections import Boolean, Positive
@@ -230,7 +228,8 @@ class BaseEstimator(SampledBlock):
             place = pose[:3] + period * motion[:3]
             return {"base_pose": np.concatenate([place, pose[3:]]), "shares": np.zeros(len(soles.arms))}
         turn, before = measured["orientation"], pose[3:]
-        turned, middle = _rotation(turn), _rotation(before + math.copysign(1.0, before @ turn) * turn)
+        middle = rotation_of(before + math.copysign(1.0, before @ turn) * turn).matrix()
+        turned = rotation_of(turn).matrix()
         change = period * (middle @ (measured["specific_force"] - memory["bias"]) + soles.gravity)
         step, speed = period * (motion[:3] + change / 2), motion[:3] + change
         poses = soles.poses(measured["position"], turned)
@@ -265,8 +264,3 @@ class BaseEstimator(SampledBlock):
             own, force = heights[part], read[foot]
             shares[part] = min(math.sqrt(force @ force) / self._force, 1.0) * np.exp((own.min() - own) / _COUNTS)
         return shares
-
-
-def _rotation(quaternion: Vector) -> Vector:
-    """Return the rotation matrix of a quaternion (4,) qw qx qy qz that may have any length."""
-    return np.asarray(RotationMatrix(Quaternion(quaternion / math.sqrt(quaternion @ quaternion))).matrix())
