@@ -19,6 +19,7 @@ from simrob_drake.errors import InvalidParameter
 
 POSE_SIZE = 6
 XYZ_QUATERNION_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
+VELOCITY_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 Vector = np.ndarray[Any, np.dtype[np.float64]]
 """An array of floats of any shape; the shape is in the docstrings."""

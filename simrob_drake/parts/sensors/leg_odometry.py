@@ -34,20 +34,17 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, rotation_of, xyz_quaternion_from_transform
+from simrob_drake.frames import Vector, rotation_of, xyz_quaternion_from_transform
 from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings, named
 from simrob_drake.sections import Boolean, Positive
-from simrob_drake.signals import Panel, Signal
+from simrob_drake.signals import POSE, VELOCITY, Panel, Signal
 
 _COUNTS = 0.003  # by how much a point of the feet is higher than the lowest when it counts e times less [m]
 _BIAS = 1.0  # time constant of the bias of the accelerometer [s]
 _LEVELS = 1.0  # time constant of the height over level ground [s]
 _READS = {"position": "encoders", "orientation": "imu", "angular_velocity": "imu", "specific_force": "imu"}
-_PARTS = {
-    "base_pose": (XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, "position [m]"),
-    "base_velocity": (("vx", "vy", "vz", "wx", "wy", "wz"), ("m/s",) * 3 + ("rad/s",) * 3, "velocity [m/s]"),
-}
+_PARTS = {"base_pose": POSE, "base_velocity": VELOCITY}
 
 
 class LegOdometry(SampledSensor):
