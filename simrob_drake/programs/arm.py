@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import wraps
 from pathlib import Path
-from typing import Any, Concatenate, Literal, ParamSpec, Unpack, cast
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -29,13 +29,13 @@ from simrob_drake.programs.recorded import STATION, RecordedStation
 from simrob_drake.programs.stages import check_takes_time
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
-from simrob_drake.results.files import Saved
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
 
 P = ParamSpec("P")
+Given = TypeVar("Given")
 
 
 class Planner(Planning):
@@ -62,6 +62,16 @@ def _running(plan: Callable[Concatenate[Planning, P], Plan]) -> "Callable[Concat
 
     describe(run, plan)
     return run
+
+
+def _of_cell(method: Callable[Concatenate[RecordedStation, P], Given]) -> "Callable[Concatenate[Arm, P], Given]":
+    """Return the method of an arm that has its workcell do something."""
+
+    @wraps(method)
+    def ask(arm: "Arm", /, *arguments: P.args, **options: P.kwargs) -> Given:
+        return method(arm.cell, *arguments, **options)
+
+    return ask
 
 
 class Arm(ArmGeometry):
@@ -190,9 +200,24 @@ class Arm(ArmGeometry):
         """Open the fingers, all the way or to a ``width`` [m]; see :meth:`grip`."""
         return cast(SimulationResult, self.do({"open": how}))
 
-    def wait(self, duration: float) -> SimulationResult:
-        """Hold the place for a time [s]; on a dynamic station the arm settles."""
-        return self.cell.wait(duration)
+    wait = _of_cell(RecordedStation.wait)
+    """Hold the place for a time [s]; on a dynamic station the arm settles."""
+    release = _of_cell(RecordedStation.release)
+    """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`."""
+    record = _of_cell(RecordedStation.record)
+    """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""
+    pause = _of_cell(RecordedStation.pause)
+    """Stop recording (``Rec(0)``)."""
+    resume = _of_cell(RecordedStation.resume)
+    """Go on recording (``Rec(1)``)."""
+    replay = _of_cell(RecordedStation.replay)
+    """Run the recorded moves again, each from the state that it began in (``Rep()``); the arm stays where it is."""
+    result = _of_cell(RecordedStation.result)
+    """Return all that was recorded as one result; see :meth:`Workcell.result`."""
+    save = _of_cell(RecordedStation.save)
+    """Write all that was recorded to a folder; see :meth:`Workcell.save`."""
+    film = _of_cell(RecordedStation.film)
+    """Write all that was recorded as a film; see :meth:`Workcell.film`."""
 
     def attach(
         self, piece: str, parent: str | None = None, *, frame: str | None = None, pose: PoseLike | None = None
@@ -202,38 +227,6 @@ class Arm(ArmGeometry):
             self.cell.take(piece, self.name, frame=frame, pose=pose)
         else:
             self.cell.attach(piece, parent, frame=frame, pose=pose)
-
-    def release(self, piece: str, parent: str = "world", *, frame: str | None = None, fixed: bool = False) -> None:
-        """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`."""
-        self.cell.release(piece, parent, frame=frame, fixed=fixed)
-
-    def record(self) -> None:
-        """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""
-        self.cell.record()
-
-    def pause(self) -> None:
-        """Stop recording (``Rec(0)``)."""
-        self.cell.pause()
-
-    def resume(self) -> None:
-        """Go on recording (``Rec(1)``)."""
-        self.cell.resume()
-
-    def replay(self) -> list[SimulationResult]:
-        """Run the recorded moves again, each from the state that it began in (``Rep()``); the arm stays where it is."""
-        return self.cell.replay()
-
-    def result(self) -> SimulationResult:
-        """Return all that was recorded as one result; see :meth:`Workcell.result`."""
-        return self.cell.result()
-
-    def save(self, folder: Path | str | None = None, **options: Unpack[Saved]) -> Path:
-        """Write all that was recorded to a folder; see :meth:`Workcell.save`."""
-        return self.cell.save(folder, **options)
-
-    def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
-        """Write all that was recorded as a film; see :meth:`Workcell.film`."""
-        return self.cell.film(file, frames=frames)
 
     def add_reference(self, targets: npt.ArrayLike, duration: float = MOVE_TIME) -> None:
         """Store a posture (n,), or many (k, n) [rad or m], as cells for :meth:`simulate` with ``automatic`` (AddRef).
