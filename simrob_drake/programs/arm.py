@@ -35,7 +35,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
 
 P = ParamSpec("P")
-Given = TypeVar("Given")
+Result = TypeVar("Result")
 
 
 class Planner(Planning):
@@ -64,11 +64,11 @@ def _running(plan: Callable[Concatenate[Planning, P], Plan]) -> "Callable[Concat
     return run
 
 
-def _of_cell(method: Callable[Concatenate[RecordedStation, P], Given]) -> "Callable[Concatenate[Arm, P], Given]":
+def _of_cell(method: Callable[Concatenate[RecordedStation, P], Result]) -> "Callable[Concatenate[Arm, P], Result]":
     """Return the method of an arm that has its workcell do something."""
 
     @wraps(method)
-    def ask(arm: "Arm", /, *arguments: P.args, **options: P.kwargs) -> Given:
+    def ask(arm: "Arm", /, *arguments: P.args, **options: P.kwargs) -> Result:
         return method(arm.cell, *arguments, **options)
 
     return ask

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from math import radians
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import Annotated, Any, Protocol, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -18,15 +18,13 @@ from pydantic import Field, model_validator
 from simrob_drake.blocks.references import Reference, later
 from simrob_drake.errors import one_of
 from simrob_drake.parts.forces import Drag, ForceConfig, Push
+from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.sections import Duration, Instant, NotNegative, Number, Positive, Strict, Triple
-from simrob_drake.simulation import Moment, ReferenceLike, Ticks
+from simrob_drake.simulation import Moment, OnStep, ReferenceLike, Runner, Ticks
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, with_settings
 from simrob_drake.stations.resolve import resolve
-
-if TYPE_CHECKING:
-    from simrob_drake.programs.stateful_station import StatefulStation
 
 GRID = 0.05  # from one moment of the grid to the next, unless told otherwise [s]
 _SERVO = "servo."
@@ -242,7 +240,22 @@ USER = "user"  # who stops a run that its timeline ends
 _END = 1e-9  # s
 
 
-def run_timed(cell: "StatefulStation", references: Mapping[str, ReferenceLike], duration: float) -> SimulationResult:
+class Timed(Protocol):
+    """A station that goes on from its state, along a timeline."""
+
+    config: StationConfig
+    state: State | None
+    timeline: Timeline
+
+    def runner_of(self, config: StationConfig) -> Runner:
+        """Return what runs the station as a configuration of it says."""
+
+    @property
+    def on_step(self) -> OnStep | None:
+        """What is told of each step of a run."""
+
+
+def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: float) -> SimulationResult:
     """Run references on a station whose timeline has a grid, from the state that it is in.
 
     The run ends on the grid, not before ``duration`` [s]. The station's state and time stay as they are. Raises
