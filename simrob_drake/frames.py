@@ -46,8 +46,11 @@ def as_transform(pose: PoseLike) -> RigidTransform:
     matrix = numbers(pose)
     if matrix.shape != (4, 4):
         return transform_from_pose(pose)
-    _checked_matrices(matrix[np.newaxis], "pose")
-    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(matrix[:3, :3]), matrix[:3, 3])
+    turn = matrix[:3, :3]
+    rigid = np.isfinite(matrix).all() and (matrix[3] == [0, 0, 0, 1]).all()
+    if not rigid or np.abs(turn @ turn.T - np.eye(3)).max() > _RIGID or np.linalg.det(turn) < 0:
+        raise InvalidParameter("pose", matrix.tolist(), "a rotation, a place, and a last row 0 0 0 1")
+    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(turn), matrix[:3, 3])
 
 
 def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -> RigidTransform:
@@ -267,6 +270,5 @@ def _checked_matrices(matrices: Vector, name: str) -> Vector:
     rigid = square & (np.linalg.det(turns) > 0) & (matrices[:, 3] == [0, 0, 0, 1]).all(axis=1)
     if not rigid.all():
         bad = int(np.argmin(rigid))
-        which = name if len(matrices) == 1 else f"{name}[{bad}]"
-        raise InvalidParameter(which, matrices[bad].tolist(), "a rotation, a place, and a last row 0 0 0 1")
+        raise InvalidParameter(f"{name}[{bad}]", matrices[bad].tolist(), "a rotation, a place, and a last row 0 0 0 1")
     return matrices
