@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
-from simrob_drake.walking.path import Path, Waypoints
+from simrob_drake.walking.commands import Path, Waypoints
 
 SPEED = 0.2  # m/s
 

@@ -19,6 +19,7 @@ from simrob_drake.errors import InvalidParameter
 
 POSE_SIZE = 6
 XYZ_QUATERNION_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
+VELOCITY_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 Vector = np.ndarray[Any, np.dtype[np.float64]]
 """An array of floats of any shape; the shape is in the docstrings."""
@@ -135,8 +136,12 @@ def transform_from_xyz_quaternion(values: npt.ArrayLike) -> RigidTransform:
     xyz_wxyz = finite(values)
     if xyz_wxyz.shape != (len(XYZ_QUATERNION_NAMES),) or not xyz_wxyz[3:].any():
         raise InvalidParameter("pose", values, "seven finite numbers [x y z qw qx qy qz], the last four not all zero")
-    wxyz = xyz_wxyz[3:] / np.linalg.norm(xyz_wxyz[3:])
-    return RigidTransform(Quaternion(wxyz), xyz_wxyz[:3])
+    return RigidTransform(rotation_of(xyz_wxyz[3:]), xyz_wxyz[:3])
+
+
+def rotation_of(quaternion: Vector) -> RotationMatrix:
+    """Return the rotation of a quaternion (4,) qw qx qy qz that may have any length."""
+    return RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion)))
 
 
 def matrices_from_xyz_quaternions(values: Vector) -> Vector:

@@ -7,12 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, TypeAlias
 
-from simrob_drake.frames import Vector
+from simrob_drake.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
 
 Role = Literal[
     "reference", "motion", "effort", "pose", "force", "moment", "applied", "estimate", "distance", "inertial", "own"
 ]
 """What a signal is: what a robot is asked, how it moves, what drives it, where it is, what is felt or applied."""
+
+POSE = XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, "position [m]"
+VELOCITY = VELOCITY_NAMES, ("m/s",) * 3 + ("rad/s",) * 3, "velocity [m/s]"
+"""What columns of poses and velocities are called, their units, and the label of a plot of the first three."""
 
 
 @dataclass(frozen=True)

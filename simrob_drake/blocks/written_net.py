@@ -4,41 +4,52 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydrake.symbolic import Expression, Formula, Variable
 
 Values = Sequence[float]
 
 
-class NetBlock(Protocol):
+class NetBlock:
     """What a block of a net does; see :mod:`simrob_drake.parts.controllers.flow_blocks`."""
 
-    @property
-    def period(self) -> float:
+    delays: ClassVar[bool] = False  # whether its output depends on its states alone
+
+    if TYPE_CHECKING:
+        period: float
         """Between samples [s]; 0 of a continuous block."""
 
     @property
     def size(self) -> int:
         """How many elements its output has."""
+        return 1
 
     @property
     def start(self) -> Values:
         """Its states at the start."""
+        return ()
 
     @property
     def fed_through(self) -> bool:
         """Whether its output depends on its inputs at the same time."""
+        return not self.delays
 
     @property
     def repeats(self) -> int:
         """How often an input stands in its equation."""
+        return 2
 
     def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output by the time [s], its states and its inputs."""
+        """Return its output by the time [s], its states and its inputs, by element."""
+        return self._output(t, x, u)
+
+    def _output(self, t: float, x: Values, u: Values) -> Values:
+        raise NotImplementedError
 
     def following(self, x: Values, u: Values) -> Values:
         """Return the derivatives of its states, or their next values."""
+        return ()
 
 
 Terms = Sequence[tuple[int, float]]

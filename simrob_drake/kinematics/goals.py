@@ -52,10 +52,11 @@ class Setting:
         return place.plant.GetFrameByName(name, instance), RigidTransform()
 
 
+@dataclass(frozen=True, kw_only=True)
 class Goal(ABC):
     """One thing asked of a posture."""
 
-    weight: float | Triple | None
+    weight: float | Triple | None = None
 
     @abstractmethod
     def constraint(self, setting: Setting) -> Constraint:
@@ -86,7 +87,6 @@ class PositionBounds(Goal):
     lower: Triple = (-np.inf, -np.inf, -np.inf)
     upper: Triple = (np.inf, np.inf, np.inf)
     frame: Targets = HERE
-    weight: float | Triple | None = None
 
     def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the positions of the whole plant."""
@@ -108,7 +108,6 @@ class OrientationCone(Goal):
     direction: Triple
     angle: float
     axis: Triple = (0.0, 0.0, 1.0)
-    weight: float | None = None
 
     def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the positions of the whole plant."""
@@ -137,7 +136,6 @@ class Aiming(Goal):
     target: Triple
     angle: float = 0.0
     axis: Triple = (0.0, 0.0, 1.0)
-    weight: float | None = None
 
     def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the positions of the whole plant."""
@@ -166,7 +164,6 @@ class JointBounds(Goal):
     axis: str
     lower: float = -np.inf
     upper: float = np.inf
-    weight: float | None = None
 
     @classmethod
     def fixed(cls, axis: str, value: float, weight: float | None = None) -> "JointBounds":
@@ -198,7 +195,6 @@ class DistanceBounds(Goal):
     lower: float = 0.0
     upper: float = np.inf
     points: tuple[Triple, Triple] = (ORIGIN, ORIGIN)
-    weight: float | None = None
 
     def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the positions of the whole plant."""

@@ -64,6 +64,9 @@ class CouplingSection(Strict, ABC):
         if self.constrains and station.time_step == 0 and station.scheme not in self.schemes:
             expected = f"{'radau3, or ' if self.schemes else ''}kind: discrete with scheme: sap, which hold {key}"
             raise InvalidParameter("solver", station.scheme, expected)
+        if isinstance(self, Between):
+            for part in ("body", "other"):
+                check_frame(station, f"{key}.{part}", getattr(self, part))
 
     def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
         """Add what holds it beside the plant: nothing, unless it couples axes under a continuous scheme."""
@@ -116,11 +119,6 @@ class Between(Strict, ABC):
     def places(self) -> tuple[RigidTransform, RigidTransform]:
         """Where it holds, on the one and on the other."""
 
-    def check_bodies(self, key: str, station: Surroundings) -> None:
-        """Check that the station has both bodies."""
-        for part in ("body", "other"):
-            check_frame(station, f"{key}.{part}", getattr(self, part))
-
     def ends(self, plant: StationPlant) -> list[Attachment]:
         """Return both ends."""
         frames = [frame_of(plant, name) for name in (self.body, self.other)]
@@ -157,9 +155,8 @@ class BetweenPoints(Between, CouplingSection):
     """Where on the other [m]; in the world's axes unless `other` is given."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station has both bodies."""
+        """Check that they are two."""
         super().check(key, station)
-        self.check_bodies(key, station)
         if self.body == self.other:
             raise InvalidParameter(f"{key}.other", self.other, "another one than body")
 
@@ -213,11 +210,6 @@ class BetweenFrames(Between, CouplingSection):
     """The frame on the body, [x y z Rz Ry Rx]."""
     other_pose: Pose = ORIGIN
     """The frame on the other."""
-
-    def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station has both bodies."""
-        super().check(key, station)
-        self.check_bodies(key, station)
 
     @property
     def places(self) -> tuple[RigidTransform, RigidTransform]:

@@ -35,9 +35,13 @@ class ReferenceSection(Strict, ABC):
         Raises SimrobError: what does not fit the robot; names the key.
         """
 
-    @abstractmethod
     def caption(self, model: RobotModel) -> str:
         """Return it in words."""
+        start = getattr(self, "start", 0.0)
+        return f"{self._words(model)}, from {start:g} s" if start else self._words(model)
+
+    @abstractmethod
+    def _words(self, model: RobotModel) -> str: ...
 
     def axis_values(self) -> dict[str, AxisValues | None]:
         """Return the figures per axis, by their keys, to be checked against a robot's axes: all that are in degrees."""
@@ -62,10 +66,8 @@ class ToOnePosture(ReferenceSection):
     start: Instant = 0.0
     """When it begins [s]."""
 
-    def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
-        late = f", from {self.start:g} s" if self.start else ""
-        return f"{self.kind} to {shown_positions(self.target_deg, model)} in {self.duration:g} s{late}"
+    def _words(self, model: RobotModel) -> str:
+        return f"{self.kind} to {shown_positions(self.target_deg, model)} in {self.duration:g} s"
 
 
 class Hold(ReferenceSection):
@@ -79,8 +81,7 @@ class Hold(ReferenceSection):
         """Return the trajectory, shape (n, 1) [rad or m]."""
         return hold(start if self.target_deg is None else si_positions(self.target_deg, robot, start))
 
-    def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
+    def _words(self, model: RobotModel) -> str:
         return "hold the start" if self.target_deg is None else f"hold {shown_positions(self.target_deg, model)}"
 
 
@@ -140,10 +141,8 @@ class Cruise(ReferenceSection):
     def _jerks(self, robot: ResolvedRobot) -> Vector | None:
         return np.full(len(robot.axes), np.inf)
 
-    def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
-        late = f", from {self.start:g} s" if self.start else ""
-        return f"{self.kind.replace('_', '-')} to {shown_positions(self.target_deg, model)}{late}"
+    def _words(self, model: RobotModel) -> str:
+        return f"{self.kind.replace('_', '-')} to {shown_positions(self.target_deg, model)}"
 
 
 class Trapezoid(Cruise):
@@ -212,8 +211,7 @@ class Sequence(ReferenceSection):
             postures.append(si_positions(waypoint.target_deg, robot, postures[-1]))
         return sequence(start, [waypoint.time for waypoint in self.targets], postures[1:])
 
-    def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
+    def _words(self, model: RobotModel) -> str:
         return f"sequence of {len(self.targets)} postures in {self.targets[-1].time:g} s"
 
 
@@ -238,8 +236,7 @@ class SineWave(ReferenceSection):
             phase=np.deg2rad(model.axis_vector(self.phase_deg, "reference.phase_deg")),
         )
 
-    def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
+    def _words(self, model: RobotModel) -> str:
         return f"sine ±{shown_positions(self.amplitude_deg, model)}, {self.frequency:g} Hz"
 
 
@@ -287,8 +284,7 @@ class Table(ReferenceSection):
             raise InvalidConfig(self.file, f"line {lines[close[0] + 1]}", message)
         return times, values[:, 1:]
 
-    def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
+    def _words(self, model: RobotModel) -> str:
         return f"table {self.file.name}"
 
 

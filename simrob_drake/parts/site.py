@@ -40,7 +40,8 @@ def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: s
     """
     if name is None:
         if len(known) != 1:
-            raise InvalidParameter(key, None, f"one of {', '.join(known)}" if known else f"a {kind}, and there is none")
+            none = f"a {kind.partition(' for ')[0]}, and there is none"
+            raise InvalidParameter(key, None, f"one of {', '.join(known)}" if known else none)
         return known[0]
     return one_of(kind, name, known)
 

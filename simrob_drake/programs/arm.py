@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import wraps
 from pathlib import Path
-from typing import Any, Concatenate, Literal, ParamSpec, Unpack, cast
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -18,11 +18,10 @@ from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kinds import move_from
 from simrob_drake.programs.moves.motion import describe
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, move_name, naming
-from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
 from simrob_drake.programs.moves.move_free import plan_move_free
-from simrob_drake.programs.moves.move_j import plan_move_j
+from simrob_drake.programs.moves.move_j import plan_move_abs_j, plan_move_j
 from simrob_drake.programs.moves.move_l import plan_move_c, plan_move_l
-from simrob_drake.programs.moves.play import PlayMove
+from simrob_drake.programs.moves.wait import PlayMove
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import Planning
 from simrob_drake.programs.program import Program, pace_of, run_cells
@@ -30,13 +29,13 @@ from simrob_drake.programs.recorded import STATION, RecordedStation
 from simrob_drake.programs.stages import check_takes_time
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
-from simrob_drake.results.files import Saved
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
 
 P = ParamSpec("P")
+Result = TypeVar("Result")
 
 
 class Planner(Planning):
@@ -63,6 +62,16 @@ def _running(plan: Callable[Concatenate[Planning, P], Plan]) -> "Callable[Concat
 
     describe(run, plan)
     return run
+
+
+def _of_cell(method: Callable[Concatenate[RecordedStation, P], Result]) -> "Callable[Concatenate[Arm, P], Result]":
+    """Return the method of an arm that has its workcell do something."""
+
+    @wraps(method)
+    def ask(arm: "Arm", /, *arguments: P.args, **options: P.kwargs) -> Result:
+        return method(arm.cell, *arguments, **options)
+
+    return ask
 
 
 class Arm(ArmGeometry):
@@ -191,49 +200,33 @@ class Arm(ArmGeometry):
         """Open the fingers, all the way or to a ``width`` [m]; see :meth:`grip`."""
         return cast(SimulationResult, self.do({"open": how}))
 
-    def wait(self, duration: float) -> SimulationResult:
-        """Hold the place for a time [s]; on a dynamic station the arm settles."""
-        return self.cell.wait(duration)
+    wait = _of_cell(RecordedStation.wait)
+    """Hold the place for a time [s]; on a dynamic station the arm settles."""
+    release = _of_cell(RecordedStation.release)
+    """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`."""
+    record = _of_cell(RecordedStation.record)
+    """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""
+    pause = _of_cell(RecordedStation.pause)
+    """Stop recording (``Rec(0)``)."""
+    resume = _of_cell(RecordedStation.resume)
+    """Go on recording (``Rec(1)``)."""
+    replay = _of_cell(RecordedStation.replay)
+    """Run the recorded moves again, each from the state that it began in (``Rep()``); the arm stays where it is."""
+    result = _of_cell(RecordedStation.result)
+    """Return all that was recorded as one result; see :meth:`Workcell.result`."""
+    save = _of_cell(RecordedStation.save)
+    """Write all that was recorded to a folder; see :meth:`Workcell.save`."""
+    film = _of_cell(RecordedStation.film)
+    """Write all that was recorded as a film; see :meth:`Workcell.film`."""
 
     def attach(
         self, piece: str, parent: str | None = None, *, frame: str | None = None, pose: PoseLike | None = None
     ) -> None:
         """Take a piece with the tool that the arm has now, or hang it on ``parent``; see :meth:`Workcell.attach`."""
-        tool = self.cell.model.tool_in_use(self.name)
-        own = tool if tool in self.cell.config.pieces else self.name
-        self.cell.attach(piece, own if parent is None else parent, frame=frame, pose=pose)
-
-    def release(self, piece: str, parent: str = "world", *, frame: str | None = None, fixed: bool = False) -> None:
-        """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`."""
-        self.cell.release(piece, parent, frame=frame, fixed=fixed)
-
-    def record(self) -> None:
-        """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""
-        self.cell.record()
-
-    def pause(self) -> None:
-        """Stop recording (``Rec(0)``)."""
-        self.cell.pause()
-
-    def resume(self) -> None:
-        """Go on recording (``Rec(1)``)."""
-        self.cell.resume()
-
-    def replay(self) -> list[SimulationResult]:
-        """Run the recorded moves again, each from the state that it began in (``Rep()``); the arm stays where it is."""
-        return self.cell.replay()
-
-    def result(self) -> SimulationResult:
-        """Return all that was recorded as one result; see :meth:`Workcell.result`."""
-        return self.cell.result()
-
-    def save(self, folder: Path | str | None = None, **options: Unpack[Saved]) -> Path:
-        """Write all that was recorded to a folder; see :meth:`Workcell.save`."""
-        return self.cell.save(folder, **options)
-
-    def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
-        """Write all that was recorded as a film; see :meth:`Workcell.film`."""
-        return self.cell.film(file, frames=frames)
+        if parent is None:
+            self.cell.take(piece, self.name, frame=frame, pose=pose)
+        else:
+            self.cell.attach(piece, parent, frame=frame, pose=pose)
 
     def add_reference(self, targets: npt.ArrayLike, duration: float = MOVE_TIME) -> None:
         """Store a posture (n,), or many (k, n) [rad or m], as cells for :meth:`simulate` with ``automatic`` (AddRef).
@@ -301,12 +294,6 @@ class Workcell(RecordedStation):
     def planning(self, robot: str | None) -> Planner:
         """Return what plans moves of an arm from where it is; the only one need not be named."""
         return self.arm(robot).plan
-
-    def take(
-        self, piece: str, robot: str | None = None, *, frame: str | None = None, pose: PoseLike | None = None
-    ) -> None:
-        """Let an arm take a piece; see :meth:`Arm.attach`."""
-        self.arm(robot).attach(piece, frame=frame, pose=pose)
 
     def perform(self, program: Program | Path | str) -> SimulationResult:
         """Do a program of arms from the state that the station is in, and return all of it as one result.

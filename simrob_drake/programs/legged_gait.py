@@ -83,15 +83,11 @@ def planned_gait(
 
 def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     """Run a gait from where a robot stands, and return the run; the floor stays as large as it had to become."""
-    cell, own = robot.cell, robot.cell.config
     here = float(np.abs(robot.base_pose.translation()[:2]).max())
-    adapted = motion.adapted(own, robot.name, start=here)
+    adapted = motion.adapted(robot.cell.config, robot.name, start=here)
     trajectory = hermite(*_from_here(robot, motion))
     del motion  # of ten minutes it takes 16 MB
-    cell.change(adapted)
-    result = cell.follow({robot.name: trajectory}, trajectory.end_time())
-    cell.change(own.model_copy(update={"floor": adapted.floor}))
-    return result
+    return robot.cell.follow_as(adapted, {robot.name: trajectory}, trajectory.end_time())
 
 
 def taught_arms(robot: LeggedGeometry, feet: str | None = None) -> dict[str, float]:

@@ -80,7 +80,7 @@ class Plan:
     @property
     def looks(self) -> Vector:
         """Times at which it is looked at, shape (k,) [s]: evenly, and where its polynomials meet."""
-        even = look_times(self.duration, self.points * len(self.arrivals))
+        even = np.linspace(0.0, self.duration, _LOOKS * max(self.points * len(self.arrivals), 10) + 1)
         return np.union1d(even, np.concatenate([stretch.times for stretch in self.stretches]))
 
     def of_axes(self, robot: str, axes: slice) -> "Plan":
@@ -108,11 +108,6 @@ class Plan:
 def target_name(index: int, count: int) -> str:
     """Return what messages call a target."""
     return f"targets[{index}]" if count > 1 else "the target"
-
-
-def look_times(duration: float, points: int) -> Vector:
-    """Return the times (k,) [s] at which a move of so many points is looked at."""
-    return np.linspace(0.0, duration, _LOOKS * max(points, 10) + 1)
 
 
 Naming = Callable[[float], tuple[int, str]]  # from a time [s] of a move to the number of its point and the point's name

@@ -4,7 +4,6 @@ A sequencer lies over the reference, beneath the loops that the station has, for
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -19,7 +18,7 @@ from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.controllers.postures import Cell, Pace, Sequencer
 from simrob_drake.programs.geometry import CellRobot
 from simrob_drake.programs.moves.joints import JointMove
-from simrob_drake.programs.moves.kinds import KINDS, AnyMove, check_entry
+from simrob_drake.programs.moves.kinds import KINDS, AnyMove, check_move
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.timeline import Change
 from simrob_drake.results.result import SimulationResult
@@ -60,7 +59,7 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
     """
     if not cells:
         raise InvalidParameter("the program", "without references", "one with some: add_reference() stores them")
-    cell, own = robot.cell, robot.cell.config
+    own = robot.cell.config
     others = {
         name: one
         for name, one in own.controllers.items()
@@ -81,15 +80,7 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
     longest = len(cells) * (pace.timeout + 1 / section.rate) + 2 / section.rate  # with the first sample and the last
     station = own.model_copy(update={"controllers": {**others, NAME: section}})
     check_parts(resolve(station))
-    cell.change(station)
-    try:
-        result = cell.follow({}, longest)
-    finally:
-        cell.change(own)
-    if cell.state is not None:  # the next sequence begins anew
-        left = {name: block for name, block in cell.state.blocks.items() if name != f"controller.{NAME}"}
-        cell.state = replace(cell.state, blocks=left)
-    return result
+    return robot.cell.follow_as(station, {}, longest, forget=NAME)  # the next sequence begins anew
 
 
 Reference = Annotated[JointMove, PlainSerializer(JointMove.entry)]
@@ -240,7 +231,7 @@ class Program(Strict):
             entries = content.get(key)
             for number, entry in enumerate(entries if isinstance(entries, list) else []):
                 kinds = {JointMove.key: JointMove} if key == "references" else KINDS
-                check_entry(entry, f"{source}: {key}[{number}]", kinds)
+                check_move(entry, f"{source}: {key}[{number}]", kinds)
         return validated(cls, content, source)
 
     def _place(self, index: int, last: int) -> int:

@@ -1,18 +1,24 @@
-"""A station whose runs are recorded: run again, shown and saved as one result, done again elsewhere."""
+"""A station whose runs are shown and recorded: run again, saved as one result, done again elsewhere."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal, Unpack
 
+from simrob_drake.arguments import instance
+from simrob_drake.frames import Vector
+from simrob_drake.programs.model import one_posture
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.stateful_station import GOES_ON, StatefulStation
-from simrob_drake.programs.tape import Entry, Take
+from simrob_drake.programs.tape import Take
+from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.files import Saved
+from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.stations.station import StationLike, config_of
 
 
 class RecordedStation(StatefulStation):
-    """An :class:`StatefulStation` that records what is done with it, from :meth:`record` on."""
+    """An :class:`StatefulStation` that shows what is done with it, and records it from :meth:`record` on."""
 
     def record(self) -> None:
         """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""
@@ -25,6 +31,31 @@ class RecordedStation(StatefulStation):
     def resume(self) -> None:
         """Go on recording (``Rec(1)``)."""
         self.tape.running = True
+
+    def show(self) -> str:
+        """Open a browser window, in which everything from now on is shown at the pace of the clock.
+
+        Returns:
+            its address, on this computer only.
+        """
+        if self._window is None:
+            self._window = LiveView(self.config, self._shown_state())
+        return self._window.url
+
+    def draw(self, postures: dict[str, Vector]) -> None:
+        """Show robots in postures (n,) in the window, without moving them."""
+        shown = instance(postures, "postures", Mapping, "a mapping by robot").items()
+        postures = {name: one_posture(q, len(self.robot(name).axes), f"postures: {name}") for name, q in shown}
+        self.show()
+        assert self._window is not None
+        now = self._shown_state()
+        self._window.draw(self.config, State({**now.positions, **postures}, now.velocities, now.references))
+
+    def close(self) -> None:
+        """Close the window."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
 
     def replay(self) -> list[SimulationResult]:
         """Run the recorded moves again, each from the state that it began in (``Rep()``); nothing else changes."""
@@ -86,20 +117,16 @@ class RecordedStation(StatefulStation):
         runs: list[SimulationResult] = []
         for stage in stages:
             if not isinstance(stage, tuple):
-                cell._redo(stage)
+                ((key, content),) = stage.items()  # what was noted between runs
+                if key == "tool":
+                    cell.tool(cell.robot_name(content["robot"]), content.get("name") or content["pose"])
+                else:
+                    (cell.attach if key == "attach" else cell.release)(**content)
                 continue
             runs.append(cell.follow(*stage))
             if runs[-1].ending not in GOES_ON:
                 break
         return runs[0] if len(runs) == 1 else joined(runs, left=cell.config)
-
-    def _redo(self, entry: Entry) -> None:
-        """Do again what a tape noted between runs: a piece taken or let go, or another tool."""
-        ((key, content),) = entry.items()
-        if key == "tool":
-            self.tool(self.robot_name(content["robot"]), content.get("name") or content["pose"])
-        else:
-            (self.attach if key == "attach" else self.release)(**content)
 
 
 STATION = "station.yaml"  # where a saved program finds the station that it began in

@@ -1,5 +1,6 @@
 """A station that goes on where its last run left it."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,11 +15,11 @@ from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transf
 from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.programs.free_path import FreeSpace
 from simrob_drake.programs.grasps import let_go, taken, with_efforts
-from simrob_drake.programs.model import StationModel, one_posture, reparented
+from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.programs.plan import Plan, check_moves
-from simrob_drake.programs.planning import HasTool, WorkObject, check_units, pose_numbers
+from simrob_drake.programs.planning import HasTool, Planning, WorkObject, check_units, pose_numbers
 from simrob_drake.programs.segments import Stretch, rest, trajectory, until
-from simrob_drake.programs.tape import Entry, Take, Tape, asked_moves, in_words, run_entry
+from simrob_drake.programs.tape import Entry, Take, Tape, asked_move, in_words, run_entry
 from simrob_drake.programs.timeline import Timeline, run_timed
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.record.run import AskedMove
@@ -33,7 +34,7 @@ GOES_ON = ("completed", "monitor")  # endings of a run after which the next one 
 _SAME_PLACE = 1e-9  # how far from the robot's reference a plan may begin [rad or m]
 
 
-class StatefulStation:
+class StatefulStation(ABC):
     """A station, kinematic or dynamic, that keeps its state from run to run: postures, velocities, servos, pieces.
 
     A move that cannot be done raises an error before anything moves, and leaves the station as it was; so does a run
@@ -161,7 +162,7 @@ class StatefulStation:
         references = {robot: trajectory(motion) for robot, motion in stretches.items()}
         several = len(self.config.robots) > 1
         entry = run_entry(plans, duration, self.frame, several=several)
-        did, moves = in_words(plans, duration, several=several), asked_moves(plans, self._model)
+        did, moves = in_words(plans, duration, several=several), tuple(asked_move(plan, self._model) for plan in plans)
         return self._run(references, end, stretches, entry, did, moves)
 
     def check_together(self, *plans: Plan) -> None:
@@ -221,6 +222,35 @@ class StatefulStation:
         if self._window:
             self._window.add_paths(result)
         return result
+
+    def follow_as(
+        self, station: StationConfig, references: Mapping[str, ReferenceLike], duration: float, *, forget: str = ""
+    ) -> SimulationResult:
+        """Follow references on a station that is another one for this run alone, but for its floor, which stays so.
+
+        What the controller to ``forget`` has come to is forgotten behind it.
+        """
+        own = self.config
+        self.change(station)
+        try:
+            return self.follow(references, duration)
+        finally:
+            self.change(own.model_copy(update={"floor": station.floor}))
+            if forget and self.state is not None:
+                left = {name: one for name, one in self.state.blocks.items() if name != f"controller.{forget}"}
+                self.state = replace(self.state, blocks=left)
+
+    @abstractmethod
+    def planning(self, robot: str | None) -> Planning:
+        """Return what plans moves of an arm, from where its reference is; the only one need not be named."""
+
+    def take(
+        self, piece: str, robot: str | None = None, *, frame: str | None = None, pose: PoseLike | None = None
+    ) -> None:
+        """Let a robot take a piece with the tool that it has now; see :meth:`attach`."""
+        name = self.robot_name(robot)
+        tool = self.model.tool_in_use(name)
+        self.attach(piece, tool if tool in self.config.pieces else name, frame=frame, pose=pose)
 
     def wait(self, duration: float) -> SimulationResult:
         """Let time pass [s] while all robots hold their places; on a dynamic station they settle."""
@@ -335,31 +365,6 @@ class StatefulStation:
     def _placed(self, model: StationModel) -> StationModel:
         model.place_state(self.state, self.position, self.reference)
         return model
-
-    def show(self) -> str:
-        """Open a browser window, in which everything from now on is shown at the pace of the clock.
-
-        Returns:
-            its address, on this computer only.
-        """
-        if self._window is None:
-            self._window = LiveView(self.config, self._shown_state())
-        return self._window.url
-
-    def draw(self, postures: dict[str, Vector]) -> None:
-        """Show robots in postures (n,) in the window, without moving them."""
-        shown = instance(postures, "postures", Mapping, "a mapping by robot").items()
-        postures = {name: one_posture(q, len(self.robot(name).axes), f"postures: {name}") for name, q in shown}
-        self.show()
-        assert self._window is not None
-        now = self._shown_state()
-        self._window.draw(self.config, State({**now.positions, **postures}, now.velocities, now.references))
-
-    def close(self) -> None:
-        """Close the window."""
-        if self._window is not None:
-            self._window.close()
-            self._window = None
 
     def _shown_state(self) -> State:
         def of_all(value: Callable[[str], Vector]) -> dict[str, Vector]:

@@ -191,12 +191,8 @@ def run_entry(
     return {"together": moves, "duration": float(duration)}
 
 
-def asked_moves(plans: Sequence[Plan], model: StationModel) -> tuple[AskedMove, ...]:
-    """Return what a run of planned moves is asked for, on a station as it is then."""
-    return tuple(_asked(plan, model) for plan in plans)
-
-
-def _asked(plan: Plan, model: StationModel) -> AskedMove:
+def asked_move(plan: Plan, model: StationModel) -> AskedMove:
+    """Return what a run of a planned move is asked for, on a station as it is then."""
     kind, content = next(iter(plan.entry.items())) if plan.entry else ("", {})
     robot = model.robots[plan.robot]
     return AskedMove(

@@ -5,6 +5,7 @@ from simrob_drake.programs.legged_robot import LeggedRobot
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.recorded import STATION
 from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.config import StationConfig
 
@@ -35,6 +36,10 @@ def of_arms(cell: Workcell, program: Program) -> bool:
     if program.references:
         return False
     robots = cell.config.robots if program.robot is None else [cell.robot_name(program.robot)]
-    models = [cell.robot(name).model for name in robots]
-    legless = all(model.base == "fixed" and model.feet is None and model.tools for model in models)
-    return legless or not all(move.of_legs for move in program.moves)
+    return not any(goes_on_legs(cell.robot(name).model, program) for name in robots)
+
+
+def goes_on_legs(model: RobotModel, program: Program) -> bool:
+    """Tell whether a program is done by a :class:`~simrob_drake.LeggedRobot`, and not by the arms of a workcell."""
+    legless = model.base == "fixed" and model.feet is None and bool(model.tools)
+    return not legless and all(move.of_legs for move in program.moves)

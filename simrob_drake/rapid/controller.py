@@ -15,12 +15,11 @@ from simrob_drake.interpolation import turned_by
 from simrob_drake.kinematics.solver import Unreachable, require
 from simrob_drake.programs.arm import Planner, Workcell
 from simrob_drake.programs.errors import AccelerationLimitExceeded, SpeedLimitExceeded
+from simrob_drake.programs.moves.grip import ToolMove
 from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import Move, Run
-from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
-from simrob_drake.programs.moves.move_j import MoveJ
+from simrob_drake.programs.moves.move_j import MoveAbsJ, MoveJ
 from simrob_drake.programs.moves.move_l import MoveC, MoveL
-from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.programs.plan import CHECKED, Check, Plan
 from simrob_drake.rapid.configuration import configuration, has_configuration, postures_like

@@ -16,13 +16,11 @@ from simrob_drake.interpolation import Arc, turned_by
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.moves.attach import AttachMove, ReleaseMove
-from simrob_drake.programs.moves.grip import FingerMove, GripMove
+from simrob_drake.programs.moves.grip import FingerMove, GripMove, ToolMove
 from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import Move, move_name, naming
-from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
-from simrob_drake.programs.moves.move_j import MoveJ
+from simrob_drake.programs.moves.move_j import MoveAbsJ, MoveJ
 from simrob_drake.programs.moves.move_l import MoveC, MoveL
-from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.moves.wait import WaitMove
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import Planning, places

@@ -26,6 +26,11 @@ from simrob_drake.rapid.values import (
 _DECIMALS = 6  # of numbers as texts, unless asked for
 
 
+def _of(function: Callable[..., Value], *kinds: str) -> Callable[[Call], Value]:
+    """Return a function of arguments of some types."""
+    return lambda call: function(*(call.value(index, kind) for index, kind in enumerate(kinds)))
+
+
 def _of_numbers(function: Callable[..., float]) -> Callable[[Call], Value]:
     def result(call: Call) -> Value:
         return float(function(*(call.value(index, "num") for index in range(call.count))))
@@ -63,21 +68,8 @@ def _euler_zyx(call: Call) -> Value:
     return math.degrees(roll_pitch_yaw[next(index for index, axis in enumerate("xyz") if call.has(axis))])
 
 
-def _orient_zyx(call: Call) -> Value:
-    yaw, pitch, roll = (math.radians(call.value(index, "num")) for index in range(3))
-    return orient_of(RollPitchYaw(roll, pitch, yaw).ToRotationMatrix())
-
-
-def _def_frame(call: Call) -> Value:
-    points = [place_of(call.value(index, "robtarget")["trans"]) for index in range(3)]
-    return pose_of(three_point_frame(*points))
-
-
-def _of_positions(function: Callable[..., Any]) -> Callable[[Call], Value]:
-    def result(call: Call) -> Value:
-        return float(function(*(np.array(call.value(index, "pos").flat()) for index in range(call.count))))
-
-    return result
+def _of_positions(function: Callable[..., Any], count: int = 2) -> Callable[[Call], Value]:
+    return _of(lambda *places: float(function(*(np.array(one.flat()) for one in places))), *["pos"] * count)
 
 
 def _num_to_str(call: Call) -> Value:
@@ -87,11 +79,6 @@ def _num_to_str(call: Call) -> Value:
 def _val_to_str(call: Call) -> Value:
     value = call.value(0)
     return number_text(float(f"{value:.{_DECIMALS}g}")) if isinstance(value, float) else texted(value).strip('"')
-
-
-def _str_part(call: Call) -> Value:
-    begin = int(call.value(1, "num")) - 1
-    return str(call.value(0, "string"))[begin : begin + int(call.value(2, "num"))]
 
 
 def _str_find(call: Call) -> Value:
@@ -144,20 +131,24 @@ FUNCTIONS: Mapping[str, Callable[[Call], Value]] = {
     "offs": _offs,
     "reltool": _rel_tool,
     "eulerzyx": _euler_zyx,
-    "orientzyx": _orient_zyx,
-    "norient": lambda call: orient_of(rotation_of(call.value(0, "orient"))),
-    "posemult": lambda call: pose_of(transform_of(call.value(0, "pose")) @ transform_of(call.value(1, "pose"))),
-    "poseinv": lambda call: pose_of(transform_of(call.value(0, "pose")).inverse()),
-    "posevect": lambda call: pos_of(1e3 * (transform_of(call.value(0, "pose")) @ place_of(call.value(1, "pos")))),
-    "defframe": _def_frame,
+    "orientzyx": _of(
+        lambda *turns: orient_of(RollPitchYaw(*map(math.radians, turns[::-1])).ToRotationMatrix()), "num", "num", "num"
+    ),
+    "norient": _of(lambda orient: orient_of(rotation_of(orient)), "orient"),
+    "posemult": _of(lambda one, other: pose_of(transform_of(one) @ transform_of(other)), "pose", "pose"),
+    "poseinv": _of(lambda pose: pose_of(transform_of(pose).inverse()), "pose"),
+    "posevect": _of(lambda pose, place: pos_of(1e3 * (transform_of(pose) @ place_of(place))), "pose", "pos"),
+    "defframe": _of(
+        lambda *points: pose_of(three_point_frame(*(place_of(one["trans"]) for one in points))), *["robtarget"] * 3
+    ),
     "distance": _of_positions(lambda one, other: np.linalg.norm(one - other)),
     "dotprod": _of_positions(np.dot),
-    "vectmagn": _of_positions(np.linalg.norm),
+    "vectmagn": _of_positions(np.linalg.norm, 1),
     "numtostr": _num_to_str,
     "dnumtostr": _num_to_str,
     "valtostr": _val_to_str,
-    "strlen": lambda call: float(len(call.value(0, "string"))),
-    "strpart": _str_part,
+    "strlen": _of(lambda text: float(len(text)), "string"),
+    "strpart": _of(lambda text, begin, size: text[int(begin) - 1 : int(begin) - 1 + int(size)], "string", "num", "num"),
     "strfind": _str_find,
     "strmatch": _str_match,
     "strtoval": _str_to_val,

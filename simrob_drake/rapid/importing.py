@@ -15,7 +15,6 @@ from simrob_drake.rapid.controller import Controller
 from simrob_drake.rapid.expressions import Call, Expressions, Location
 from simrob_drake.rapid.functions import FUNCTIONS
 from simrob_drake.rapid.instructions import FUNCTIONS_OF_CONTROLLER, INSTRUCTIONS
-from simrob_drake.rapid.neighbours import neighbours
 from simrob_drake.rapid.signals import Signals
 from simrob_drake.rapid.syntax import (
     Datum,
@@ -25,6 +24,7 @@ from simrob_drake.rapid.syntax import (
     Remark,
     Routine,
     RoutineParameter,
+    neighbours,
     nodes,
     read_modules,
 )

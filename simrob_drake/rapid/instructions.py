@@ -10,8 +10,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.frames import pose_from_transform
 from simrob_drake.programs.moves.motion import ArmMotion
-from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
-from simrob_drake.programs.moves.move_j import MoveJ
+from simrob_drake.programs.moves.move_j import MoveAbsJ, MoveJ
 from simrob_drake.programs.moves.move_l import MoveC, MoveL
 from simrob_drake.programs.timing import ACCELERATION
 from simrob_drake.rapid.configuration import configuration, has_configuration

@@ -18,16 +18,8 @@ from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValu
 from simrob_drake.robots.bodies import Gripper, fingers_of, links_without_inertia, tool_links
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
-from simrob_drake.robots.motors import Drives, Motors, joint_friction, set_drives
-from simrob_drake.robots.urdf import (
-    joint_acceleration,
-    joint_effort,
-    joint_limits,
-    joint_speed,
-    movable_joints,
-    name_of,
-    root_link,
-)
+from simrob_drake.robots.motors import Drives, Motors, set_drives
+from simrob_drake.robots.urdf import DRAKE, joint_figure, joint_limits, movable_joints, name_of, root_link
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
 from simrob_drake.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
 from simrob_drake.yaml_files import read_yaml
@@ -212,12 +204,12 @@ class RobotModel(Strict):
     @property
     def efforts(self) -> Vector:
         """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]."""
-        return np.array([joint_effort(joint) for joint in self.joints])
+        return np.array([joint_figure(joint, "effort") for joint in self.joints])
 
     @property
     def friction(self) -> Vector:
         """Coulomb friction of every axis, shape (n,) [N·m or N]."""
-        return np.array([joint_friction(joint) for joint in self.joints])
+        return np.array([joint_figure(joint, "friction", "dynamics") for joint in self.joints])
 
     @property
     def play(self) -> Vector:
@@ -227,12 +219,12 @@ class RobotModel(Strict):
     @cached_property
     def speed_limits(self) -> Vector:
         """Largest speed of every axis in the URDF, shape (n,) [rad/s or m/s]; infinite where none is told."""
-        return np.array([joint_speed(joint) for joint in self.joints])
+        return np.array([joint_figure(joint, "velocity") or np.inf for joint in self.joints])
 
     @property
     def accelerations(self) -> Vector:
         """Largest acceleration of every axis, shape (n,) [rad/s² or m/s²]; infinite where none is told."""
-        own = np.array([joint_acceleration(joint) for joint in self.joints])
+        own = np.array([joint_figure(joint, f"{DRAKE}acceleration") or np.inf for joint in self.joints])
         if self.acceleration_deg is None:
             return own
         return self.user_units * self.axis_vector(self.acceleration_deg, "acceleration_deg", own / self.user_units)

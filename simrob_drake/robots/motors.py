@@ -198,9 +198,3 @@ def add_play(robot: ET.Element, play: Mapping[str, float]) -> None:
         loose.extend(map(copied, joint.findall("axis")))
         ET.SubElement(loose, "limit", lower=written(-half), upper=written(half), effort="0")
         child.set("link", name_of(gear))
-
-
-def joint_friction(joint: ET.Element) -> float:
-    """Return a joint's Coulomb friction [N·m or N]; 0 where the URDF gives none."""
-    dynamics = joint.find("dynamics")
-    return 0.0 if dynamics is None else float(dynamics.get("friction", 0))

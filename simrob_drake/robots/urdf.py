@@ -213,25 +213,10 @@ def joint_limits(joint: ET.Element) -> tuple[float, float]:
     return float(limit.attrib["lower"]), float(limit.attrib["upper"])
 
 
-def joint_effort(joint: ET.Element) -> float:
-    """Return the largest torque of a joint's motor [N·m or N]; 0 where the URDF gives none."""
-    limit = joint.find("limit")
-    return 0.0 if limit is None else float(limit.get("effort", 0.0))
-
-
-def joint_speed(joint: ET.Element) -> float:
-    """Return the largest speed of a joint [rad/s or m/s]; infinite where the URDF gives none, or zero."""
-    return _motion_limit(joint, "velocity")
-
-
-def joint_acceleration(joint: ET.Element) -> float:
-    """Return the largest acceleration of a joint [rad/s² or m/s²], which Drake's URDFs tell; else infinite."""
-    return _motion_limit(joint, f"{DRAKE}acceleration")
-
-
-def _motion_limit(joint: ET.Element, key: str) -> float:
-    limit = joint.find("limit")
-    return float(limit.get(key, 0.0) if limit is not None else 0.0) or math.inf
+def joint_figure(joint: ET.Element, key: str, tag: str = "limit") -> float:
+    """Return a figure of a joint's ``<limit>``, or of another child of it, in SI units; 0 where the URDF gives none."""
+    child = joint.find(tag)
+    return 0.0 if child is None else float(child.get(key, 0.0))
 
 
 def root_link(root: ET.Element) -> str:

@@ -18,6 +18,7 @@ from simrob_drake.robots.urdf import (
     MOVABLE_JOINTS,
     copied,
     impossible,
+    joint_figure,
     link_of,
     mass_of,
     moments_of,
@@ -174,8 +175,7 @@ def _check_joint(joint: ET.Element, refuse: Refuse) -> None:
     if axis is not None and not any(float(number) for number in axis.get("xyz", "1 0 0").split()):
         raise refuse(f"{where} <axis>", "is zero; it is a direction")
     _check_limit(joint, where, refuse)
-    dynamics = joint.find("dynamics")
-    if dynamics is not None and float(dynamics.get("damping", 0)) < 0:
+    if joint_figure(joint, "damping", "dynamics") < 0:
         raise refuse(f"{where} <dynamics>", "damping is negative")
 
 
@@ -262,6 +262,5 @@ def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
         if not (own[0].findtext("type") or "").strip().endswith("SimpleTransmission"):
             expected = "Drake makes motors of a SimpleTransmission only; change the <type> of its transmission"
             raise refuse(where, expected)
-        limit = joint.find("limit")
-        if limit is None or float(limit.get("effort", 0)) <= 0:
+        if joint_figure(joint, "effort") <= 0:
             raise refuse(f"{where} <limit>", "effort is not positive [N·m], so its motor could not move it")

@@ -1,7 +1,5 @@
 """Add the pose outputs of a station: bases, tools and free pieces, and how these move."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
@@ -9,15 +7,11 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
 from simrob_drake.blocks.frame_poses import FramePoses
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.site import FromState, StationRobot
-from simrob_drake.signals import Panel, Role, Signal
+from simrob_drake.signals import POSE, VELOCITY, Panel, Role, Signal
 from simrob_drake.stations.ports import StationPorts
-
-VELOCITY_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
-_POSE_UNITS = ("m",) * 3 + ("1",) * 4
-_VELOCITY_UNITS = ("m/s",) * 3 + ("rad/s",) * 3
 
 
 def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
@@ -61,25 +55,23 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
         pick = _free_velocity(plant, body)
         gain = MatrixGain(pick)
         ports.add_report(builder, f"piece_velocity.{piece}", gain, ports.state, f"piece_velocity.{piece}")
-        for output, port, parts, units, of_state, quantity in (
-            ("pose", poses.GetOutputPort(f"piece_pose.{piece}"), XYZ_QUATERNION_NAMES, _POSE_UNITS,
-             FromState(_free_pose(plant, body), unit_poses), "position [m]"),
-            ("velocity", gain.get_output_port(), VELOCITY_NAMES, _VELOCITY_UNITS, FromState(pick), "velocity [m/s]"),
-        ):  # fmt: skip
-            name = f"piece_{output}.{piece}"
-            ports.add(name, port, _piece_signal(piece, name, parts, units, quantity), of_state=of_state)
+        pose, velocity = piece_pose_signal(piece), _piece_signal(piece, "velocity", VELOCITY)
+        port, unit = poses.GetOutputPort(pose.output), FromState(_free_pose(plant, body), unit_poses)
+        ports.add(pose.output, port, pose, of_state=unit)
+        ports.add(velocity.output, gain.get_output_port(), velocity, of_state=FromState(pick))
 
 
 def piece_pose_signal(piece: str) -> Signal:
     """Return what the pose of a piece is that moves."""
-    return _piece_signal(piece, f"piece_pose.{piece}", XYZ_QUATERNION_NAMES, _POSE_UNITS, "position [m]")
+    return _piece_signal(piece, "pose", POSE)
 
 
-def _piece_signal(piece: str, output: str, parts: Sequence[str], units: tuple[str, ...], quantity: str) -> Signal:
+def _piece_signal(piece: str, output: str, content: tuple[tuple[str, ...], tuple[str, ...], str]) -> Signal:
+    parts, units, quantity = content
     names, title = tuple(f"piece.{piece}.{part}" for part in parts), quantity.partition(" ")[0]
     panel = Panel(f"piece_{piece}", f"the piece '{piece}' in the world", title, quantity, names[:3])
-    role: Role = "pose" if title == "position" else "motion"
-    return Signal(names, units, role, output, part=piece, panel=panel)
+    role: Role = "pose" if output == "pose" else "motion"
+    return Signal(names, units, role, f"piece_{output}.{piece}", part=piece, panel=panel)
 
 
 def unit_poses(poses: Vector) -> Vector:
@@ -89,8 +81,8 @@ def unit_poses(poses: Vector) -> Vector:
 
 
 def _pose_signal(robot: StationRobot, columns: str, output: str) -> Signal:
-    names = tuple(f"{robot.prefix}{columns}.{part}" for part in XYZ_QUATERNION_NAMES)
-    return Signal(names, _POSE_UNITS, "pose", f"{robot.prefix}{output}")
+    names = tuple(f"{robot.prefix}{columns}.{part}" for part in POSE[0])
+    return Signal(names, POSE[1], "pose", f"{robot.prefix}{output}")
 
 
 def _is_free(robot: StationRobot) -> bool:

@@ -12,6 +12,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.folders import writing
 from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.programs.script import script
+from simrob_drake.programs.whole_program import goes_on_legs
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_names, station_yaml
 from simrob_drake.stations.located import carried
@@ -19,7 +20,6 @@ from simrob_drake.teach.move_runner import Commands
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.program_book import ProgramBook
 from simrob_drake.teach.run_client import RunClient, done
-from simrob_drake.teach.subjects import goes_on_legs
 
 
 class Exports:

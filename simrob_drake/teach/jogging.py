@@ -6,9 +6,9 @@ from typing import Any
 
 from simrob_drake.arguments import plain, whole
 from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.programs.moves.grip import ToolMove
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.programs.moves.move import Move
-from simrob_drake.programs.moves.tool import ToolMove
 from simrob_drake.programs.moves.walk import GoMove
 from simrob_drake.programs.program import Program
 from simrob_drake.teach.move_runner import MoveRunner

@@ -228,7 +228,7 @@ class MoveRunner:
 
     def show_moment(self, time: float, then: Callable[[Any], Any], failed: Then = lambda: None) -> Future[Any]:
         """Ask for a moment of the run to be shown [s]."""
-        moment = self._client.run.moment(time)
+        moment = self._client.run.moments.at(time)
         return self.commands.travel("rewind", then, failed, time=time, positions=moment)
 
     def play(self) -> Future[Any]:
@@ -242,7 +242,7 @@ class MoveRunner:
         self.begin()
 
         def begun(_: Any) -> bool:
-            self._client.run.take(0.0, self._client.run.moment(0.0), {})
+            self._client.run.take(0.0, self._client.run.moments.at(0.0), {})
             return self._stand(0.0)
 
         return self.commands.travel("restart", begun)

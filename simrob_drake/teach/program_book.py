@@ -9,7 +9,7 @@ from simrob_drake.errors import InvalidParameter, SimrobError, one_of
 from simrob_drake.programs.moves.joints import JointMove, targets_on
 from simrob_drake.programs.moves.kinds import check_move
 from simrob_drake.programs.moves.move import Move
-from simrob_drake.programs.moves.play import PlayMove
+from simrob_drake.programs.moves.wait import PlayMove
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.timeline import Change
 from simrob_drake.programs.whole_program import carried_program

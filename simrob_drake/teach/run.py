@@ -179,6 +179,7 @@ class TaughtRun:
         start: where the robot stands, and the next move begins [s]; after a fall before it, which is not what is shown.
         ratio: simulated time over the clock's.
         values: last value of each watched signal.
+        moments: what it looked like.
         history: of each watched signal its last values, as ``(time, value)`` in order of time.
         moves: what was run.
         kind: of what is run, or was last.
@@ -194,7 +195,7 @@ class TaughtRun:
         """Begin at the start of a station, where nothing was run."""
         self.values: dict[str, Any] = {}
         self.history: dict[str, deque[tuple[float, Any]]] = {}
-        self._moments = Moments()
+        self.moments = Moments()
         self.time = self.reach = self.ratio = 0.0
         self.ending: dict[str, Any] | None = None
         self.ended: deque[EndedRun] = deque(maxlen=_ENDED)
@@ -236,13 +237,13 @@ class TaughtRun:
         self._forget_from(time)
         self.time = self.reach = time
         self.ratio, self.shown = ratio, None
-        self._moments.keep(time, positions)
+        self.moments.keep(time, positions)
         self.values |= values
         for name in self.history.keys() & values.keys():
             self.history[name].append((time, values[name]))
 
     def _forget_from(self, time: float) -> None:
-        self._moments.forget_from(time)
+        self.moments.forget_from(time)
         for ring in self.history.values():
             while ring and ring[-1][0] > time - _SAME:
                 ring.pop()
@@ -254,7 +255,7 @@ class TaughtRun:
             self.time = self.reach = news["reached"]
             self.start = news["time"]
             self._forget_from(self.reach + 2 * _SAME)
-            self._moments.keep(self.reach, news.get("positions"))
+            self.moments.keep(self.reach, news.get("positions"))
         self._keep_ended(news["begun"], news["reached"], news["ending"], news["signals"])
 
     def die(self) -> None:
@@ -268,12 +269,8 @@ class TaughtRun:
 
     def _keep_ended(self, begun: float, reached: float, ending: str, signals: dict[str, Any]) -> None:
         number = self.ended[-1].number + 1 if self.ended else 1
-        moments = self._moments.between(begun, reached)
+        moments = self.moments.between(begun, reached)
         self.ended.append(EndedRun(number, self.kind, begun, reached, ending, signals, moments))
-
-    def moment(self, time: float) -> Vector | None:
-        """Return the positions of the plant at the moment next to a time [s]; None where none is kept nearby."""
-        return self._moments.at(time)
 
 
 Level = Literal["", "amber", "red"]  # how much it is: nothing to speak of, to be seen, or a lot

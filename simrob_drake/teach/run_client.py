@@ -128,9 +128,9 @@ class RunClient:
         """Take the description of a station that was opened; it stands at its start."""
         self.description = description
         if self.run.lost:  # it can be looked at all the same
-            self.ask("rewind", time=self.run.time, positions=self.run.moment(self.run.time))
+            self.ask("rewind", time=self.run.time, positions=self.run.moments.at(self.run.time))
         else:
-            self.run.take(0.0, self.run.moment(0.0), {})
+            self.run.take(0.0, self.run.moments.at(0.0), {})
         self.tell("description")
 
     def ask(

@@ -63,12 +63,6 @@ def program_of(subject: str | Path) -> tuple[Path, str] | None:
     return file, located_station(station, file)
 
 
-def goes_on_legs(model: RobotModel, program: Program) -> bool:
-    """Tell whether a program is done by a :class:`~simrob_drake.LeggedRobot`, and not by the arms of a workcell."""
-    legless = model.base == "fixed" and model.feet is None and bool(model.tools)
-    return not legless and all(move.of_legs for move in program.moves)
-
-
 def _drafted_for(file: Path, folder: Path) -> tuple[str, str]:
     """Return what the station of a robot's file is called, and its file; robots of other files keep theirs."""
     for number in count(1):

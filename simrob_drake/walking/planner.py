@@ -17,8 +17,7 @@ from simrob_drake.walking.body import StanceFeet, sloped, uphill
 from simrob_drake.walking.estimator import Estimate
 from simrob_drake.walking.height_map import HeightMap, Places
 from simrob_drake.walking.parameters import Feedback, WalkingParameters
-from simrob_drake.walking.pendulum import weights
-from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, within
+from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, weights, within
 from simrob_drake.walking.stride import Ground, Learnt, Stride, Swing, Trunk, eased, gone
 
 _TOGETHER = 0.01  # how near to its place a foot stands when a walk ends [m]

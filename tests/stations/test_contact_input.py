@@ -39,7 +39,7 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
         ("bouncing_ball", {"monitors.fall": {}}, r"monitors\.fall: a fall needs a bound"),
         ("bouncing_ball", {"monitors.fall": {"piece": "bll", "height": 1}}, r"free piece .* 'bll'.*mean 'ball'"),
         ("bouncing_ball", {"monitors.workspace": {"lower": [0, 0, 0], "upper": [1, 1, 0]}}, "lower must be below"),
-        ("irb120_dynamic", {"monitors.contact": {}}, "a distance sensor, and the station has none"),
+        ("irb120_dynamic", {"monitors.contact": {}}, "a distance sensor, and there is none"),
         ("irb120_kinematic", {"sensors.touch": FORCE}, "a kinematic one computes no contacts"),
         ("irb120_force_stop", {"sensors.gap.body": "link_7"}, r"'link_7'; did you mean 'link_\d'"),
         (

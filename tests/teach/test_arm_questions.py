@@ -13,7 +13,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.kinematics.solver import Unreachable
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
+from simrob_drake.programs.moves.move_j import MoveAbsJ
 from simrob_drake.teach import arm_questions as ask
 
 HOME = {"robot.initial_deg": {"joint_5": 90}}

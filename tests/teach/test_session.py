@@ -415,7 +415,7 @@ def test_wrong_targets_are_refused_in_words(teach, target, told):
     ("asked", "told"),
     [
         (lambda s: s.book.edit(3, {"act": "bow"}), "of a move; there is none"),
-        (lambda s: s.book.insert(0, {"hop": 1}), "no kind of move"),
+        (lambda s: s.book.insert(0, {"hop": 1}), "hop: unknown key"),
         (lambda s: s.book.insert(0, {"walk": {"steps": "many"}}), "steps"),
         (lambda s: s.book.remove_change(0), "index"),
         (lambda s: s.setup.set("servo.kpp", 3), "servo.kpp: unknown key; did you mean 'kp'?"),

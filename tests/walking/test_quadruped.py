@@ -31,7 +31,7 @@ def measured(loop: WalkingLoop, posture: np.ndarray, yaw: float, forces: list[fl
     """Return what the engine makes of a robot that is turned by a yaw, somewhere, its left pair standing."""
     base = np.array([0.7, -0.4, 0.3, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)])
     motion = np.array([0.5 * math.cos(yaw), 0.5 * math.sin(yaw), 0.0, 0.0, 0.0, 0.0])
-    return loop.engine.estimate(
+    return loop.engine.estimator.estimate(
         Stride(), loop.engine.body.seen(np.concatenate([posture, 0 * posture, base, motion])), forces
     )
 
@@ -101,14 +101,14 @@ def test_two_pairs_tell_a_slope_and_each_the_part_along_its_line(loop: WalkingLo
     assert loop.engine.estimator.slope(tilted) == pytest.approx(slope, abs=1e-3)
     for standing in (0, 1):
         line = loop.engine.stance.about[standing][0]
-        told = loop.engine.estimate(Stride(Step(standing)), tilted).slope
+        told = loop.engine.estimator.estimate(Stride(Step(standing)), tilted).slope
         assert (told * line.conjugate()).real == pytest.approx((slope * line.conjugate()).real, abs=1e-3)
         assert (told * line.conjugate()).imag == pytest.approx(0.0, abs=1e-12)
         over = [0.0 if foot in loop.engine.stance.groups[standing] else 0.005 for foot in range(4)]  # that swing [m]
         raised = tilted._replace(lowest=[sum(pair) for pair in zip(tilted.lowest, over, strict=True)])
         known = Stride(Step(standing), ground=Ground(slope=slope))
-        assert loop.engine.estimate(known, tilted).touches
-        assert not loop.engine.estimate(known, raised).touches
+        assert loop.engine.estimator.estimate(known, tilted).touches
+        assert not loop.engine.estimator.estimate(known, raised).touches
 
 
 def test_a_foot_that_feels_the_ground_stays_while_the_other_one_comes_down(loop: WalkingLoop) -> None:

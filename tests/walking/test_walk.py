@@ -170,7 +170,7 @@ def test_soles_tell_the_slope_under_them() -> None:
     turn = RotationMatrix.MakeZRotation(0.7) @ turn @ RotationMatrix.MakeZRotation(-np.pi / 2)  # it looks along y
     base = [0, 0, 0.5, *turn.ToQuaternion().wxyz()]
     seen = loop.engine.body.seen(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
-    assert loop.engine.estimate(Stride(), seen).slope == pytest.approx(0.1 + 0.05j, abs=1e-3)
+    assert loop.engine.estimator.estimate(Stride(), seen).slope == pytest.approx(0.1 + 0.05j, abs=1e-3)
     assert builder is not None
 
 

@@ -24,9 +24,9 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.errors import one_of
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Vector, rotation_of
 from simrob_drake.parts.controllers.loop import LoopSection
-from simrob_drake.parts.controllers.support import Balanced, Direction, Support, rotation_of
+from simrob_drake.parts.controllers.support import Balanced, Direction, Support
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.sections import NotNegative, Number, Positive, Strict
 
@@ -186,8 +186,7 @@ class Balance(LoopSection):
         site.draw_nothing(f"{key}.{name}")
         return mapped(builder, f"{key}.{name}", known.matrix[part], site.state)
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         assert robot.feet is not None  # check() has asked
         feet = list(robot.feet.links)
 

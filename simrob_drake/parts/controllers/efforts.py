@@ -66,8 +66,7 @@ class ForceControl(LoopSection):
         if not station.robot(self.robot, key).tcp:
             raise InvalidParameter(key, "for a robot without a tool", "for one that presses with a tool or a piece")
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         sensor = frame_of(site.plant, getattr(site.station.sensors.get(self.reads["force"]), "frame", WORLD))
         return PressingTool(self, site.plant.plant, robot.axis_map, robot.tools[robot.tcp], sensor)
 
@@ -210,8 +209,7 @@ class MotorProtection(LoopSection):
         spread = robot.model.axis_vector
         return spread(limit, f"{key}.limit", math.inf), spread(nominal, f"{key}.nominal", math.inf)
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         limit, nominal = self._limits(key, robot)
         sagging = (robot.gains.ki == 0) & (robot.gains.kp > 0)  # not with an integral part
         sags = np.where(sagging, 1 / np.where(sagging, robot.gains.kp, 1.0), 0.0)

@@ -10,6 +10,7 @@ import pydrake.math as drake
 from pydantic import Field, model_validator
 from pydrake.symbolic import Expression, Formula, if_then_else
 
+from simrob_drake.blocks.written_net import NetBlock, Values
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.sections import Instant, NotNegative, Number, Strict
 
@@ -66,14 +67,13 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 Sum = str | dict[str, Number]
 """A signal by its name, or several with their factors; ``one`` is 1 and ``time`` the time [s]."""
 Row = tuple[Number, ...]
-Values = Sequence[float]
 
 
-class FlowBlock(Strict):
+class FlowBlock(Strict, NetBlock):
     """A block of a signal flow: its key ``kind``, what it takes, and its equation.
 
-    That is ``output(t, x, u)`` by the time [s], its states and its inputs, and of one that has states, ``following``:
-    their derivatives, or with a ``period`` their next values. A sampled block holds its output between samples. Both
+    That is ``_output`` by the time [s], its states and its inputs, and of one that has states, ``following``: their
+    derivatives, or with a ``period`` their next values. A sampled block holds its output between samples. Both
     are equations of numbers and of symbolic expressions alike.
     """
 
@@ -96,11 +96,6 @@ class FlowBlock(Strict):
         return self
 
     @property
-    def size(self) -> int:
-        """How many elements its output has."""
-        return 1
-
-    @property
     def edges(self) -> Sequence[float]:
         """Times at which its output jumps by itself [s]."""
         return ()
@@ -112,31 +107,8 @@ class FlowBlock(Strict):
             expected = f"{fewest} inputs" if fewest == most else f"{fewest} inputs or more"
             raise InvalidParameter(f"{key}.of", f"{len(self.inputs)} inputs", expected)
 
-    @property
-    def start(self) -> Values:
-        """Its states at the start."""
-        return ()
 
-    @property
-    def fed_through(self) -> bool:
-        """Whether its output depends on its inputs at the same time."""
-        return True
-
-    @property
-    def repeats(self) -> int:
-        """How often an input stands in its equation."""
-        return 2
-
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output, by element."""
-        raise NotImplementedError
-
-    def following(self, x: Values, u: Values) -> Values:
-        """Return the derivatives of its states, or their next values."""
-        return ()
-
-
-class Bounded(FlowBlock):
+class Bounded(Strict):
     """Of a lower and an upper bound."""
 
     lower: Number | None = None
@@ -172,8 +144,7 @@ class Sums(FlowBlock):
         """How often an input stands in its equation."""
         return 1
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return u
 
 
@@ -185,28 +156,25 @@ class Product(FlowBlock):
     divides: tuple[int, ...] = ()
     """Places of the inputs that divide, from 0."""
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return (math.prod(power(part, -1) if place in self.divides else part for place, part in enumerate(u)),)
 
 
-class Saturation(Bounded):
+class Saturation(Bounded, FlowBlock):
     """y = u within bounds, and a bound beyond."""
 
     kind: Literal["saturation"]
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return (self.clipped(u[0]),)
 
 
-class DeadZone(Bounded):
+class DeadZone(Bounded, FlowBlock):
     """y = 0 between the bounds, and how far u lies beyond them outside."""
 
     kind: Literal["dead_zone"]
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return (u[0] - self.clipped(u[0]),)
 
 
@@ -232,8 +200,7 @@ class Lookup(FlowBlock):
         """How often an input stands in its equation."""
         return 2 * len(self.points)
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         within = least(largest(u[0], self.points[0]), self.points[-1]) if self.clip else u[0]
         return (self._between(0, len(self.points) - 1, within),)
 
@@ -266,8 +233,7 @@ class Compare(FlowBlock):
     threshold: Number = 0.0
     """What it is compared with."""
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return (chosen(_COMPARED[self.operator](u[0], self.threshold), 1.0, 0.0),)
 
 
@@ -279,8 +245,7 @@ class Logic(FlowBlock):
     operator: Literal["and", "or", "nor", "nand", "xor", "not"]
     """How the inputs are joined."""
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         true = [chosen(part != 0, 1.0, 0.0) for part in u]
         all_of, any_of = math.prod(true), 1.0 - math.prod(1.0 - one for one in true)
         odd = (1.0 - math.prod(1.0 - 2.0 * one for one in true)) / 2.0
@@ -305,8 +270,7 @@ class Switch(FlowBlock):
     threshold: Number = 0.0
     """What it is compared with."""
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return (chosen(_COMPARED[self.operator](u[1], self.threshold), u[0], u[2]),)
 
 
@@ -327,8 +291,7 @@ class MathFunction(FlowBlock):
         if len(self.inputs) != count:
             raise InvalidParameter(f"{key}.of", f"{len(self.inputs)} inputs", f"{count}, as {self.function} takes")
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return (FUNCTIONS[self.function](*u),)
 
 
@@ -349,8 +312,7 @@ class Step(FlowBlock):
         """When it steps [s]."""
         return (self.time,)
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return (chosen(t >= self.time, self.after, self.before),)
 
 

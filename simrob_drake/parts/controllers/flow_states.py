@@ -3,19 +3,21 @@
 import operator
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from simrob_drake.blocks.written_net import Values
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.controllers.flow_blocks import Bounded, FlowBlock, Row, Values, chosen, largest, least
+from simrob_drake.parts.controllers.flow_blocks import Bounded, FlowBlock, Row, chosen, largest, least
 from simrob_drake.sections import NotNegative, Number, Positive
 
 
-class Integrator(Bounded):
+class Integrator(Bounded, FlowBlock):
     """y = ∫ u dt; at a bound it waits until u leads back. Sampled: y[k+1] = y[k] + period u[k]."""
 
+    delays: ClassVar[bool] = True
     kind: Literal["integrator"]
     initial: Number = 0.0
     """Its value at the start."""
@@ -25,13 +27,7 @@ class Integrator(Bounded):
         """Its states at the start."""
         return (self.clipped(self.initial),)
 
-    @property
-    def fed_through(self) -> bool:
-        """Whether its output depends on its inputs at the same time."""
-        return False
-
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return (self.clipped(x[0]),)
 
     def following(self, x: Values, u: Values) -> Values:
@@ -89,8 +85,7 @@ class StateSpace(FlowBlock):
         """Whether its output depends on its inputs at the same time."""
         return any(map(any, self.D))
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return _rows(self.C, x, self.D, u)
 
     def following(self, x: Values, u: Values) -> Values:
@@ -158,8 +153,7 @@ class RateLimiter(FlowBlock):
         """Whether its output depends on its inputs at the same time."""
         return self.period > 0
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return self.following(x, u) if self.period else x
 
     def following(self, x: Values, u: Values) -> Values:
@@ -178,14 +172,14 @@ class ZeroOrderHold(FlowBlock):
     period: Positive
     """Between samples [s]."""
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return u
 
 
 class Delay(FlowBlock):
     """y[k] = u[k - steps]."""
 
+    delays: ClassVar[bool] = True
     kind: Literal["delay"]
     period: Positive
     """Between samples [s]: by so much, times the steps, it is late."""
@@ -199,13 +193,7 @@ class Delay(FlowBlock):
         """The inputs that are still to come out, the oldest first."""
         return (self.initial,) * self.steps
 
-    @property
-    def fed_through(self) -> bool:
-        """Whether its output depends on its inputs at the same time."""
-        return False
-
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return x[:1]
 
     def following(self, x: Values, u: Values) -> Values:
@@ -222,7 +210,7 @@ def _rows(first: Sequence[Row], x: Values, second: Sequence[Row], u: Values) -> 
 Weight = Annotated[Number, Field(ge=0, le=1)]
 
 
-class Pid(Bounded):
+class Pid(Bounded, FlowBlock):
     """y = p e + i ∫ e dt + d s N / (s + N) e, within bounds.
 
     Of one input, the error, or of three: the errors of its proportional, integral and derivative part. So a derivative
@@ -268,8 +256,7 @@ class Pid(Bounded):
         """The integral part and the filter's state at the start, those of them that it has."""
         return [own for own, has in ((self.integration_initial, self.i), (self.filtering_initial, self.d)) if has]
 
-    def output(self, t: float, x: Values, u: Values) -> Values:
-        """Return its output."""
+    def _output(self, t: float, x: Values, u: Values) -> Values:
         return (self.clipped(self._free(x, u)),)
 
     def following(self, x: Values, u: Values) -> Values:

@@ -55,8 +55,7 @@ class GetUp(LoopSection):
         for way in (own.front, own.back):
             postures(model, way)
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         model = robot.model
         own, facing = load_getting_up(model), math.radians(gaits_file(model).facing_deg)
         ways = [list(zip(way, postures(model, way), strict=True)) for way in (own.front, own.back)]

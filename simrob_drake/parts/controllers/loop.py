@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -105,13 +105,13 @@ class LoopSection(Strict):
         """Return those of them whose reference it takes over."""
         return self.axes(robot)
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop; ``key`` is where the section stands, for errors."""
         raise NotImplementedError
 
     def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> Wired:
         """Add the loop, as a block ``controller.<name>``."""
-        block = builder.AddNamedSystem(f"controller.{name}", self.block(f"controllers.{name}", robot, site))
+        block = builder.AddNamedSystem(f"controller.{name}", self._block(f"controllers.{name}", robot, site))
         inputs = [block.get_input_port(index) for index in range(block.num_input_ports())]
         outputs = [block.get_output_port(index) for index in range(block.num_output_ports())]
         return Wired(
@@ -139,21 +139,6 @@ def check_force_is_read(section: LoopSection, key: str) -> None:
         raise InvalidParameter(f"{key}.reads", section.reads, "with a force sensor: reads: {force: <sensor>}")
 
 
-class Reader(Protocol):
-    """A controller that reads signals by names, and drives inputs beside the reference."""
-
-    @property
-    def named(self) -> list[str]:
-        """What it reads by names."""
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """Inputs of robots that it drives."""
-
-    def check(self, key: str, station: Surroundings) -> None:
-        """Check what is known before anything is built."""
-
-
 def loops_of(controllers: Mapping[str, Any]) -> dict[str, LoopSection]:
     """Return those controllers that are loops of the package's, by name."""
     return {name: section for name, section in controllers.items() if isinstance(section, LoopSection)}
@@ -164,12 +149,12 @@ def flows_of(controllers: Mapping[str, Any]) -> "dict[str, SignalFlow]":
     return {name: section for name, section in controllers.items() if section.kind == "signal_flow"}
 
 
-def readers_of(controllers: Mapping[str, Any]) -> dict[str, Reader]:
+def readers_of(controllers: Mapping[str, Any]) -> "dict[str, LoopSection | SignalFlow]":
     """Return those controllers that are of the package's, and tell what they read and drive, by name."""
     return {**loops_of(controllers), **flows_of(controllers)}
 
 
-def sensors_read(loops: Mapping[str, Reader], sensors: Mapping[str, Sensor]) -> set[str]:
+def sensors_read(loops: "Mapping[str, LoopSection | SignalFlow]", sensors: Mapping[str, Sensor]) -> set[str]:
     """Return the names of the sensors that must sample while a station is stepped: loops read them, or such sensors."""
     parts = {part for loop in loops.values() for text in loop.named for part in text.split(".")}
     stepped = {name: sensor for name, sensor in sensors.items() if sensor.stepped or name in parts}

@@ -188,8 +188,7 @@ class Objective(LoopSection):
         }
         return Wired({"measured": system.get_input_port()}, outputs, {"offset": "rad", "error": unit})
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         law, weights, unit = self._law(key, robot, site)
         posture = robot.model.user_units * robot.model.axis_vector(dict(self.then_deg), f"{key}.then_deg")
         return WeightedObjective(

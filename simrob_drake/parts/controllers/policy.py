@@ -19,9 +19,8 @@ from simrob_drake.blocks.sampled import BlockFails, Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter, UnknownName, shown
 from simrob_drake.extras import needed
 from simrob_drake.files import NotRead, content_of
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Vector, rotation_of
 from simrob_drake.parts.controllers.loop import LoopSection
-from simrob_drake.parts.controllers.support import rotation_of
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.robots.axis_map import PositiveAxisValues
 from simrob_drake.sections import Frequency, Number, Positive
@@ -134,8 +133,7 @@ class Policy(LoopSection):
         moves = dict(self.moves_deg) if isinstance(self.moves_deg, dict) else self.moves_deg
         return robot.model.user_units * robot.model.axis_vector(moves, "moves_deg")
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> "LearntPolicy":
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> "LearntPolicy":
         for output in self._outputs:
             if output not in site.outputs:
                 raise UnknownName(f"what {key} observes", output, [*_READS, *_REMEMBERED, *site.outputs])

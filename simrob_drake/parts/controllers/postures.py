@@ -85,8 +85,7 @@ class Sequencer(Pace, LoopSection):
                     raise InvalidParameter(f"cells[{number}].targets_deg.{axis}", target, f"within {limits}")
         return robot.axes
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         model = robot.model
         targets, units = [_targets(cell, model) for cell in self.cells], model.user_units
         return CellSequence(self, targets, units * self.tolerance_deg, units * self.speed_deg, robot.axes)
@@ -231,8 +230,7 @@ class FallGuard(LoopSection):
         """Return what an input reads; ``state`` is that of the whole plant."""
         return site.state if name == "state" else super().source(builder, name, robot, site, key)
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         plant, step = site.plant.plant, None
         if self.capture_point is not None:
             point, far = CapturePoint(plant, robot, f"{key}.capture_point"), self.capture_point

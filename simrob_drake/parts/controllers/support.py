@@ -9,7 +9,6 @@ from math import cos, sin
 from typing import Literal
 
 import numpy as np
-from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RotationMatrix
 from pydrake.multibody.tree import Frame, RevoluteJoint, RigidBody
 
@@ -118,11 +117,6 @@ class Support:
 
     def _feet(self) -> list[RigidBody]:
         return [self._plant.get_body(index) for index in self._links]
-
-
-def rotation_of(quaternion: Vector) -> RotationMatrix:
-    """Return the rotation of a quaternion (4,) qw qx qy qz that may have any length."""
-    return RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,8 +66,7 @@ class Touchdown(LoopSection):
                 link = link_of(inward[link], "parent")
         return [name for name, axis in robot.model.axes.items() if axis.joint in joints]
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         limbs = {foot: limb_to(robot, robot.tools[foot]) for foot in self.reads if foot in robot.model.tools}
         return UnknownGround(self, limbs, len(robot.axes))
 

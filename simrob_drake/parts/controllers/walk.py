@@ -18,11 +18,10 @@ from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundi
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.sections import Boolean
 from simrob_drake.walking.body import Body
-from simrob_drake.walking.commands import Commanded, Commander, beyond, clipped, command_of
+from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, beyond, clipped, command_of
 from simrob_drake.walking.engine import Engine
 from simrob_drake.walking.height_map import HeightMap
 from simrob_drake.walking.parameters import WalkingParameters, load_walking
-from simrob_drake.walking.path import Follower, Waypoints
 from simrob_drake.walking.steps import Command
 from simrob_drake.walking.stride import NUMBERS, Stride, eased
 
@@ -109,8 +108,7 @@ class Walk(LoopSection):
         before = [row for row in self.commands if rows and row.time < rows[0].time]
         return self.model_copy(update={"commands": (*before, *rows)}) if rows else self
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Return the loop."""
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         parameters, feet = self.walking(robot), robot.feet
         assert feet is not None  # check() has asked
         names = [foot for group in parameters.groups for foot in group]
@@ -207,10 +205,11 @@ class WalkingLoop(SampledBlock):
             velocity = (target - memory["target"]) / self.period
             return {**changes, "target": target, "offset_velocity": velocity, "ready": ready}
         posture, engine, (known, stride) = memory["posture"], self.engine, self._last
+        estimator = engine.estimator
         if memory["stride"].tobytes() != known:
             stride = Stride.of(memory["stride"])
         command = self._commanded(memory, read, changes)
-        estimate = None if blind else engine.estimate(stride, engine.body.seen(seen), self._forces(stride, read))
+        estimate = None if blind else estimator.estimate(stride, engine.body.seen(seen), self._forces(stride, read))
         after, target = engine.sample(stride, posture, command, estimate)
         numbers = after.numbers()
         self._last = numbers.tobytes(), after

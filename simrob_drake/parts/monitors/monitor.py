@@ -10,7 +10,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.blocks.monitor import Condition, Monitor, Trigger
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
-from simrob_drake.parts.site import ResolvedRobot, Site, Surroundings
+from simrob_drake.parts.site import ResolvedRobot, Site, Surroundings, named
 from simrob_drake.sections import NotNegative, Strict
 
 
@@ -111,10 +111,5 @@ class SensorMonitorSection(MonitorSection):
 
     def watched_sensor(self, name: str, station: Surroundings, kind: str) -> str:
         """Return the watched sensor's name; raises UnknownName: none; InvalidParameter: several, none named."""
-        known = [sensor for sensor, section in station.sensors.items() if section.kind == kind]
-        if self.sensor is not None:
-            return one_of(f"{kind} sensor for monitors.{name}.sensor", self.sensor, known)
-        if len(known) != 1:
-            none = f"a {kind} sensor, and the station has none under sensors:"
-            raise InvalidParameter(f"monitors.{name}.sensor", None, f"one of {', '.join(known)}" if known else none)
-        return known[0]
+        key, known = f"monitors.{name}.sensor", [own for own, one in station.sensors.items() if one.kind == kind]
+        return named(self.sensor, known, kind=f"{kind} sensor for {key}", key=key)

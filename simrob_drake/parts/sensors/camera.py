@@ -40,8 +40,8 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.lifetime import weakly
 from simrob_drake.parts.sensors.sensor import Sensor, sensor_label
-from simrob_drake.parts.site import WORLD, Site, StationPlant, Surroundings
-from simrob_drake.parts.targets import check_frame, frame_of, owner_of_shape
+from simrob_drake.parts.site import WORLD, Site, StationPlant
+from simrob_drake.parts.targets import frame_of, owner_of_shape
 from simrob_drake.sections import ORIGIN, Boolean, Integer, NotNegative, Pose, Positive
 
 _RENDERER = "cameras"
@@ -199,10 +199,6 @@ class CameraSensor(Sensor):
         """How it sees."""
         opening = float(np.deg2rad(self.opening_deg))
         return Lens(self.width, self.height, opening, self.near, self.far, self.depth_noise, self.seed)
-
-    def check(self, key: str, station: Surroundings) -> None:
-        """Check that the frame exists."""
-        check_frame(station, f"{key}.frame", self.frame)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Let loops look through it if they may; it has no signals."""

@@ -13,18 +13,13 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
 from simrob_drake.blocks.block import Block, fed
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.frames import (
-    XYZ_QUATERNION_NAMES,
-    transform_from_pose,
-    transform_from_xyz_quaternion,
-    xyz_quaternion_from_transform,
-)
+from simrob_drake.frames import transform_from_pose, transform_from_xyz_quaternion, xyz_quaternion_from_transform
 from simrob_drake.lifetime import weakly
 from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal, sensor_label
 from simrob_drake.parts.site import WORLD, Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.sections import ORIGIN, Boolean, Integer, NotNegative, Pose
-from simrob_drake.signals import Panel, Signal
+from simrob_drake.signals import POSE, VELOCITY, Panel, Signal
 
 _INERTIAL = {
     "specific_force": (("x", "y", "z"), "m/s²"),
@@ -136,10 +131,7 @@ class InertialUnit(SampledBlock):
 
 
 Axes = Literal["world", "base", "frame"]
-_RELATIVE = {
-    "pose": (XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, "position [m]"),
-    "velocity": (("vx", "vy", "vz", "wx", "wy", "wz"), ("m/s",) * 3 + ("rad/s",) * 3, "velocity [m/s]"),
-}
+_RELATIVE = {"pose": POSE, "velocity": VELOCITY}
 
 
 class FrameSensor(Sensor):

@@ -39,10 +39,6 @@ class Encoders(SampledSensor):
     seed: Integer = Field(default=0, ge=0)
     """Of the noise: the same seed, the same figures."""
 
-    def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot exists."""
-        station.robot(self.robot, key)
-
     def resolution(self, robot: ResolvedRobot) -> Vector:
         """Return the resolution of each axis of its robot, (n,) [deg, or m]: its own, else that of the motors."""
         if self.resolution_deg is not None:
@@ -112,8 +108,8 @@ class JointTorque(Sensor):
     """Whose joints; the only robot's unless given."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot exists, and that the scheme tells reaction forces."""
-        station.robot(self.robot, key)
+        """Check that the scheme tells reaction forces, too."""
+        super().check(key, station)
         if station.scheme in ("cenic", "mujoco"):
             expected = f"left out under {station.scheme}, which tells no forces of joints; read the output torque"
             raise InvalidParameter(key, "a joint_torque sensor", expected)
@@ -179,10 +175,6 @@ class ExternalTorque(SampledSensor):
     """Whose joints; the only robot's unless given."""
     gain: Positive = 50.0
     """How fast the estimate follows [1/s]; it lags by 1/gain."""
-
-    def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot exists."""
-        station.robot(self.robot, key)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``external_torque.<sensor>`` (n) [N·m or N] and, with a tool, ``external_force.<sensor>`` (3) [N]."""

@@ -30,26 +30,21 @@ from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
+from simrob_drake.frames import Vector, rotation_of, xyz_quaternion_from_transform
 from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings, named
 from simrob_drake.sections import Boolean, Positive
-from simrob_drake.signals import Panel, Signal
+from simrob_drake.signals import POSE, VELOCITY, Panel, Signal
 
 _COUNTS = 0.003  # by how much a point of the feet is higher than the lowest when it counts e times less [m]
 _BIAS = 1.0  # time constant of the bias of the accelerometer [s]
 _LEVELS = 1.0  # time constant of the height over level ground [s]
 _READS = {"position": "encoders", "orientation": "imu", "angular_velocity": "imu", "specific_force": "imu"}
-_PARTS = {
-    "base_pose": (XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, "position [m]"),
-    "base_velocity": (("vx", "vy", "vz", "wx", "wy", "wz"), ("m/s",) * 3 + ("rad/s",) * 3, "velocity [m/s]"),
-}
+_PARTS = {"base_pose": POSE, "base_velocity": VELOCITY}
 
 
 class LegOdometry(SampledSensor):
@@ -230,7 +225,8 @@ class BaseEstimator(SampledBlock):
             place = pose[:3] + period * motion[:3]
             return {"base_pose": np.concatenate([place, pose[3:]]), "shares": np.zeros(len(soles.arms))}
         turn, before = measured["orientation"], pose[3:]
-        turned, middle = _rotation(turn), _rotation(before + math.copysign(1.0, before @ turn) * turn)
+        middle = rotation_of(before + math.copysign(1.0, before @ turn) * turn).matrix()
+        turned = rotation_of(turn).matrix()
         change = period * (middle @ (measured["specific_force"] - memory["bias"]) + soles.gravity)
         step, speed = period * (motion[:3] + change / 2), motion[:3] + change
         poses = soles.poses(measured["position"], turned)
@@ -265,8 +261,3 @@ class BaseEstimator(SampledBlock):
             own, force = heights[part], read[foot]
             shares[part] = min(math.sqrt(force @ force) / self._force, 1.0) * np.exp((own.min() - own) / _COUNTS)
         return shares
-
-
-def _rotation(quaternion: Vector) -> Vector:
-    """Return the rotation matrix of a quaternion (4,) qw qx qy qz that may have any length."""
-    return np.asarray(RotationMatrix(Quaternion(quaternion / math.sqrt(quaternion @ quaternion))).matrix())

@@ -15,6 +15,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import release_with
 from simrob_drake.parts.site import Site, StationRobot, Surroundings
+from simrob_drake.parts.targets import check_frame
 from simrob_drake.sections import Boolean, NotNegative, Positive, Strict
 from simrob_drake.signals import Compute, Recorded, Signal
 
@@ -24,9 +25,12 @@ class Sensor(Strict, ABC):
 
     kind: str
 
-    @abstractmethod
     def check(self, key: str, station: Surroundings) -> None:
-        """Check the section before anything is built; raises SimrobError: what is wrong with it."""
+        """Check before anything is built, that its robot and its frame exist; raises SimrobError: what is wrong."""
+        if hasattr(self, "robot"):
+            station.robot(self.robot, key)
+        if hasattr(self, "frame"):
+            check_frame(station, f"{key}.frame", self.frame)
 
     @abstractmethod
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:

@@ -49,7 +49,7 @@ walk = BipedWalk.planned
 
 def planned_walk(walker: Walker, steps: int, gait: BipedWalk) -> tuple[JointMotion, Vector, Vector]:
     """Return a walk, and its zero-moment point as asked for and as planned, each (m, 2) [m]."""
-    feet = {foot.name: foot for foot in walker.feet(gait.feet)}
+    feet = walker.feet_called(SIDES, gait.feet, "two feet, to walk so")
     _check(walker.model.name, steps, gait, feet)
     start = {name: np.array([0.0, foot.home[1] + foot.side * gait.widen, 0.0]) for name, foot in feet.items()}
     way = gait_plan(start, np.array([gait.zmp_ahead, 0.0]), _phases(steps, gait, start))
@@ -84,8 +84,6 @@ def _phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[Phase
 
 
 def _check(robot: str, steps: int, gait: BipedWalk, feet: dict[str, Foot]) -> None:
-    if sorted(feet) != sorted(SIDES):
-        raise InvalidParameter(f"robot {robot}", f"one with {len(feet)} feet", "one with two feet, to walk so")
     check_steps(steps)
     if not gait.double_support < 1:
         raise InvalidParameter("double_support", gait.double_support, "a part of the step, less than 1")
@@ -159,9 +157,7 @@ class Kick(SolvedGait):
         return aim if radius <= kicking.over else {**aim, "lift": radius - kicking.over}
 
     def _feet(self, walker: Walker) -> dict[str, Foot]:
-        feet = {foot.name: foot for foot in walker.feet(self.feet)}
-        if sorted(feet) != sorted(SIDES):
-            raise InvalidParameter(f"robot {walker.model.name}", f"one with {len(feet)} feet", "one with two, to kick")
+        feet = walker.feet_called(SIDES, self.feet, "two, to kick")
         if self.foot is not None and self.foot not in feet:
             raise UnknownName(f"foot of {walker.model.name}", self.foot, feet)
         if self.toward_deg and any(len(foot.axes) < 6 for foot in feet.values()):

@@ -162,12 +162,8 @@ def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
 
 def _stance(walker: Walker, gait: SolvedGait) -> dict[str, Vector]:
     """Return where the feet stand about the middle of them, shape (3,) each [m, rad]."""
-    feet = walker.feet(gait.feet)
-    if sorted(foot.name for foot in feet) != sorted(CRAWL_ORDER):
-        raise InvalidParameter(
-            f"robot {walker.model.name}", f"one with {len(feet)} feet", "one with four feet, to walk so"
-        )
-    return {foot.name: np.array([foot.home[0], foot.home[1] + foot.side * gait.widen, 0.0]) for foot in feet}
+    feet = walker.feet_called(CRAWL_ORDER, gait.feet, "four feet, to walk so")
+    return {name: np.array([foot.home[0], foot.home[1] + foot.side * gait.widen, 0.0]) for name, foot in feet.items()}
 
 
 def _solved(walker: Walker, gait: SolvedGait, start: dict[str, Vector], phases: list[Phase]) -> JointMotion:

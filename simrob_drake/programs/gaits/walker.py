@@ -4,6 +4,7 @@ Feet that are balls roll while they stand: their middle moves over the floor as 
 turns at :math:`\omega` without slipping moves by :math:`\dot c = \omega \times r e_z`.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -166,6 +167,13 @@ class Walker:
     def feet(self, kind: str | None = None) -> list[Foot]:
         """Return the feet of a kind, of the default one unless given; see :func:`feet_of`."""
         return feet_of(self.skeleton, self.gaits.facing_deg, kind)
+
+    def feet_called(self, names: Collection[str], kind: str | None, needed: str) -> dict[str, Foot]:
+        """Return the feet of a kind by their names; raises InvalidParameter: they are others; names what is needed."""
+        feet = {foot.name: foot for foot in self.feet(kind)}
+        if sorted(feet) != sorted(names):
+            raise InvalidParameter(f"robot {self.model.name}", f"one with {len(feet)} feet", f"one with {needed}")
+        return feet
 
 
 def mirrored(model: RobotModel, values: Vector) -> Vector:

@@ -1,13 +1,14 @@
 """A piece that is taken, or hung on something else (SimRob's PegarEn), and one that is let go."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import ClassVar
 
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.grasps import let_go
 from simrob_drake.programs.model import StationModel, reparented
-from simrob_drake.programs.moves.move import ArmStation, Move, Outlook, Run, Stage, naming
+from simrob_drake.programs.moves.move import Move, Outlook, Run, Stage, naming
+from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.sections import Boolean, Pose
 from simrob_drake.stations.config import StationConfig
 
@@ -16,6 +17,7 @@ class AttachMove(Move):
     """A piece that is taken; it takes no time."""
 
     key: ClassVar[str] = "attach"
+    says: ClassVar[str] = "attach {it.piece}"
     title: ClassVar[str] = "Take a piece"
     brief: ClassVar[bool] = True
     takes_time: ClassVar[bool] = False
@@ -34,15 +36,7 @@ class AttachMove(Move):
     robot: str | None = None
     """Which robot of the station takes it; that of the program unless given."""
 
-    def caption(self, *, robots: bool = False) -> str:
-        """Return which piece is taken."""
-        return f"attach {self.piece}"
-
-    def pieces(self) -> Iterable[str]:
-        """Return the piece."""
-        return (self.piece,)
-
-    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> None:
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
         """Take it: an arm with the tool that it has now, unless another parent or tool is named."""
         who = self.robot or robot
         if self.parent is None and self.tool is None:
@@ -78,6 +72,7 @@ class ReleaseMove(Move):
     """A piece that is let go; it takes no time."""
 
     key: ClassVar[str] = "release"
+    says: ClassVar[str] = "release {it.piece}"
     title: ClassVar[str] = "Let a piece go"
     brief: ClassVar[bool] = True
     takes_time: ClassVar[bool] = False
@@ -92,15 +87,7 @@ class ReleaseMove(Move):
     frame: str | None = None
     """A frame of the piece that it hangs on, instead of its tool centre point."""
 
-    def caption(self, *, robots: bool = False) -> str:
-        """Return which piece is let go."""
-        return f"release {self.piece}"
-
-    def pieces(self) -> Iterable[str]:
-        """Return the piece."""
-        return (self.piece,)
-
-    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> None:
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
         """Let it go."""
         cell.release(self.piece, self.parent, frame=self.frame, fixed=self.fixed)
 

@@ -30,6 +30,7 @@ class ClimbMove(Move):
 
     model_config = ConfigDict(extra="allow")
     key: ClassVar[str] = "climb"
+    says: ClassVar[str] = "climb {it.distance:g} m"
     title: ClassVar[str] = "Climb"
     of_arms: ClassVar[bool] = False
     form: ClassVar[Mapping[str, str | float | None]] = {"distance": 1.0}
@@ -38,10 +39,6 @@ class ClimbMove(Move):
     """How far ahead of where it stands [m]."""
     gait: str = Climb.usual
     """One of the climbs of the robot's `gaits.yaml`."""
-
-    def caption(self, *, robots: bool = False) -> str:
-        """Return how far."""
-        return f"climb {self.distance:g} m"
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can stride so on level ground, and return the stage that looks for footholds then."""

@@ -24,16 +24,13 @@ class GetUpMove(Move):
     """
 
     key: ClassVar[str] = "get_up"
+    says: ClassVar[str] = "get up"
     title: ClassVar[str] = "Get up"
     of_arms: ClassVar[bool] = False
     form: ClassVar[Mapping[str, str | float | None]] = {"attempts": None}
 
     attempts: Attempts = 5
     """How often it tries."""
-
-    def caption(self, *, robots: bool = False) -> str:
-        """Return what it does."""
-        return "get up"
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can, and return the stage in which it does."""
@@ -59,15 +56,8 @@ class GetUpMove(Move):
 
     def _got_up(self, robot: LeggedGeometry) -> SimulationResult:
         """Let a robot get up, and return the run."""
-        cell, own = robot.cell, robot.cell.config
-        cell.change(self.station(own, robot.name))
-        try:
-            result = cell.follow({robot.name: hold(robot.reference)}, self.attempts * _LONGEST)
-        finally:
-            cell.change(own)
-        if cell.state is not None:  # the next time begins anew
-            left = {name: block for name, block in cell.state.blocks.items() if name != f"controller.{self.key}"}
-            cell.state = replace(cell.state, blocks=left)
+        station, held = self.station(robot.cell.config, robot.name), {robot.name: hold(robot.reference)}
+        result = robot.cell.follow_as(station, held, self.attempts * _LONGEST, forget=self.key)
         if STANDS in result.message:
             result = replace(result, ending="completed", stopped_by=None)
         return replace(result, did=self.caption())

@@ -1,22 +1,58 @@
-"""Fingers that close on a piece, which they hold by friction alone, or open."""
+"""What tools do: another one for an arm (SimRob's Tool), and fingers that close on a piece or open.
+
+They hold it by friction alone.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.programs.moves.move import ArmStation, Move, Run
+from simrob_drake.programs.moves.move import Move, Run
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import POINTS, Planning
 from simrob_drake.programs.segments import joint_segment, joint_way
+from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.grasps import Stroke, stroke_of
-from simrob_drake.sections import Duration, NotNegative, Positive
+from simrob_drake.sections import Duration, NotNegative, Pose, Positive
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.servos import servo_gains
+
+
+class ToolMove(Move):
+    """A robot uses another tool; it takes no time."""
+
+    key: ClassVar[str] = "tool"
+    title: ClassVar[str] = "Tool"
+    brief: ClassVar[bool] = True
+    takes_time: ClassVar[bool] = False
+    of_legs: ClassVar[bool] = False
+    form: ClassVar[Mapping[str, str | float | None]] = {"name": "tools"}
+
+    name: str | None = None
+    """A tool of the robot, or a piece that it carries."""
+    pose: Pose | None = None
+    """Or its pose in the frame of the tool that the robot has now."""
+    robot: str | None = None
+    """Which robot of the station; that of the program unless given."""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.name is None) == (self.pose is None):
+            raise ValueError("a tool is given by one of name and pose")
+        return self
+
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
+        """Use it."""
+        tool = self.name if self.pose is None else self.pose
+        assert tool is not None  # one of them is given
+        cell.tool(cell.robot_name(self.robot or robot), tool)
+
 
 _SHORTEST = 0.5  # s
 _EASY = 2.2  # times the time of a way at full speed: a smooth move is at most 1.9 times as fast as on average
@@ -37,10 +73,6 @@ class FingerMove(Move):
     """Of the move [s]; as their speed allows unless given."""
     robot: str | None = None
     """Whose; that of the program unless given."""
-
-    def caption(self, *, robots: bool = False) -> str:
-        """Return what they do."""
-        return f"{self.key} of {self.robot}" if robots else self.key
 
     def plan(self, planning: Planning) -> Plan:
         """Return the fingers' move, planned; other axes stay; raises InvalidParameter: no fingers, or no such width."""
@@ -63,7 +95,7 @@ class FingerMove(Move):
             raise InvalidParameter("width", width, f"at most {stroke.widest:.4g} m, as far as {robot.name} opens")
         return stroke.part(width)
 
-    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Move the fingers with their force: as what turns presses where it begins, and then as where it stopped."""
         planning = cell.planning(self.robot or robot)
         name, model = planning.robot, planning.model
@@ -80,7 +112,7 @@ class FingerMove(Move):
             self._press(cell, planning, last)
         return result
 
-    def _press(self, cell: ArmStation, planning: Planning, effort: float) -> None:
+    def _press(self, cell: StatefulStation, planning: Planning, effort: float) -> None:
         """Let the motor of each finger give so much at most from now on [N·m or N]."""
         axes = list(planning.model.axes)
         cell.limit_efforts(planning.robot, {axes[place]: effort for place in planning.model.fingers})
@@ -101,7 +133,7 @@ class GripMove(FingerMove):
     force: Positive | None = None
     """With which each finger presses from then on [N]; the gripper's own unless given, or its motors' up to 100 N."""
 
-    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Check that the fingers can press so, and close them."""
         if self.force is not None:
             self._check_force(cell.planning(self.robot or robot), cell.config, self.force)

@@ -9,8 +9,9 @@ from pydantic import Field
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.geometry import LeggedGeometry
-from simrob_drake.programs.moves.move import MOVE_TIME, ArmStation, Move, Outlook, Run, Stage, checked
-from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
+from simrob_drake.programs.moves.move import MOVE_TIME, Move, Outlook, Run, Stage, checked
+from simrob_drake.programs.moves.move_j import plan_move_abs_j
+from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import Duration, Number
 
@@ -24,6 +25,7 @@ class JointMove(Move):
     """Axes that go to their targets at the same time; as a reference, a cell that lasts until they are there."""
 
     key: ClassVar[str] = "target_deg"
+    says: ClassVar[str] = ""  # moves of joints that follow each other are one run
     title: ClassVar[str] = "Move joints"
     form: ClassVar[Mapping[str, str | float | None]] = {"target_deg": "axes", "duration": None}
 
@@ -36,11 +38,7 @@ class JointMove(Move):
         """Return what a program's file has of it."""
         return self.model_dump(mode="json")
 
-    def caption(self, *, robots: bool = False) -> str:
-        """Return nothing: moves of joints that follow each other are one run."""
-        return ""
-
-    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Move an arm there, straight in the joints."""
         planning = cell.planning(robot)
         posture = planning.start.copy()

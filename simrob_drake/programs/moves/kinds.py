@@ -7,14 +7,12 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted
 from simrob_drake.programs.moves.attach import AttachMove, ReleaseMove
 from simrob_drake.programs.moves.climb import ClimbMove
 from simrob_drake.programs.moves.get_up import GetUpMove
-from simrob_drake.programs.moves.grip import GripMove, OpenMove
+from simrob_drake.programs.moves.grip import GripMove, OpenMove, ToolMove
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kick import KickMove
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, field_of, kind_of, read_move
-from simrob_drake.programs.moves.play import PlayMove
 from simrob_drake.programs.moves.together import MOTIONS, TogetherMove
-from simrob_drake.programs.moves.tool import ToolMove
-from simrob_drake.programs.moves.wait import WaitMove
+from simrob_drake.programs.moves.wait import PlayMove, WaitMove
 from simrob_drake.programs.moves.walk import ActMove, GoMove, WalkMove
 
 __all__ = ["KINDS", "ActMove", "AttachMove", "GoMove", "JointMove", "PlayMove", "ReleaseMove", "WaitMove", "WalkMove"]
@@ -56,8 +54,8 @@ def move_from(
     """
     if isinstance(content, Move):
         made = content
-    elif isinstance(content, Mapping) and (kind := kind_of(content, KINDS.values())) is not None:
-        made = read_move(kind, content, "the move")
+    elif isinstance(content, Mapping) and kind_of(content, KINDS.values()) is not None:
+        made = check_move(content)
     else:
         return move_of(content, otherwise if duration is None else duration)
     if duration is not None:
@@ -65,16 +63,7 @@ def move_from(
     return made
 
 
-def check_move(content: Mapping[str, Any]) -> Move:
-    """Return the move that a mapping of a program's file is; raises InvalidConfig: what is no move; names the key."""
-    kind = kind_of(content, KINDS.values())
-    if kind is None:
-        key = next(iter(content), "")
-        raise InvalidConfig("the move", str(key), f"is no kind of move{nearest(key, KINDS)}")
-    return read_move(kind, content, "the move")
-
-
-def check_entry(entry: Any, where: str, kinds: Mapping[str, type[Move]] = KINDS) -> Move:
+def check_move(entry: Any, where: str = "the move", kinds: Mapping[str, type[Move]] = KINDS) -> Move:
     """Return the move that an entry of a program's file is, checked by itself, so that messages can name it.
 
     Raises InvalidConfig: no mapping, a kind that there is not, or a wrong key or value; names ``where``.

@@ -8,9 +8,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from simrob_drake.kinematics.analytic import SolverName
-from simrob_drake.programs.moves.move import ArmStation, Move, Run
+from simrob_drake.programs.moves.move import Move, Run
 from simrob_drake.programs.plan import CHECKED, Check, Plan
 from simrob_drake.programs.planning import Planning
+from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.programs.timing import How, Profile
 from simrob_drake.sections import Duration, Integer, Number, Pose, Positive, Strict
 
@@ -61,10 +62,6 @@ class ArmMotion(Move):
         options = {key: getattr(self, key) for key in How.__annotations__}
         return cast(How, {key: value for key, value in options.items() if value is not None or key == "check"})
 
-    def caption(self, *, robots: bool = False) -> str:
-        """Return the name of the kind, and whose move it is."""
-        return f"{self.key} of {self.robot}" if robots else self.key
-
     def pieces(self) -> Iterable[str]:
         """Return the piece that is its work object."""
         wobj = getattr(self, "wobj", None)
@@ -74,7 +71,7 @@ class ArmMotion(Move):
         """Return the move, planned and checked from where an arm is; raises SimrobError: the first offending point."""
         raise NotImplementedError
 
-    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Plan it, and run the plan."""
         return run([self.plan(cell.planning(self.robot or robot))], None)
 

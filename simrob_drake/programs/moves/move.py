@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, reduce
 from operator import or_
-from typing import Annotated, Any, ClassVar, Protocol, TypeAlias, TypeVar
+from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -21,10 +21,9 @@ from pydantic_core import CoreSchema
 
 from simrob_drake.arguments import LONGEST, SHORTEST, plain
 from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.frames import PoseLike, Vector
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.plan import Plan
-from simrob_drake.programs.planning import Planning
+from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.sections import Strict, validated
 from simrob_drake.stations.config import StationConfig
@@ -45,44 +44,6 @@ _EXPECTED = {
 }
 
 
-class ArmStation(Protocol):
-    """What a move of arms may ask of the station where it is done."""
-
-    @property
-    def config(self) -> StationConfig:
-        """The station, with its pieces where they hang now."""
-
-    def planning(self, robot: str | None) -> Planning:
-        """Return what plans moves of an arm, from where its reference is."""
-
-    def position(self, robot: str) -> Vector:
-        """Return where a robot's axes are, shape (n,) [rad or m]."""
-
-    def robot_name(self, name: str | None) -> str:
-        """Return a robot's name; the only one need not be named."""
-
-    def take(self, piece: str, robot: str | None, *, frame: str | None, pose: PoseLike | None) -> None:
-        """Let an arm take a piece with the tool that it has now."""
-
-    def attach(self, piece: str, parent: str, *, frame: str | None, pose: PoseLike | None) -> None:
-        """Let a piece hang on something else."""
-
-    def release(self, piece: str, parent: str, *, frame: str | None, fixed: bool) -> None:
-        """Let go of a piece."""
-
-    def tool(self, robot: str, tool: str | PoseLike) -> None:
-        """Change the tool centre point of a robot."""
-
-    def limit_efforts(self, robot: str, efforts: Mapping[str, float]) -> None:
-        """Have motors of a robot give at most so much, by axis."""
-
-    def wait(self, duration: float) -> SimulationResult:
-        """Let time pass while all robots hold their places."""
-
-    def play(self, duration: float) -> SimulationResult:
-        """Let all robots follow the references of the station's file."""
-
-
 @dataclass
 class Outlook:
     """What is known of a station before a move of a program that is only looked at."""
@@ -100,6 +61,7 @@ class Move(Strict):
     Attributes:
         key: by which a file tells it.
         title: under which it is offered to users.
+        says: what it does, in a few words with fields of ``it``.
         brief: whether its first field alone can stand for it.
         takes_time: whether it is a run of the station.
         of_arms: whether arms can do it.
@@ -111,6 +73,7 @@ class Move(Strict):
 
     key: ClassVar[str]
     title: ClassVar[str]
+    says: ClassVar[str] = "{it.key}"
     brief: ClassVar[bool] = False
     takes_time: ClassVar[bool] = True
     of_arms: ClassVar[bool] = True
@@ -141,13 +104,14 @@ class Move(Strict):
 
     def caption(self, *, robots: bool = False) -> str:
         """Return what it does, in a few words, for events and lists; with ``robots`` whose move it is."""
-        return self.key
+        whose = getattr(self, "robot", None) if robots else None
+        return self.says.format(it=self) + (f" of {whose}" if whose else "")
 
     def pieces(self) -> Iterable[str]:
-        """Return the pieces that it depends on."""
-        return ()
+        """Return the pieces that it depends on: those that its form asks for."""
+        return [piece for key, what in self.form.items() if what == "pieces" and (piece := getattr(self, key))]
 
-    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Do it with arms of a station, and return what ``run`` gives, which runs plans; None if it takes no time.
 
         ``robot`` is whose program it is in, None the only one. Raises SimrobError: it cannot be done.

@@ -53,15 +53,12 @@ def plan_move_l(
     """
     inverse, points = planning.inverse(solver), points_of(how, POINTS)
     poses = planning.poses(targets, wobj)
-    ways = [_line(begin, end) for begin, end in pairwise([planning.pose, *poses])]
+    ways = [
+        Way(partial(poses_between, begin, end), float(np.linalg.norm(end[:3, 3] - begin[:3, 3])))
+        for begin, end in pairwise([planning.pose, *poses])
+    ]
     plan = planning.along(ways, inverse, how, points)
     return recorded(plan, MoveL.key, planning, targets, how, wobj=wobj, solver=solver)
-
-
-def _line(begin: Vector, end: Vector) -> Way:
-    """Return the straight way between two poses (4, 4)."""
-    length = float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
-    return Way(partial(poses_between, begin, end), length)
 
 
 class MoveC(ToolMotion, ArmMotion):
@@ -107,15 +104,13 @@ def plan_move_c(
     poses = planning.poses(targets, wobj)
     if len(middles) != len(poses):
         raise InvalidParameter("via", f"{len(middles)} points", f"one a target, of which there are {len(poses)}")
-    ways = [
-        _arc_through(begin, middle, end, f"the arc to {target_name(index, len(poses))}")
-        for index, (begin, middle, end) in enumerate(zip([planning.pose, *poses], middles, poses, strict=False))
-    ]
+    ways = list[Way]()
+    for index, (begin, middle, end) in enumerate(zip([planning.pose, *poses], middles, poses, strict=False)):
+        arc = Arc.through(begin[:3, 3], middle, end[:3, 3], f"the arc to {target_name(index, len(poses))}")
+        ways.append(Way(partial(_on_arc, arc, begin, end), arc.length))
     plan = planning.along(ways, inverse, how, points)
     return recorded(plan, MoveC.key, planning, targets, how, wobj=wobj, solver=solver, via=via)
 
 
-def _arc_through(begin: Vector, middle: Vector, end: Vector, name: str) -> Way:
-    """Return the way on an arc from a pose (4, 4) through a place (3,) to a pose."""
-    arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
-    return Way(lambda parts: stacked(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts)), arc.length)
+def _on_arc(arc: Arc, begin: Vector, end: Vector, parts: Vector) -> Vector:
+    return stacked(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts))

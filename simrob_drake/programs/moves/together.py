@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import Field
 
 from simrob_drake.programs.moves.motion import ArmMotion
-from simrob_drake.programs.moves.move import ArmStation, Move, Run, field_of
-from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
+from simrob_drake.programs.moves.move import Move, Run, field_of
 from simrob_drake.programs.moves.move_free import MoveFree, plan_together
-from simrob_drake.programs.moves.move_j import MoveJ
+from simrob_drake.programs.moves.move_j import MoveAbsJ, MoveJ
 from simrob_drake.programs.moves.move_l import MoveC, MoveL
+from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.sections import Duration
 
 MOTIONS: tuple[type[ArmMotion], ...] = (MoveAbsJ, MoveJ, MoveL, MoveC, MoveFree)
@@ -42,7 +42,7 @@ class TogetherMove(Move):
         """Return the pieces of all."""
         return [piece for move in self.together for piece in move.pieces()]
 
-    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Plan all from where the arms are, moves around obstacles as one, and run them at the same time."""
         plannings = [cell.planning(move.robot or robot) for move in self.together]
         moves = [move for move in self.together if isinstance(move, MoveFree)]

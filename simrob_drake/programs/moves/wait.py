@@ -1,10 +1,11 @@
-"""All robots hold their places for a time."""
+"""All robots hold their places for a time, or follow the references of the station's file."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from simrob_drake.programs.geometry import LeggedGeometry
-from simrob_drake.programs.moves.move import ArmStation, Move, Outlook, Run, Stage
+from simrob_drake.programs.moves.move import Move, Outlook, Run, Stage
+from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.sections import Duration
 
 
@@ -19,10 +20,31 @@ class WaitMove(Move):
     duration: Duration
     """How long [s]."""
 
-    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Let the time pass."""
         return run([], self.duration)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Return the stage in which the time passes."""
         return lambda robot: robot.cell.wait(self.duration)
+
+
+class PlayMove(Move):
+    """All robots follow the references of the station's file, from where they are."""
+
+    key: ClassVar[str] = "play"
+    title: ClassVar[str] = "Play"
+    brief: ClassVar[bool] = True
+    form: ClassVar[Mapping[str, str | float | None]] = {"duration": 5.0}
+
+    duration: Duration
+    """How long [s]."""
+
+    def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
+        """Let them."""
+        return cell.play(self.duration)
+
+    def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
+        """Return the stage in which they do; where that leads is not known before."""
+        outlook.changed = True
+        return lambda robot: robot.cell.play(self.duration)

@@ -75,16 +75,13 @@ class ActMove(GaitMove):
     """Postures one after the other, or a stand on three legs."""
 
     key: ClassVar[str] = "act"
+    says: ClassVar[str] = "act {it.name}"
     title: ClassVar[str] = "Act"
     brief: ClassVar[bool] = True
     form: ClassVar[Mapping[str, str | float | None]] = {"name": "acts"}
 
     name: str
     """One of the robot's gaits that go no steps."""
-
-    def caption(self, *, robots: bool = False) -> str:
-        """Return which act."""
-        return f"act {self.name}"
 
     def planned(self, robot: LeggedGeometry, station: StationConfig) -> JointMotion:
         """Return the motion, planned for a station."""
@@ -159,12 +156,6 @@ class GoMove(Move):
 
     def _gone(self, robot: LeggedGeometry) -> SimulationResult:
         """Let a robot go, and return the run; the floor stays as large as it had to become."""
-        cell, own = robot.cell, robot.cell.config
-        start = abs(robot.base_pose.translation()[:2]).max()
-        changed = self.station(own, robot.name, start=float(start))
-        cell.change(changed)
-        try:
-            result = cell.follow({robot.name: hold(robot.reference)}, self.duration)
-        finally:
-            cell.change(own.model_copy(update={"floor": changed.floor}))
-        return replace(result, did=self.caption())
+        start = float(abs(robot.base_pose.translation()[:2]).max())
+        station, held = self.station(robot.cell.config, robot.name, start=start), {robot.name: hold(robot.reference)}
+        return replace(robot.cell.follow_as(station, held, self.duration), did=self.caption())

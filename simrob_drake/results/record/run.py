@@ -11,13 +11,12 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.errors import one_of
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.state import State
 from simrob_drake.results.record.touch import Event, Touch, onsets
 from simrob_drake.signals import Panel, Signal
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.poses import VELOCITY_NAMES
 
 Ending = Literal["completed", "monitor", "diverged", "interrupted", "failed"]
 DIVERGED, INTERRUPTED, FAILED = "diverged", "interrupted", "failed"

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from simrob_drake.frames import XYZ_QUATERNION_NAMES
+from simrob_drake.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.urdf import mass_of, name_of
 from simrob_drake.sections import Strict, field_texts
@@ -15,7 +15,6 @@ from simrob_drake.simulink.values.units import UnknownUnit, parse_unit, plain_un
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, with_settings
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.poses import VELOCITY_NAMES
 from simrob_drake.stations.resolve import resolve
 
 _XYZ = ("x", "y", "z")

@@ -119,5 +119,5 @@ def test_what_a_move_leaves_is_known_before_it_is_done():
 
 
 def test_what_is_no_move_is_said():
-    with pytest.raises(InvalidConfig, match="wlak: is no kind of move; did you mean 'walk'"):
+    with pytest.raises(InvalidConfig, match="wlak: unknown key; did you mean 'walk'"):
         check_move({"wlak": {"steps": 2}})
