@@ -107,9 +107,7 @@ def _undriven(model: SimulinkModel) -> dict[Node, str]:
         names = {of.name for of in followed if isinstance(of, Freedom)}
         if names := names | {of.path for of in followed if isinstance(of, Node)}:
             measured = ", ".join(sorted(names))
-            found[node] = (
-                f"its motion follows what is measured ({measured}), not time alone: it is held at its start"
-            )
+            found[node] = f"its motion follows what is measured ({measured}), not time alone: it is held at its start"
     for node, values in drives:
         opened = (term.of for terms in closure(values) for term in terms if term.kind == "open")
         if paths := ", ".join(sorted({of.path for of in opened if isinstance(of, Node)})):
