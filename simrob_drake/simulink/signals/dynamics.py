@@ -20,6 +20,8 @@ from simrob_drake.simulink.signals.forms import (
     Term,
     TermKind,
     Value,
+    added,
+    begun_with,
     fitted,
     flat,
     mapped,
@@ -61,8 +63,9 @@ def filtered(node: Node | None, value: Value, numerator: Iterable[float], denomi
 
 
 def rate_of(node: Node, value: Value) -> Value:
-    """Return how fast a value changes: as it is measured, or else by a filter of time constant ``LAG``."""
+    """Return how fast a value changes: as it is measured, and of the rest by a filter of time constant ``LAG``."""
     rate: dict[Term, float] = {}
+    rest: dict[Term, float] = {}
     for term, factor in terms_of(value).items():
         still = isinstance(term.of, Node) and term.of.text("MeasurementFrame").startswith("NonRotating")
         if term.kind == "time":
@@ -72,9 +75,12 @@ def rate_of(node: Node, value: Value) -> Value:
         elif term.kind == "sensed" and term.index < _PLACES and not still:
             rate[Term("sensed", term.of, term.index + PARTS.index("vx"))] = factor
         elif term.kind != "one":
-            node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
-            return filtered(node, value, [1.0, 0.0], [LAG, 1.0])
-    return Form(rate) if rate.keys() - {ONE} else rate.get(ONE, 0.0)
+            rest[term] = factor
+    if not rest:
+        return added((1.0, Form(rate)))
+    node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
+    changing = Form(rest)
+    return filtered(node, changing - (begun_with(changing) or 0.0), [1.0, 0.0], [LAG, 1.0]) + added((1.0, Form(rate)))
 
 
 def period_of(reader: Tracer, node: Node) -> float | None:

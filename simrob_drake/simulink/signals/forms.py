@@ -7,12 +7,14 @@ What no sum can tell (a saturation, an integral, a product of two signals) is a 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import TypeAdapter
 
+from simrob_drake.errors import SimrobError
 from simrob_drake.parts.controllers.flow_blocks import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.simulink.mechanics.joints import Freedom
@@ -154,6 +156,13 @@ def early(value: Value, time: float = 0.0) -> float:
     """Return a value of time alone, at a time [s] so early that its states are as at the start."""
     own = {"time": time}
     return evaluated(value, lambda term: None if isinstance(term.of, Primitive) else own.get(term.kind, 1.0), {}, time)
+
+
+def begun_with(value: Value) -> float | None:
+    """Return what a value begins with where it depends on time alone; None of others."""
+    with suppress(SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
+        return early(value) if of_time(value) else None
+    return None
 
 
 def computed(kind: str, *inputs: Value, **parameters: Any) -> Value:

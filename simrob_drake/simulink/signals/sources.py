@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, looked_up
@@ -22,10 +20,9 @@ from simrob_drake.simulink.signals.forms import (
     Signal,
     Term,
     Value,
-    early,
+    begun_with,
     flat,
     mapped,
-    of_time,
     scaled,
     signal,
     terms_of,
@@ -152,13 +149,10 @@ def _settled(node: Node, value: Value, denominator: list[float]) -> Value:
     """Return what a filter makes of a value: it begins at rest at what this begins with, as Simulink's does."""
     if not isinstance(value, Form):
         return value
-    begun = 0.0
-    if of_time(value):
-        with suppress(SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
-            begun = early(value)
-    elif denominator[-2] > _LATE:
+    begun = begun_with(value)
+    if begun is None and denominator[-2] > _LATE:
         node.note("approximated", "its filter begins at 0, not at its input")
-    return filtered(node, value - begun, [1.0], denominator) + begun
+    return filtered(node, value - (begun or 0.0), [1.0], denominator) + (begun or 0.0)
 
 
 def _lookup(node: Node) -> Callable[[Value], Value]:

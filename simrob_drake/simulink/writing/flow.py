@@ -15,7 +15,19 @@ from simrob_drake.simulink.mechanics.bodies import PUSH, frame_place
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import AS_WRITTEN, PARTS, Form, Primitive, Term, Value, flat, signal, terms_of
+from simrob_drake.simulink.signals.forms import (
+    AS_WRITTEN,
+    ONE,
+    PARTS,
+    Form,
+    Primitive,
+    Term,
+    Value,
+    computed,
+    flat,
+    signal,
+    terms_of,
+)
 from simrob_drake.simulink.signals.laws import ExternalForce, Law
 from simrob_drake.simulink.signals.sources import SENSOR
 from simrob_drake.simulink.signals.tracing import LAG
@@ -59,6 +71,8 @@ class FlowWriter:
     def sum(self, value: Value) -> Sum:
         """Return a value as a sum of signals, and add the blocks that it takes."""
         total: Sum = {}
+        if not np.isfinite(constant := terms_of(value).get(ONE, 0.0)):  # no file holds it: it is divided by 0
+            value = computed("product", float(np.nan_to_num(np.sign(constant))), 0.0, divides=[1])
         for term, factor in terms_of(value).items():
             for name, own in self._signal(term).items():
                 total[name] = total.get(name, 0.0) + factor * own
