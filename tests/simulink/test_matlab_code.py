@@ -22,6 +22,16 @@ def translated(code):
     return over_time([value for output in outputs for value in flat(np.asarray(output, dtype=object))], TIMES)
 
 
+def bisected(square):
+    """The root of a number, from halves of the way between 0 and 2, and how many halves that took."""
+    low, high, rounds = 0.0, 2.0, 0
+    while True:
+        rounds, middle = rounds + 1, (low + high) / 2
+        low, high = (low, middle) if middle**2 > square else (middle, high)
+        if abs(middle**2 - square) <= 1e-3:
+            return middle, rounds
+
+
 @pytest.mark.parametrize(
     ("code", "equation"),
     [
@@ -52,6 +62,9 @@ def translated(code):
         ("function[y] = f(u)\nu;\nu.^2 / 2;\nz = [0; u];\ny = atan(3/z(1)) + z(2);", lambda u: [np.pi / 2 + u]),
         ("function y = f(u)\nn = 1;\nwhile n < 5\n n = 2*n;\nend\nfunction z = g(k)\n if k > 1\n  z = k;\n end\nend\n"
          "y = g(n)*u;\nend", lambda u: [8 * u]),  # a function among the statements of another
+        ("function y = f(u)\na = 0; b = 2; gap = 9; n = 0;\nwhile gap > 1e-3\n n = n + 1; c = (a + b)/2;\n"
+         " gap = abs(c^2 - 2 - u);\n if c^2 > 2 + u\n  b = c;\n else\n  a = c;\n end\nend\ny = [c; n];",
+         lambda u: np.transpose([bisected(2 + x) for x in u])),
         ("function y = f(u)\ny = mod(u, 0.31) + atan2(u, 2) + norm([u; 1], 2);",
          lambda u: [np.mod(u, 0.31) + np.arctan2(u, 2) + np.hypot(u, 1)]),
     ],
@@ -68,7 +81,6 @@ def test_code_is_what_it_computes(code, equation):
     ("code", "told"),
     [
         ("function y = f(u)\npersistent n\ny = u;", "persistent n, though nothing says its sample time"),
-        ("function y = f(u)\ny = 0;\nwhile y < u\n y = y + 1;\nend", "while"),
         ("function y = f(u)\ny = eval('system(1)');", "eval"),
         ("function y = f(u)\ny = f(u);", "calls itself"),
         ("function y = f(u)\nx = u;", "gives no y"),
@@ -79,6 +91,15 @@ def test_code_is_what_it_computes(code, equation):
 def test_what_is_more_than_arithmetic_is_not_understood(code, told):
     with pytest.raises(NotUnderstood, match=told):
         translated(code)
+
+
+def test_a_loop_that_signals_decide_ends_after_twenty_rounds_at_the_latest():
+    functions, told = functions_of("function y = f(u)\ny = 0;\nwhile y < u\n y = y + 1;\nend"), []
+    (found,) = Translation({}, undefined, None, functions, note=told.append).called(
+        "f", [signal([30 * TIME]).reshape(1, 1)]
+    )
+    np.testing.assert_allclose(over_time(flat(found), TIMES), [np.minimum(np.ceil(30 * TIMES), 20)])
+    assert told == ["its loops by signals end after 20 rounds at the latest"]
 
 
 def test_a_rotation_is_inverted_by_its_transpose_and_a_matrix_that_only_starts_as_one_is_not():

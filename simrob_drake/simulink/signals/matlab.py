@@ -45,7 +45,8 @@ def _matlab_function(reader: Tracer, node: Node, number: int) -> Signal | None:
             for name in main.inputs
         ]
         files = reader.network.expanded.libraries
-        run = Translation({}, undefined, files, functions, period=period_of(reader, block))
+        note = partial(block.note, "approximated")
+        run = Translation({}, undefined, files, functions, period=period_of(reader, block), note=note)
         return [as_signal(value) for value in run.called(main.name, arguments)]
 
     outputs = _understood(block, lambda: reader.once(node, translated))

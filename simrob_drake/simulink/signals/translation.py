@@ -26,6 +26,8 @@ from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, co
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, Statement, lines_of
 
 _ENDED = "return"  # where it is kept whether a function has returned
+_WHOLE = (1.0, 2.0, 3.0, 4.0)  # exponents of powers that are products
+_MOST_ROUNDS = 20  # of a loop that signals decide
 _PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number
 
 
@@ -37,7 +39,11 @@ class Translation(CodeRun):
     """
 
     def __init__(
-        self, *arguments: Any, period: float | None = None, own: Mapping[str, Callable[..., Value]] | None = None
+        self,
+        *arguments: Any,
+        period: float | None = None,
+        own: Mapping[str, Callable[..., Value]] | None = None,
+        note: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Take what :class:`CodeRun` takes, and more.
 
@@ -45,7 +51,9 @@ class Translation(CodeRun):
             arguments: what that takes.
             period: the time between samples [s]; None where nothing says it.
             own: further functions, of values, by name.
+            note: takes what it approximates.
         """
+        self._note = note
         self._guards: list[Value] = []
         self._period, self._within, self._own = period, False, own or {}
         self._kept: dict[str, Any] = {}  # persistent variables as they are at a sample; None before they have begun
@@ -56,7 +64,7 @@ class Translation(CodeRun):
     def _base(self) -> Algebra:
         each: dict[str, Callable[..., Value]] = {
             "./": lambda a, b: a / self._guarded(b),
-            **dict.fromkeys((".^", "power"), lambda a, b: _power(self._guarded(a), b)),
+            **dict.fromkeys((".^", "power"), lambda a, b: _power(a if b in _WHOLE else self._guarded(a), b)),
             **dict.fromkeys(("&", "&&"), partial(_both, "and")),
             **dict.fromkeys(("|", "||"), partial(_both, "or")),
             **{sign: partial(compared, flow) for sign, flow in OPERATORS.items()},
@@ -162,6 +170,7 @@ class Translation(CodeRun):
     def _inner(self, variables: dict[str, Any]) -> Self:
         inner = super()._inner(variables)
         inner._guards, inner._period, self._last = self._guards, self._period, inner
+        inner._note = self._note
         inner._workspace = self._workspace
         return inner
 
@@ -188,6 +197,24 @@ class Translation(CodeRun):
         for one in flat(np.asarray(matrix(self.value(text)), dtype=object)):
             condition = _both("and", condition, one)
         return condition
+
+    def _loop(self, keyword: str, line: str, body: list[Statement]) -> None:
+        if keyword == "while":
+            self._round(line.removeprefix("while").strip(), body, _MOST_ROUNDS)
+        else:
+            super()._loop(keyword, line, body)
+
+    def _round(self, head: str, body: list[Statement], left: int) -> None:
+        """Run a loop while its condition holds; rounds that signals decide are translated all, one in the other."""
+        condition = self._condition(head)
+        while not isinstance(condition, Form) and condition:
+            self._block(body)
+            self._count()
+            condition = self._condition(head)
+        if isinstance(condition, Form) and not left:
+            self._note(f"its loops by signals end after {_MOST_ROUNDS} rounds at the latest")
+        elif condition:
+            self._split_by(condition, lambda: (self._block(body), self._round(head, body, left - 1))[1], lambda: None)
 
     def _split_by(self, condition: Value, yes: Callable[[], None], no: Callable[[], None]) -> None:
         """Run one of two ways, or by a condition of the model both, and leave what a switch takes of them."""
@@ -228,7 +255,7 @@ def _both(operator: str, first: Value, second: Value) -> Value:
 
 
 def _power(base: Value, exponent: Value) -> Value:
-    if isinstance(exponent, Form) or not isinstance(base, Form) or exponent not in (1, 2, 3, 4):
+    if isinstance(exponent, Form) or not isinstance(base, Form) or exponent not in _WHOLE:
         return applied("pow", base, exponent)
     result: Value = base
     for _ in range(int(exponent) - 1):

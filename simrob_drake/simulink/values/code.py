@@ -118,16 +118,17 @@ class CodeRun:
                     raise
 
     def find(self, name: str) -> bool:
-        """Take in the functions of a file of this name, unless they are there."""
-        if self._files is None or name in self.functions or len(self.functions) > _MOST_CALLS:
+        """Take in a function of this name that is known, or that a file has, unless it is in use."""
+        if name in self._algebra:
             return False
-        self._learn(self._files.script(name))
+        if name not in self.functions and self._files is not None and len(self.functions) <= _MOST_CALLS:
+            self._learn(self._files.script(name))
+        if name in self.functions:
+            self._algebra[name] = partial(self._first_of, name)
         return name in self.functions
 
     def _learn(self, code: str) -> None:
-        for name, function in functions_of(code).items():
-            self.functions.setdefault(name, function)
-            self._algebra.setdefault(name, partial(self._first_of, name))
+        self.functions |= {name: one for name, one in functions_of(code).items() if name not in self.functions}
 
     def _exists(self, name: Any, *_: Any) -> float:
         if name in self.unknown:
