@@ -85,10 +85,8 @@ class CodeRun:
         self._steps = self.depth = 0
         known = {name: partial(self._first_of, name) for name in self.functions}
         text = self._parameter
-        own: dict[str, Callable[..., Any]] = {
-            **{"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter},
-            "Simulink": lambda: {"Mask": {"get": lambda of: {"getParameter": lambda name: {"Value": text(of, name)}}}},
-        }
+        own: dict[str, Callable[..., Any]] = {"exist": self._exists, "gcb": lambda: _HERE, "get_param": text}
+        own["Simulink"] = lambda: {"Mask": {"get": lambda of: {"getParameter": lambda name: {"Value": text(of, name)}}}}
         self._algebra: dict[str, Callable[..., Any]] = {**self._base(), **own, **known}
 
     def _base(self) -> Algebra:
