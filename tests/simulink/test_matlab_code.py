@@ -6,7 +6,7 @@ import pytest
 from simrob_drake.simulink.signals.arithmetic import applied, inverse
 from simrob_drake.simulink.signals.forms import TIME, Primitive, blocks_in, flat, mapped, signal
 from simrob_drake.simulink.signals.sources import orientation
-from simrob_drake.simulink.signals.translation import Translation
+from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.values.code import undefined
 from simrob_drake.simulink.values.syntax import NotUnderstood, functions_of
 from simrob_drake.simulink.writing.references import over_time
@@ -19,7 +19,7 @@ def translated(code):
     functions = functions_of(code)
     (main, *_) = functions.values()
     outputs = Translation({}, undefined, None, functions).called(main.name, [signal([TIME - 1.0]).reshape(1, 1)])
-    return over_time([value for output in outputs for value in flat(np.asarray(output, dtype=object))], TIMES)
+    return over_time([value for output in outputs for value in flat(as_signal(output))], TIMES)
 
 
 def bisected(square):
@@ -65,6 +65,11 @@ def bisected(square):
         ("function y = f(u)\na = 0; b = 2; gap = 9; n = 0;\nwhile gap > 1e-3\n n = n + 1; c = (a + b)/2;\n"
          " gap = abs(c^2 - 2 - u);\n if c^2 > 2 + u\n  b = c;\n else\n  a = c;\n end\nend\ny = [c; n];",
          lambda u: np.transpose([bisected(2 + x) for x in u])),
+        ("function y = f(u)\nz = (u + 2i)*(3 - u*1i)/(1 + u*1e0i) - 2;\n"
+         "y = [real(z); imag(z); abs(z); real(u); imag(u) + abs(u); abs(2/z - z); real(2i*3i)];",
+         lambda u: [part(one) for z in [(u + 2j) * (3 - u * 1j) / (1 + u * 1j) - 2] for part, one in
+                    ((np.real, z), (np.imag, z), (np.abs, z), (np.real, u), (np.abs, u), (np.abs, 2 / z - z),
+                     (lambda z: 0 * z.real - 6, z))]),
         ("function y = f(u)\ny = mod(u, 0.31) + atan2(u, 2) + norm([u; 1], 2);",
          lambda u: [np.mod(u, 0.31) + np.arctan2(u, 2) + np.hypot(u, 1)]),
     ],
@@ -84,6 +89,8 @@ def test_code_is_what_it_computes(code, equation):
         ("function y = f(u)\ny = eval('system(1)');", "eval"),
         ("function y = f(u)\ny = f(u);", "calls itself"),
         ("function y = f(u)\nx = u;", "gives no y"),
+        ("function y = f(u)\ny = sin(u + 1i);", "complex numbers in a function"),
+        ("function y = f(u)\ny = u + 1i;", "a complex number"),
         ("function y = f(u)\n[n, m] = size(ones(40, 50));\nA = u*ones(n, m);\ny = A*A';", "more than 30000 products"),
         ("function y = f(u)\nif u > 0\n y = [1 2];\nelse\n y = 1;\nend", "size depends"),
     ],

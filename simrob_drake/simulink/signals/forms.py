@@ -91,6 +91,49 @@ class Form:
         return computed("product", other, self, divides=[1])
 
 
+class Complex(Form):
+    """A complex number of signals; what is computed with it must become real again."""
+
+    __slots__ = ("imag", "real")
+
+    def __init__(self, real: Value, imag: Value) -> None:
+        super().__init__({})
+        self.real, self.imag = real, imag
+
+    def __add__(self, other: Value) -> Value:
+        real, imag = _both_parts(other)
+        return Complex(self.real + real, self.imag + imag)
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Value:
+        return Complex(-self.real, -self.imag)
+
+    def __sub__(self, other: Value) -> Value:
+        return self + (-other)
+
+    def __rsub__(self, other: Value) -> Value:
+        return -self + other
+
+    def __mul__(self, other: Value) -> Value:
+        real, imag = _both_parts(other)
+        return Complex(self.real * real - self.imag * imag, self.real * imag + self.imag * real)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Value) -> Value:
+        real, imag = _both_parts(other)
+        square = real * real + imag * imag
+        return self * Complex(real / square, -imag / square)
+
+    def __rtruediv__(self, other: Value) -> Value:
+        return Complex(other, 0.0) / self
+
+
+def _both_parts(value: Value) -> tuple[Value, Value]:
+    return (value.real, value.imag) if isinstance(value, Complex) else (value, 0.0)
+
+
 Value: TypeAlias = Form | float  # an element of a signal
 Signal: TypeAlias = np.ndarray[Any, np.dtype[np.object_]]  # values in an array of shape (n,), or (r, c) of a matrix
 
@@ -166,7 +209,9 @@ def begun_with(value: Value) -> float | None:
 
 
 def computed(kind: str, *inputs: Value, **parameters: Any) -> Value:
-    """Return what a block of one output makes of its inputs."""
+    """Return what a block of one output makes of its inputs (raises ValueError: complex ones)."""
+    if any(isinstance(one, Complex) for one in inputs):
+        raise ValueError(f"complex numbers in a {kind}")
     return Primitive(kind, parameters, lambda: inputs).outputs[0]
 
 

@@ -20,7 +20,7 @@ from simrob_drake.simulink.signals.arithmetic import (
     looked_up,
     whole,
 )
-from simrob_drake.simulink.signals.forms import Form, Primitive, Signal, Value, computed, flat, mapped, signal
+from simrob_drake.simulink.signals.forms import Complex, Form, Primitive, Signal, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, count, matrix
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, Statement, lines_of
@@ -73,6 +73,9 @@ class Translation(CodeRun):
             **{f"{name}d": (lambda u, name=name: applied(name, u * (np.pi / 180))) for name in ("sin", "cos", "tan")},
             "not": lambda u: joined("not", u),
             "isnan": lambda u: 0.0,
+            "real": lambda u: u.real if isinstance(u, Complex) else u,
+            "imag": lambda u: u.imag if isinstance(u, Complex) else 0.0,
+            "abs": lambda u: MATH["hypot"](u.real, u.imag) if isinstance(u, Complex) else applied("abs", u),
             **dict.fromkeys(("double", "single", "logical", "boolean"), lambda u: u),
             **{name: partial(whole, name) for name in INTEGERS},
             **self._own,
@@ -81,7 +84,7 @@ class Translation(CodeRun):
             **NUMBERS,
             **{name: _on_symbols(NUMBERS.get(name), one) for name, one in each.items()},
             **{name: partial(_extreme, name) for name in ("min", "max")},
-            "norm": _norm, "inv": _inverse, "interp1": _table,
+            "norm": _norm, "inv": _inverse, "interp1": _table, "1i": lambda: signal([Complex(0.0, 1.0)]),
         }  # fmt: skip
 
     def _guarded(self, value: Value) -> Value:
@@ -242,6 +245,8 @@ class Translation(CodeRun):
 def as_signal(value: Any) -> Signal:
     """Return a matrix as a signal: a column is a vector."""
     array = matrix(value).astype(object)
+    if any(isinstance(one, Complex) for one in array.flat):
+        raise NotUnderstood("a complex number")
     return array.reshape(-1, order="F") if array.shape[1] == 1 else array
 
 

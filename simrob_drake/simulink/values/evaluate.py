@@ -242,6 +242,11 @@ class _Evaluation:
     def _number(self, value: float) -> Vector:
         return matrix(value)
 
+    def _imaginary(self, value: float) -> Vector:
+        if "1i" not in self._algebra:
+            raise NotUnderstood("a complex number")
+        return matrix(value * self._algebra["1i"]())
+
     def _text(self, value: str) -> str:
         return value
 
