@@ -114,17 +114,14 @@ def _rounded(value: Vector) -> Vector:
 
 _EACH: dict[str, Callable[..., Any]] = {
     **{name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "sqrt", "log", "log10", "log2", "abs")},
-    **{
-        name: getattr(np, name)
-        for name in ("floor", "ceil", "sign", "sinh", "cosh", "tanh", "deg2rad", "rad2deg", "hypot")
-    },
+    **{name: getattr(np, name) for name in ("floor", "ceil", "sign", "sinh", "cosh", "tanh", "deg2rad", "rad2deg")},
     **{f"a{name}": getattr(np, f"arc{name}") for name in ("sin", "cos", "tan", "tan2")},
     **{f"{name}d": lambda u, name=name: getattr(np, name)(np.deg2rad(u)) for name in ("sin", "cos", "tan")},
     **{f"a{name}d": lambda *u, name=name: np.rad2deg(getattr(np, f"arc{name}")(*u)) for name in ("sin", "cos", "tan")},
     "atan2d": lambda y, x: np.rad2deg(np.arctan2(y, x)),
     "round": _rounded,
     **{name: lambda u, ends=ends: np.clip(_rounded(np.nan_to_num(u)), *ends) for name, ends in INTEGERS.items()},
-    **{"fix": np.trunc, "mod": np.mod, "rem": np.fmod},
+    **{"fix": np.trunc, "mod": np.mod, "rem": np.fmod, "hypot": np.hypot},
     **dict.fromkeys(("double", "single"), lambda value: value),
     "logical": lambda value: value != 0,
     "not": lambda value: value == 0,
