@@ -28,6 +28,7 @@ _OLDER_UNITS = {
 """Where the first releases of Simscape Multibody keep units."""
 
 
+COMPONENT = "ComponentPath"  # where a block says which component of the Simscape language it is
 _OF_LINKS = ("SourceBlock", "SourceType", "LibraryVersion")
 """Parameters that a link has for itself, and not for the block of a library that it stands for."""
 
@@ -252,7 +253,8 @@ class Expanded:
             home = source.partition("/")[0]
             found = self.libraries.block(source)
             if found is None:
-                self._note_missing(path, f"library block {source}", home, moves=moves)
+                if not self.libraries.component(block.parameters.get(COMPONENT, "")):
+                    self._note_missing(path, f"library block {source}", home, moves=moves)
                 return replace(block, mask=None, system=None), home
             written = {name: text for name, text in block.parameters.items() if name not in _OF_LINKS}
             own, mask = replace(found, parameters={**found.parameters, **written}), mask or found.mask

@@ -266,13 +266,17 @@ class Libraries:
             system = found.system if found else None
         return found
 
-    def script(self, name: str) -> str:
+    def script(self, name: str, suffix: str = ".m") -> str:
         """Return the text of a function's or script's own file, ``name.m``; empty where it lies in no folder."""
-        file = self._find(name, (".m",))
+        file = self._find(name, (suffix,))
         try:
             return "" if file is None else content_of(file, LARGEST_PART).decode("utf-8", "replace")
         except NotRead:
             return ""
+
+    def component(self, path: str) -> str:
+        """Return the text of a Simscape component ``package.name``; empty where it lies in no folder."""
+        return self.script(path.rpartition(".")[2], ".ssc")
 
     def variables(self, name: str) -> dict[str, Any] | None:
         """Return the variables of ``name.mat``; None where it lies in no folder, or cannot be read."""
@@ -342,7 +346,7 @@ class Libraries:
     @cached_property
     def _files(self) -> dict[str, Path]:
         """The files by name; of one name, that of the first folder."""
-        suffixes = (*_SUFFIXES, ".m", ".mat")
+        suffixes = (*_SUFFIXES, ".m", ".mat", ".ssc")
         files = [file for folder in self.folders for file in folder.iterdir() if file.suffix in suffixes]
         return {file.name: file for file in reversed(files) if file.is_file()}
 

@@ -24,7 +24,8 @@ from simrob_drake.simulink.values.mat import Files
 from simrob_drake.simulink.values.syntax import NotUnderstood, functions_of
 
 
-def _columns(values: Signal) -> Any:
+def columns(values: Signal) -> Any:
+    """Return a signal as a matrix of MATLAB."""
     return values.reshape(-1, 1) if values.ndim == 1 else values
 
 
@@ -41,7 +42,7 @@ def _matlab_function(reader: Tracer, node: Node, number: int) -> Signal | None:
         inports = [child for child in block.children.values() if child.kind == "Inport"]
         ports = {child.block.name: int(child.text("Port", "1") or "1") for child in inports}
         arguments = [
-            _columns(reader.input(node, ports[name])) if name in ports else block.workspace.lookup(name)
+            columns(reader.input(node, ports[name])) if name in ports else block.workspace.lookup(name)
             for name in main.inputs
         ]
         files = reader.network.expanded.libraries
@@ -49,11 +50,12 @@ def _matlab_function(reader: Tracer, node: Node, number: int) -> Signal | None:
         run = Translation({}, undefined, files, functions, period=period_of(reader, block), note=note)
         return [as_signal(value) for value in run.called(main.name, arguments)]
 
-    outputs = _understood(block, lambda: reader.once(node, translated))
+    outputs = understood(block, lambda: reader.once(node, translated))
     return outputs[number - 2] if 0 <= number - 2 < len(outputs) else None
 
 
-def _understood(node: Node, translate: Callable[[], list[Signal]]) -> list[Signal]:
+def understood(node: Node, translate: Callable[[], list[Signal]]) -> list[Signal]:
+    """Return what code gives (raises InvalidModel: it is no plain arithmetic, or uses what is not known)."""
     try:
         return translate()
     except UndefinedVariable as problem:
@@ -69,11 +71,11 @@ def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Valu
         InvalidModel: what is not understood.
     """
     run = _over(node, variables)
-    return flat(_understood(node, lambda: [signal([run._condition(text)])])[0])[0]
+    return flat(understood(node, lambda: [signal([run._condition(text)])])[0])[0]
 
 
 def _over(node: Node, variables: Mapping[str, Signal], files: Files | None = None) -> Translation:
-    known = {name: _columns(values) for name, values in variables.items()}
+    known = {name: columns(values) for name, values in variables.items()}
     return Translation(known, node.workspace.lookup, files)
 
 
@@ -89,7 +91,7 @@ def _expression(reader: Tracer, node: Node, _: int) -> Signal | None:
     run = _over(node, {"u": values}, reader.network.expanded.libraries)
     if text in FUNCTIONS or (text.isidentifier() and run.find(text)):
         text = f"{text}(u)"
-    return _understood(node, lambda: [as_signal(run.value(text))])[0] if text else None
+    return understood(node, lambda: [as_signal(run.value(text))])[0] if text else None
 
 
 _BLOCKS: dict[str, Callable[..., Value]] = {
@@ -119,9 +121,9 @@ def _formula(reader: Tracer, node: Node, _: int) -> Signal | None:
     if "t" in words:
         values["t"] = reader.input(node) if node.text("TimeSource").startswith("Use external") else signal([TIME])
     values |= {name: _parameter(node, default, others or [name]) for name, (default, *others) in row.items()}
-    columns = map(_columns, fitted(node, *values.values()))
-    run = Translation(dict(zip(values, columns, strict=True)), own=_BLOCKS)
-    return _understood(node, lambda: [as_signal(run.value(text))])[0]
+    fitting = map(columns, fitted(node, *values.values()))
+    run = Translation(dict(zip(values, fitting, strict=True)), own=_BLOCKS)
+    return understood(node, lambda: [as_signal(run.value(text))])[0]
 
 
 def _parameter(node: Node, default: str, names: list[str]) -> Signal:

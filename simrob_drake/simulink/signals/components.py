@@ -1,0 +1,98 @@
+"""Components of the Simscape language that compute physical signals of others: their equations as MATLAB code."""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from typing import Any, NamedTuple
+
+from simrob_drake.simulink.model.nodes import COMPONENT, Node
+from simrob_drake.simulink.signals.forms import Signal, signal
+from simrob_drake.simulink.signals.matlab import columns, understood
+from simrob_drake.simulink.signals.tracing import Tracer
+from simrob_drake.simulink.signals.translation import Translation, as_signal
+from simrob_drake.simulink.values.code import undefined
+from simrob_drake.simulink.values.evaluate import evaluate, matrix
+from simrob_drake.simulink.values.syntax import ScriptFunction, Section, Statement, lines_of, parse, statements
+
+_SECTION = re.compile(
+    r"(?m)^[ \t]*(component|inputs|outputs|parameters|equations|nodes|variables|branches|components|connections|events"
+    r"|annotations|intermediates|function)\b[^\n]*"
+)
+_SIGNALS = {"component", "inputs", "outputs", "parameters", "equations", "function"}
+_MEMBER = re.compile(r"^[ \t]*(\w+)[ \t]*=[ \t]*\{(.*)\}[^%\n]*(?:%[^\n]*?(?::[ \t]*(left|right))?[ \t]*)?$", re.M)
+_QUANTITY = re.compile(r"\{([^{},']*?)[\s,]*'([^']*)'\s*\}")
+
+
+class Component(NamedTuple):
+    """What a file of the language says."""
+
+    inputs: dict[str, tuple[str, int]]  # side and number of each port
+    outputs: dict[str, tuple[str, int]]
+    parameters: dict[str, str]  # what each is by default
+    body: list[Statement]  # private parameters and equations
+
+
+def component(text: str) -> Component | None:
+    """Return what a component computes of physical signals; None of one that has nodes, states or parts."""
+    begins = list(_SECTION.finditer(text))
+    if not begins or {one[1] for one in begins} - _SIGNALS:
+        return None
+    ends = [one.start() for one in begins[1:]] + [len(text)]
+    ports: dict[str, dict[str, tuple[str, int]]] = {"inputs": {}, "outputs": {}}
+    parameters, body, counts = dict[str, str](), list[Statement](), {"left": 0, "right": 0}
+    for begin, end in zip(begins, ends, strict=True):
+        kind, lines = begin[1], text[begin.end() : end]
+        for name, value, side in _MEMBER.findall(lines) if kind in ("inputs", "outputs", "parameters") else ():
+            if kind == "parameters":
+                parameters[name] = f"{{{value}}}"
+            else:
+                where = side or ("left" if kind == "inputs" else "right")
+                counts[where] += 1
+                ports[kind][name] = f"{where[0]}conn", counts[where]
+        if kind == "equations" or "private" in begin[0].lower():
+            (section,) = statements(f"switch x\n{lines}")[:1]
+            body += section.parts[0][1] if isinstance(section, Section) else []
+    return Component(**ports, parameters=parameters, body=body)
+
+
+def offer_component(tracer: Tracer, node: Node) -> None:
+    """Let a block of a component in the folders give its physical signals."""
+    libraries = tracer.network.expanded.libraries
+    found = component(libraries.component(node.text(COMPONENT)))
+    for name, (side, port) in found.outputs.items() if found is not None else ():
+        tracer.offer(node, port, partial(_computed, tracer, node, found, name), side)
+
+
+def _computed(tracer: Tracer, node: Node, found: Component, name: str) -> Signal:
+    known: dict[str, Any] = {}
+    for one, port in found.inputs.items():
+        reached = tracer.physical(node, *port)
+        known[one] = columns(signal([0.0]) if reached is None else reached)
+    for one, default in found.parameters.items():
+        if one in node.block.parameters:
+            known[one] = node.matrix(one, "0") * node.in_si(node.text(f"{one}_unit", "1"), one)
+        else:
+            known[one] = matrix(evaluate(parse(_in_si(node, default)), undefined))
+    body = [_assigned(node, line) for line in found.body if not next(lines_of(line)).startswith("assert")]
+    law = ScriptFunction("law", list(known), list(found.outputs), body)
+
+    def translated() -> list[Signal]:
+        run = Translation({}, undefined, tracer.network.expanded.libraries, {"law": law})
+        return [as_signal(value) for value in run.called("law", list(known.values()))]
+
+    outputs = understood(node, lambda: tracer.once(node, translated))
+    return outputs[list(found.outputs).index(name)]
+
+
+def _in_si(node: Node, text: str) -> str:
+    """Return text with quantities such as ``{2, 'cm'}`` as numbers in SI."""
+    return _QUANTITY.sub(lambda one: f"(({one[1]})*{node.in_si(one[2], 'unit'):.17g})", text)
+
+
+def _assigned(node: Node, line: Statement) -> Statement:
+    """Return a statement whose equations are assignments."""
+    if isinstance(line, str):
+        return re.sub(r"^(\w+)\s*==", r"\1 =", _in_si(node, line))
+    return Section(line.keyword, [(_in_si(node, head), [_assigned(node, one) for one in body])
+                                  for head, body in line.parts])  # fmt: skip
