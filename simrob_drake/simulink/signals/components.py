@@ -58,31 +58,30 @@ def component(text: str) -> Component | None:
 
 def offer_component(tracer: Tracer, node: Node) -> None:
     """Let a block of a component in the folders give its physical signals."""
-    libraries = tracer.network.expanded.libraries
-    found = component(libraries.component(node.text(COMPONENT)))
-    for name, (side, port) in found.outputs.items() if found is not None else ():
-        tracer.offer(node, port, partial(_computed, tracer, node, found, name), side)
+    found = component(tracer.network.expanded.libraries.component(node.text(COMPONENT)))
+    if found is not None:
+        tracer.own[node] = partial(_output, found)
+        for number, (side, port) in enumerate(found.outputs.values(), start=1):
+            tracer.offer(node, port, partial(tracer.output, node, number), side)
 
 
-def _computed(tracer: Tracer, node: Node, found: Component, name: str) -> Signal:
-    known: dict[str, Any] = {}
-    for one, port in found.inputs.items():
-        reached = tracer.physical(node, *port)
-        known[one] = columns(signal([0.0]) if reached is None else reached)
-    for one, default in found.parameters.items():
-        if one in node.block.parameters:
-            known[one] = node.matrix(one, "0") * node.in_si(node.text(f"{one}_unit", "1"), one)
-        else:
-            known[one] = matrix(evaluate(parse(_in_si(node, default)), undefined))
-    body = [_assigned(node, line) for line in found.body if not next(lines_of(line)).startswith("assert")]
-    law = ScriptFunction("law", list(known), list(found.outputs), body)
-
+def _output(found: Component, reader: Tracer, node: Node, number: int) -> Signal:
     def translated() -> list[Signal]:
-        run = Translation({}, undefined, tracer.network.expanded.libraries, {"law": law})
+        known: dict[str, Any] = {}
+        for one, port in found.inputs.items():
+            reached = reader.physical(node, *port)
+            known[one] = columns(signal([0.0]) if reached is None else reached)
+        for one, default in found.parameters.items():
+            if one in node.block.parameters:
+                known[one] = node.matrix(one, "0") * node.in_si(node.text(f"{one}_unit", "1"), one)
+            else:
+                known[one] = matrix(evaluate(parse(_in_si(node, default)), undefined))
+        body = [_assigned(node, line) for line in found.body if not next(lines_of(line)).startswith("assert")]
+        law = ScriptFunction("law", list(known), list(found.outputs), body)
+        run = Translation({}, undefined, reader.network.expanded.libraries, {"law": law})
         return [as_signal(value) for value in run.called("law", list(known.values()))]
 
-    outputs = understood(node, lambda: tracer.once(node, translated))
-    return outputs[list(found.outputs).index(name)]
+    return understood(node, lambda: reader.once(node, translated))[number - 1]
 
 
 def _in_si(node: Node, text: str) -> str:

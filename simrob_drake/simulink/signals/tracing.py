@@ -34,11 +34,13 @@ class Tracer:
     Attributes:
         network: the connections.
         opened: blocks that are left open, in the order they were met, and what is wrong with their parameters.
+        own: rules of blocks that have one of their own.
     """
 
     def __init__(self, network: Connections, rules: Mapping[str, Rule]) -> None:
         self.network, self._rules = network, rules
         self.opened: dict[Node, str] = {}
+        self.own: dict[Node, Rule] = {}
         self._known: dict[tuple[Node, int], Signal] = {}
         self._made: dict[Node, list[Signal]] = {}
         self._under_way: list[tuple[Node, int]] = []
@@ -134,7 +136,7 @@ class Tracer:
         return found
 
     def _computed(self, node: Node, number: int) -> Signal:
-        rule, why = self._rules.get(node.kind), ""
+        rule, why = self.own.get(node) or self._rules.get(node.kind), ""
         try:
             found = rule(self, node, number) if rule is not None else None
         except InvalidModel as problem:
