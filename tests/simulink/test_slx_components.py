@@ -49,7 +49,7 @@ def test_a_component_of_the_simscape_language_computes_physical_signals(tmp_path
     level = Level()
     sensing = {"TorqueActuationMode": "InputTorque", "SensePosition": "on", "SenseVelocity": "on"}
     _, (joint, _) = hinges(level, sensing, {})
-    stop = level.block("SimscapeComponentBlock", "Stop", ComponentPath="own.stop", upper="20", upper_unit="deg")
+    stop = level.block("SimscapeComponentBlock", "Stop", ClassName="stop", upper="20", upper_unit="deg")
     for one, other in (("rconn:2", "lconn:2"), ("rconn:3", "lconn:1")):
         level.connect(f"{joint}#{one}", f"{stop}#{other}")
     level.connect(f"{stop}#rconn:1", f"{joint}#lconn:2")
@@ -65,7 +65,9 @@ def test_a_component_of_the_simscape_language_computes_physical_signals(tmp_path
     assert exact.y[0].max() > 0.4
     (tmp_path / "hard.ssc").write_text(_STOP.replace("-stiff*phi", "-airy(phi)"), encoding="utf-8")
     for name in ("other", "absent", "hard"):
-        level.blocks = [re.sub(r"own\.\w+", f"own.{name}", one) for one in level.blocks]
+        level.blocks = [re.sub(r"(ClassName\">)\w+", rf"\1{name}", one) for one in level.blocks]
         imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / name)
-        lost = "1 drive lost; 1 control block" if name == "hard" else "1 Revolute Joint and 1 SimscapeComponentBlock lost"
+        lost = (
+            "1 drive lost; 1 control block" if name == "hard" else "1 Revolute Joint and 1 SimscapeComponentBlock lost"
+        )
         assert imported.fidelity.startswith(lost)

@@ -28,7 +28,6 @@ _OLDER_UNITS = {
 """Where the first releases of Simscape Multibody keep units."""
 
 
-COMPONENT = "ComponentPath"  # where a block says which component of the Simscape language it is
 _OF_LINKS = ("SourceBlock", "SourceType", "LibraryVersion")
 """Parameters that a link has for itself, and not for the block of a library that it stands for."""
 
@@ -253,7 +252,7 @@ class Expanded:
             home = source.partition("/")[0]
             found = self.libraries.block(source)
             if found is None:
-                if not self.libraries.component(block.parameters.get(COMPONENT, "")):
+                if not self.libraries.script(block.parameters.get("ClassName", ""), ".ssc"):
                     self._note_missing(path, f"library block {source}", home, moves=moves)
                 return replace(block, mask=None, system=None), home
             written = {name: text for name, text in block.parameters.items() if name not in _OF_LINKS}

@@ -267,16 +267,12 @@ class Libraries:
         return found
 
     def script(self, name: str, suffix: str = ".m") -> str:
-        """Return the text of a function's or script's own file, ``name.m``; empty where it lies in no folder."""
+        """Return the text of a function's, script's or component's own file; empty where it lies in no folder."""
         file = self._find(name, (suffix,))
         try:
             return "" if file is None else content_of(file, LARGEST_PART).decode("utf-8", "replace")
         except NotRead:
             return ""
-
-    def component(self, path: str) -> str:
-        """Return the text of a Simscape component ``package.name``; empty where it lies in no folder."""
-        return self.script(path.rpartition(".")[2], ".ssc")
 
     def variables(self, name: str) -> dict[str, Any] | None:
         """Return the variables of ``name.mat``; None where it lies in no folder, or cannot be read."""

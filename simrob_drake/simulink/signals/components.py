@@ -6,14 +6,13 @@ import re
 from functools import partial
 from typing import Any, NamedTuple
 
-from simrob_drake.simulink.model.nodes import COMPONENT, Node
+from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import Signal, signal
 from simrob_drake.simulink.signals.matlab import columns, understood
 from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.values.code import undefined
-from simrob_drake.simulink.values.evaluate import evaluate, matrix
-from simrob_drake.simulink.values.syntax import ScriptFunction, Section, Statement, lines_of, parse, statements
+from simrob_drake.simulink.values.syntax import ScriptFunction, Section, Statement, lines_of, statements
 
 _SECTION = re.compile(
     r"(?m)^[ \t]*(component|inputs|outputs|parameters|equations|nodes|variables|branches|components|connections|events"
@@ -58,7 +57,7 @@ def component(text: str) -> Component | None:
 
 def offer_component(tracer: Tracer, node: Node) -> None:
     """Let a block of a component in the folders give its physical signals."""
-    found = component(tracer.network.expanded.libraries.component(node.text(COMPONENT)))
+    found = component(tracer.network.expanded.libraries.script(node.text("ClassName"), ".ssc"))
     if found is not None:
         tracer.own[node] = partial(_output, found)
         for number, (side, port) in enumerate(found.outputs.values(), start=1):
@@ -68,17 +67,16 @@ def offer_component(tracer: Tracer, node: Node) -> None:
 def _output(found: Component, reader: Tracer, node: Node, number: int) -> Signal:
     def translated() -> list[Signal]:
         known: dict[str, Any] = {}
-        for one, port in found.inputs.items():
+        for name, port in found.inputs.items():
             reached = reader.physical(node, *port)
-            known[one] = columns(signal([0.0]) if reached is None else reached)
-        for one, default in found.parameters.items():
-            if one in node.block.parameters:
-                known[one] = node.matrix(one, "0") * node.in_si(node.text(f"{one}_unit", "1"), one)
-            else:
-                known[one] = matrix(evaluate(parse(_in_si(node, default)), undefined))
+            known[name] = columns(signal([0.0]) if reached is None else reached)
+        for name, default in found.parameters.items():
+            unit = node.in_si(node.text(f"{name}_unit", "1"), name)
+            known[name] = node.matrix(name, _in_si(node, default)) * unit
         body = [_assigned(node, line) for line in found.body if not next(lines_of(line)).startswith("assert")]
         law = ScriptFunction("law", list(known), list(found.outputs), body)
         run = Translation({}, undefined, reader.network.expanded.libraries, {"law": law})
+        run.note = partial(node.note, "approximated")
         return [as_signal(value) for value in run.called("law", list(known.values()))]
 
     return understood(node, lambda: reader.once(node, translated))[number - 1]

@@ -71,10 +71,10 @@ class Form:
         return added((-1.0, self))
 
     def __sub__(self, other: Value) -> Value:
-        return added((1.0, self), (-1.0, other))
+        return self + (-other)
 
     def __rsub__(self, other: Value) -> Value:
-        return added((1.0, other), (-1.0, self))
+        return -self + other
 
     def __mul__(self, other: Value) -> Value:
         """Return the product: a sum where the other is a number, else a block."""
@@ -96,42 +96,29 @@ class Complex(Form):
 
     __slots__ = ("imag", "real")
 
-    def __init__(self, real: Value, imag: Value) -> None:
+    def __init__(self, real: Value, imag: Value = 0.0) -> None:
         super().__init__({})
         self.real, self.imag = real, imag
 
     def __add__(self, other: Value) -> Value:
-        real, imag = _both_parts(other)
-        return Complex(self.real + real, self.imag + imag)
-
-    __radd__ = __add__
+        other = other if isinstance(other, Complex) else Complex(other)
+        return Complex(self.real + other.real, self.imag + other.imag)
 
     def __neg__(self) -> Value:
         return Complex(-self.real, -self.imag)
 
-    def __sub__(self, other: Value) -> Value:
-        return self + (-other)
-
-    def __rsub__(self, other: Value) -> Value:
-        return -self + other
-
     def __mul__(self, other: Value) -> Value:
-        real, imag = _both_parts(other)
-        return Complex(self.real * real - self.imag * imag, self.real * imag + self.imag * real)
-
-    __rmul__ = __mul__
+        other = other if isinstance(other, Complex) else Complex(other)
+        real, imag = self.real * other.real - self.imag * other.imag, self.real * other.imag + self.imag * other.real
+        return Complex(real, imag)
 
     def __truediv__(self, other: Value) -> Value:
-        real, imag = _both_parts(other)
-        square = real * real + imag * imag
-        return self * Complex(real / square, -imag / square)
+        return other.__rtruediv__(self) if isinstance(other, Complex) else Complex(self.real / other, self.imag / other)
 
     def __rtruediv__(self, other: Value) -> Value:
-        return Complex(other, 0.0) / self
+        return other * Complex(self.real, -self.imag) / (self.real * self.real + self.imag * self.imag)
 
-
-def _both_parts(value: Value) -> tuple[Value, Value]:
-    return (value.real, value.imag) if isinstance(value, Complex) else (value, 0.0)
+    __radd__, __rmul__ = __add__, __mul__
 
 
 Value: TypeAlias = Form | float  # an element of a signal

@@ -46,8 +46,8 @@ def _matlab_function(reader: Tracer, node: Node, number: int) -> Signal | None:
             for name in main.inputs
         ]
         files = reader.network.expanded.libraries
-        note = partial(block.note, "approximated")
-        run = Translation({}, undefined, files, functions, period=period_of(reader, block), note=note)
+        run = Translation({}, undefined, files, functions, period=period_of(reader, block))
+        run.note = partial(block.note, "approximated")
         return [as_signal(value) for value in run.called(main.name, arguments)]
 
     outputs = understood(block, lambda: reader.once(node, translated))
@@ -76,7 +76,9 @@ def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Valu
 
 def _over(node: Node, variables: Mapping[str, Signal], files: Files | None = None) -> Translation:
     known = {name: columns(values) for name, values in variables.items()}
-    return Translation(known, node.workspace.lookup, files)
+    run = Translation(known, node.workspace.lookup, files)
+    run.note = partial(node.note, "approximated")
+    return run
 
 
 _BARE = re.compile(r"\bu\b(?!\s*\()")  # the input of a Fcn without an index: its first element

@@ -5,7 +5,6 @@ from functools import partial
 from simrob_drake.simulink.mechanics.bodies import ContactPair
 from simrob_drake.simulink.mechanics.joints import Joint
 from simrob_drake.simulink.model.network import Connections
-from simrob_drake.simulink.model.nodes import COMPONENT
 from simrob_drake.simulink.signals.arithmetic import ARITHMETIC
 from simrob_drake.simulink.signals.components import offer_component
 from simrob_drake.simulink.signals.dynamics import DYNAMICS
@@ -39,7 +38,7 @@ def tracer_of(network: Connections, joints: list[Joint], contacts: list[ContactP
                 tracer.offer(node, number, give)
         elif node.kind in PHYSICAL:
             tracer.offer(node, 1, partial(tracer.output, node))
-        elif node.kind not in NETWORKS and COMPONENT in node.block.parameters:
+        elif node.kind not in NETWORKS:
             offer_component(tracer, node)
         for number, (_, side, port) in enumerate(outputs_of(node) if node.kind in NETWORKS else (), start=1):
             tracer.offer(node, port, partial(tracer.output, node, number), side)

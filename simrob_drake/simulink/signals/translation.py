@@ -39,11 +39,7 @@ class Translation(CodeRun):
     """
 
     def __init__(
-        self,
-        *arguments: Any,
-        period: float | None = None,
-        own: Mapping[str, Callable[..., Value]] | None = None,
-        note: Callable[[str], None] = lambda _: None,
+        self, *arguments: Any, period: float | None = None, own: Mapping[str, Callable[..., Value]] | None = None
     ) -> None:
         """Take what :class:`CodeRun` takes, and more.
 
@@ -51,9 +47,8 @@ class Translation(CodeRun):
             arguments: what that takes.
             period: the time between samples [s]; None where nothing says it.
             own: further functions, of values, by name.
-            note: takes what it approximates.
         """
-        self._note = note
+        self.note: Callable[[str], None] = lambda _: None  # takes what it approximates
         self._guards: list[Value] = []
         self._period, self._within, self._own = period, False, own or {}
         self._kept: dict[str, Any] = {}  # persistent variables as they are at a sample; None before they have begun
@@ -173,7 +168,7 @@ class Translation(CodeRun):
     def _inner(self, variables: dict[str, Any]) -> Self:
         inner = super()._inner(variables)
         inner._guards, inner._period, self._last = self._guards, self._period, inner
-        inner._note = self._note
+        inner.note = self.note
         inner._workspace = self._workspace
         return inner
 
@@ -201,23 +196,20 @@ class Translation(CodeRun):
             condition = _both("and", condition, one)
         return condition
 
-    def _loop(self, keyword: str, line: str, body: list[Statement]) -> None:
-        if keyword == "while":
-            self._round(line.removeprefix("while").strip(), body, _MOST_ROUNDS)
-        else:
+    def _loop(self, keyword: str, line: str, body: list[Statement], left: int = _MOST_ROUNDS) -> None:
+        """Run a loop; of one whose end signals decide all rounds are translated, one in the other."""
+        if keyword == "for":
             super()._loop(keyword, line, body)
-
-    def _round(self, head: str, body: list[Statement], left: int) -> None:
-        """Run a loop while its condition holds; rounds that signals decide are translated all, one in the other."""
-        condition = self._condition(head)
-        while not isinstance(condition, Form) and condition:
+            return
+        while (condition := self._condition(line.removeprefix("while"))) and not isinstance(condition, Form):
             self._block(body)
             self._count()
-            condition = self._condition(head)
         if isinstance(condition, Form) and not left:
-            self._note(f"its loops by signals end after {_MOST_ROUNDS} rounds at the latest")
-        elif condition:
-            self._split_by(condition, lambda: (self._block(body), self._round(head, body, left - 1))[1], lambda: None)
+            self.note(f"its loops by signals end after {_MOST_ROUNDS} rounds at the latest")
+        elif isinstance(condition, Form):
+            self._split_by(
+                condition, lambda: (self._block(body), self._loop(keyword, line, body, left - 1))[1], lambda: None
+            )
 
     def _split_by(self, condition: Value, yes: Callable[[], None], no: Callable[[], None]) -> None:
         """Run one of two ways, or by a condition of the model both, and leave what a switch takes of them."""

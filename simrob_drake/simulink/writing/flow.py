@@ -15,19 +15,7 @@ from simrob_drake.simulink.mechanics.bodies import PUSH, frame_place
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import (
-    AS_WRITTEN,
-    ONE,
-    PARTS,
-    Form,
-    Primitive,
-    Term,
-    Value,
-    computed,
-    flat,
-    signal,
-    terms_of,
-)
+from simrob_drake.simulink.signals.forms import AS_WRITTEN, PARTS, Form, Primitive, Term, Value, flat, signal, terms_of
 from simrob_drake.simulink.signals.laws import ExternalForce, Law
 from simrob_drake.simulink.signals.sources import SENSOR
 from simrob_drake.simulink.signals.tracing import LAG
@@ -71,11 +59,12 @@ class FlowWriter:
     def sum(self, value: Value) -> Sum:
         """Return a value as a sum of signals, and add the blocks that it takes."""
         total: Sum = {}
-        if not np.isfinite(constant := terms_of(value).get(ONE, 0.0)):  # no file holds it: it is divided by 0
-            value = computed("product", float(np.nan_to_num(np.sign(constant))), 0.0, divides=[1])
         for term, factor in terms_of(value).items():
             for name, own in self._signal(term).items():
                 total[name] = total.get(name, 0.0) + factor * own
+        if not np.isfinite(total.get("one", 0.0)):  # which no file holds: something divided by 0 is it
+            sign = float(np.nan_to_num(np.sign(total.pop("one"))))
+            total |= self.sum(Primitive("product", {"divides": [1]}, lambda: [sign, 0.0]).outputs[0])
         return {name: float(f"{own:.15g}") for name, own in total.items()}
 
     def _signal(self, term: Term) -> Sum:
