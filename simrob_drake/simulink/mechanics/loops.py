@@ -8,9 +8,9 @@ in the speeds of the joints, with factors that stay the same where the gears' ax
 positions times factors stays what it is, planetary gears included.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -20,13 +20,13 @@ from simrob_drake.frames import Vector
 from simrob_drake.simulink.mechanics.bodies import GEARS, ROD, Coupling, Link, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.shapes import positive
-from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Closing, Tree, body_poses
+from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Closing, Tree, body_motions, body_poses
 from simrob_drake.simulink.model.nodes import Node
 
 _TINY = 1e-9
 _Z = np.array([0.0, 0.0, 1.0])
 
-Poses = Mapping[RigidPart, RigidTransform]
+Residual = Callable[[Vector], Vector]  # of positions (n,)
 
 
 @dataclass(frozen=True)
@@ -106,43 +106,34 @@ def _radii(node: Node, *names: str) -> tuple[float, float]:
 _TEETH = dict(zip(GEARS, (_common, _bevel, _rack, _worm), strict=True))
 
 
-def gear_row(coupling: Coupling, poses: Callable[[Vector], Poses], positions: Vector) -> Vector:
+def gear_row(coupling: Coupling, tree: Tree, positions: Vector) -> Vector:
     """Return how fast the teeth of a gear slip for the speed of each joint, (n,), at positions (n,) of a tree.
-
-    Args:
-        coupling: the gear.
-        poses: gives the pose of each body at positions.
-        positions: of all joints [rad or m].
 
     Raises:
         InvalidModel: figures or frames that cannot be.
     """
-    here = poses(positions)
-    one, other = here[coupling.base], here[coupling.follower]
-    teeth = _TEETH[coupling.node.kind](coupling.node, one @ coupling.in_base, other @ coupling.in_follower)
-    row = np.zeros(positions.size)
-    for place in range(positions.size):
-        (slip, turn), step = (np.zeros(3), np.zeros(3)), 1e-6
-        for sign in (1.0, -1.0):
-            there = poses(positions + sign * step * np.eye(positions.size)[place])
-            ways = [there[body] @ here[body].inverse() for body in (coupling.base, coupling.follower)]
-            slip = slip + sign * (ways[0].multiply(teeth.base) - ways[1].multiply(teeth.follower))
-            turn = turn + sign * _turned(ways[1].inverse() @ ways[0])
-        row[place] = teeth.along @ (slip + teeth.screw * turn) / (2 * step)
+    poses, twists = body_motions(tree, positions)
+    one, other = coupling.base, coupling.follower
+    teeth = _TEETH[coupling.node.kind](
+        coupling.node, poses[one] @ coupling.in_base, poses[other] @ coupling.in_follower
+    )
+    slips = _speeds(twists[one], teeth.base) - _speeds(twists[other], teeth.follower)
+    row: Vector = teeth.along @ (slips + teeth.screw * (twists[one] - twists[other])[:3])
     row[np.abs(row) < 1e-7 * np.abs(row).max(initial=0.0)] = 0.0
     return row
 
 
-def _turned(pose: RigidTransform) -> Vector:
-    """Return a small turn as a vector, shape (3,) [rad]."""
-    matrix = pose.rotation().matrix()
-    return np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]) / 2
+def _speeds(twist: Vector, point: Vector) -> Vector:
+    """Return how fast a point of a body moves with each position, shape (3, n)."""
+    return np.asarray(twist[3:] + np.cross(twist[:3], point, axisa=0, axisc=0))
 
 
 _CLOSED, _LOOSE = 1e-6, 4e-4  # m and rad: what is no gap, and what a station takes of one that rounded figures leave
 PRESCRIBED = 1.0  # how much a start counts that a motion gives: nothing moves it
 _NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
 _FAR, _MOST_STARTS = 0.2, 20  # rad or m: what a target is missed by for which other starts are tried, and how many
+_NUDGE = 1e-4  # rad or m: off a posture where what is open depends on nothing, such as a hinge turned over
+_MANY = 100  # positions, beyond which chance finds no other sides, and each try takes long
 _BOUND = 1e-7  # how much staying counts beside closing
 _CHANGES = 1e-3  # by so much of its largest factor a gear's factors may change with the posture
 _CUT: dict[str, Literal["hinge", "ball"]] = {"Revolute Joint": "hinge", "Spherical Joint": "ball"}
@@ -211,55 +202,68 @@ def _gaps(tree: Tree, positions: Vector) -> Vector:
     return np.concatenate([np.zeros(0), *(closing.gap(poses) for closing in tree.closings)])
 
 
-def _nearest(tree: Tree, open_by: Callable[[Vector], Vector]) -> Vector:
-    """Return the positions (n,) at which loops are open, and wishes missed, by least.
+def _slopes(tree: Tree, positions: Vector) -> Vector:
+    """Return how the k gaps of a tree change with its positions (n,), shape (k, n)."""
+    motions = body_motions(tree, positions)
+    return np.vstack([np.zeros((0, positions.size)), *(closing.slopes(*motions) for closing in tree.closings)])
+
+
+def _nearest(tree: Tree, open_by: Residual, slopes: Residual) -> Vector:
+    """Return the positions (n,) at which loops are open, and wishes missed, by least; ``slopes`` is of ``open_by``.
 
     Where wishes are missed, what nobody asks for is tried on other sides of its loop.
     """
-    from scipy.optimize import least_squares
-
     desired, asked = _desired(tree), np.array([freedom.start is not None for freedom in tree.freedoms])
     loose = ~asked & np.array([freedom.turns for freedom in tree.freedoms])
     anywhere = np.array([freedom.start_counts == 0.0 for freedom in tree.freedoms])
-    led, begun = np.eye(desired.size)[:, anywhere], desired
-
-    def open_alone(ways: Vector) -> Vector:
-        return open_by(begun + led @ ways)
-
     if anywhere.any():  # it begins where the others leave it
-        desired = begun + led @ least_squares(open_alone, np.zeros(led.shape[1])).x
-    found, rng = least_squares(open_by, desired), np.random.default_rng(0)
-    for _ in range(_MOST_STARTS if loose.any() else 0):
+        desired = _least(open_by, slopes, desired + _NUDGE * anywhere, anywhere).x
+    every = np.ones(desired.size, dtype=bool)
+    found, rng = _least(open_by, slopes, desired, every), np.random.default_rng(0)
+    for _ in range(_MOST_STARTS if loose.any() and loose.size <= _MANY else 0):
         far = np.any(asked & (np.abs(found.x - desired) > _FAR))
         if not far and np.abs(_gaps(tree, found.x)).max(initial=0.0) < _LOOSE:
             break
         other = desired + loose * rng.uniform(-np.pi, np.pi, desired.size)
-        found = min(found, least_squares(open_by, other), key=lambda one: float(one.cost))
+        found = min(found, _least(open_by, slopes, other, every), key=lambda one: float(one.cost))
     return np.asarray(found.x)
+
+
+def _least(open_by: Residual, slopes: Residual, start: Vector, moves: Vector, **tolerances: float) -> Any:
+    """Return what scipy makes of the least squares of some positions, the others as at the start; ``x`` is of all."""
+    from scipy.optimize import least_squares
+
+    led = np.eye(start.size)[:, moves]
+    origin = start * ~moves
+
+    def whole(moving: Vector) -> Vector:
+        return np.asarray(origin + led @ moving)
+
+    found = least_squares(
+        lambda moving: open_by(whole(moving)), start[moves], lambda moving: slopes(whole(moving)) @ led, **tolerances
+    )
+    found.x = whole(found.x)
+    return found
 
 
 def _settle(tree: Tree, screws: Vector) -> None:
     """Start a tree where its loops are closed, and sums of its positions (k, n) are 0; else its loops are lost."""
-    from scipy.optimize import least_squares
-
     desired, held = _desired(tree), np.array([freedom.start_counts for freedom in tree.freedoms])
 
     def gaps(positions: Vector) -> Vector:
         return np.concatenate([_gaps(tree, positions), screws @ positions])
 
-    def gaps_and_wishes(positions: Vector) -> Vector:
-        return np.concatenate([gaps(positions), held * (positions - desired)])
+    def missed(counts: Vector, place: Vector) -> tuple[Residual, Residual]:
+        return (
+            lambda positions: np.concatenate([gaps(positions), counts * (positions - place)]),
+            lambda positions: np.vstack([_slopes(tree, positions), screws, np.diag(counts)]),
+        )
 
-    nearest = _nearest(tree, gaps_and_wishes)
-    found, moves = nearest.copy(), held < PRESCRIBED
+    found, moves = _nearest(tree, *missed(held, desired)), held < PRESCRIBED
+    staying = missed(np.full(held.size, _BOUND), found.copy())  # where a way is free it stays there
     found[~moves] = desired[~moves]
-
-    def left(moving: Vector) -> Vector:
-        found[moves] = moving
-        return np.concatenate([gaps(found), _BOUND * (found - nearest)])  # where a way is free it stays there
-
     if moves.any():
-        found[moves] = least_squares(left, found[moves], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        found = _least(*staying, found, moves, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
     endless = np.array(
         [freedom.turns and freedom.lower == -np.inf and freedom.upper == np.inf for freedom in tree.freedoms]
     )
@@ -283,9 +287,9 @@ def _mesh(tree: Tree, coupling: Coupling) -> None:
     """Note which sum of positions a gear keeps; one whose factors change with the posture is lost."""
     desired, node = _desired(tree), coupling.node
     try:
-        row = gear_row(coupling, lambda positions: body_poses(tree, positions), desired)
+        row = gear_row(coupling, tree, desired)
         moved = desired + 0.1 * (np.eye(desired.size) - np.linalg.pinv(row[None]) @ row[None]) @ np.cos(desired)
-        other = gear_row(coupling, lambda positions: body_poses(tree, positions), moved)
+        other = gear_row(coupling, tree, moved)
         if not row.any() or np.abs(other - row).max() > _CHANGES * np.abs(row).max():
             raise node.refusal("its ratio changes with the posture" if row.any() else "turns nothing")
     except InvalidModel as problem:
@@ -296,10 +300,8 @@ def _mesh(tree: Tree, coupling: Coupling) -> None:
 
 def _start(tree: Tree) -> None:
     """Start a tree at speeds that its loops and gears allow, as near as can be to what its joints ask for."""
-    freedoms, positions, step = tree.freedoms, _desired(tree), 1e-6
-    ways = step * np.eye(len(freedoms))
-    columns = [(_gaps(tree, positions + way) - _gaps(tree, positions - way)) / (2 * step) for way in ways]
-    jacobian = np.vstack([np.array(columns).T.reshape(-1, len(freedoms)), _rows(tree, [*tree.gears.values()])])
+    freedoms = tree.freedoms
+    jacobian = np.vstack([_slopes(tree, _desired(tree)), _rows(tree, [*tree.gears.values()])])
     desired = np.array([freedom.start_speed or 0.0 for freedom in freedoms])
     counts = np.array([freedom.speed_counts for freedom in freedoms])
     gives = counts.min() / counts

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 from scipy.cluster.hierarchy import DisjointSet
 
 from simrob_drake.frames import Vector
@@ -18,6 +18,9 @@ from simrob_drake.simulink.model.nodes import Node
 
 Holding = dict[RigidPart, list[Link]]
 Poses = Mapping[RigidPart, RigidTransform]  # poses of bodies' first frames in that of the root
+Twists = Mapping[RigidPart, Vector]
+"""How bodies move with each position: turns, then velocities of what of them is at the root's origin, shape (6, n)."""
+_STEP = 1e-6  # m and rad: by which a body is moved to see what that does to a gap
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +36,7 @@ class Closing(Coupling):
         return {"length": self.length} if self.kind == "rod" else {}
 
     def gap(self, poses: Poses) -> Vector:
-        """Return by what it is open [m, and rad]: (3,) of a ball, (1,) of a rod, (6,) of a weld, (5,) of a hinge."""
+        """Return by what it is open [m, and rad]: (3,) of a ball, (1,) of a rod, (6,) of a weld or hinge."""
         apart = (poses[self.base] @ self.in_base).inverse() @ (poses[self.follower] @ self.in_follower)
         place: Vector = apart.translation()
         if self.kind == "rod":
@@ -41,9 +44,21 @@ class Closing(Coupling):
         if self.kind == "ball":
             return place
         if self.kind == "hinge":
-            return np.concatenate([place, apart.rotation().matrix()[:2, 2]])
+            return np.concatenate([place, apart.rotation().matrix()[:, 2] - [0.0, 0.0, 1.0]])
         turn = apart.rotation().ToQuaternion()
         return np.concatenate([place, 2 * np.copysign(1.0, turn.w()) * turn.xyz()])
+
+    def slopes(self, poses: Poses, twists: Twists) -> Vector:
+        """Return how its gap of k numbers changes with each of n positions, shape (k, n)."""
+        base, follower = poses[self.base], poses[self.follower]
+
+        def open_by(way: Vector) -> Vector:
+            there = RigidTransform(RollPitchYaw(way[:3]), way[3:]) @ follower
+            return self.gap({self.base: base, self.follower: there})
+
+        ways = _STEP * np.eye(6)
+        columns = np.column_stack([(open_by(way) - open_by(-way)) / (2 * _STEP) for way in ways])
+        return np.asarray(columns @ (twists[self.follower] - twists[self.base]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,13 +242,24 @@ def _owner(between: Coupling, trees: list[Tree]) -> Tree | None:
     return one
 
 
-def body_poses(tree: Tree, positions: Vector) -> dict[RigidPart, RigidTransform]:
-    """Return the pose of each body's first frame in the root body's, at positions (n,) of the tree's freedoms."""
-    poses = {tree.root: RigidTransform()}
-    values = iter(positions)
+def body_motions(tree: Tree, positions: Vector) -> tuple[Poses, Twists]:
+    """Return where the bodies of a tree are at positions (n,) of its freedoms, and how they move with each of these."""
+    poses, twists = {tree.root: RigidTransform()}, {tree.root: np.zeros((6, positions.size))}
+    place = 0
     for branch in tree.branches:
-        pose = poses[branch.parent] @ branch.in_parent
+        pose, twist = poses[branch.parent] @ branch.in_parent, twists[branch.parent].copy()
         for freedom in branch.freedoms:
-            pose = pose @ moved(freedom, branch.sign * next(values))
-        poses[branch.body] = pose @ branch.in_body.inverse()
-    return poses
+            axis = branch.sign * (pose.rotation().matrix() @ freedom.axis)
+            if freedom.turns:
+                twist[:, place] = [*axis, *np.cross(pose.translation(), axis)]
+            else:
+                twist[3:, place] = axis
+            pose = pose @ moved(freedom, branch.sign * float(positions[place]))
+            place += 1
+        poses[branch.body], twists[branch.body] = pose @ branch.in_body.inverse(), twist
+    return poses, twists
+
+
+def body_poses(tree: Tree, positions: Vector) -> Poses:
+    """Return the pose of each body's first frame in the root body's, at positions (n,) of the tree's freedoms."""
+    return body_motions(tree, np.asarray(positions))[0]
