@@ -16,7 +16,7 @@ from simrob_drake.simulink.values.syntax import ScriptFunction, Section, Stateme
 
 _SECTION = re.compile(
     r"(?m)^[ \t]*(component|inputs|outputs|parameters|equations|nodes|variables|branches|components|connections|events"
-    r"|annotations|intermediates|function)\b[^\n]*"
+    r"|annotations|intermediates|function)\b([^\n]*)"
 )
 _SIGNALS = {"component", "inputs", "outputs", "parameters", "equations", "function"}
 _MEMBER = re.compile(r"^[ \t]*(\w+)[ \t]*=[ \t]*\{(.*)\}[^%\n]*(?:%[^\n]*?(?::[ \t]*(left|right))?[ \t]*)?$", re.M)
@@ -34,25 +34,21 @@ class Component(NamedTuple):
 
 def component(text: str) -> Component | None:
     """Return what a component computes of physical signals; None of one that has nodes, states or parts."""
-    begins = list(_SECTION.finditer(text))
-    if not begins or {one[1] for one in begins} - _SIGNALS:
+    _, *parts = _SECTION.split(text)
+    if not parts or set(parts[::3]) - _SIGNALS:
         return None
-    ends = [one.start() for one in begins[1:]] + [len(text)]
-    ports: dict[str, dict[str, tuple[str, int]]] = {"inputs": {}, "outputs": {}}
-    parameters, body, counts = dict[str, str](), list[Statement](), {"left": 0, "right": 0}
-    for begin, end in zip(begins, ends, strict=True):
-        kind, lines = begin[1], text[begin.end() : end]
-        for name, value, side in _MEMBER.findall(lines) if kind in ("inputs", "outputs", "parameters") else ():
-            if kind == "parameters":
-                parameters[name] = f"{{{value}}}"
-            else:
-                where = side or ("left" if kind == "inputs" else "right")
-                counts[where] += 1
-                ports[kind][name] = f"{where[0]}conn", counts[where]
-        if kind == "equations" or "private" in begin[0].lower():
-            (section,) = statements(f"switch x\n{lines}")[:1]
-            body += section.parts[0][1] if isinstance(section, Section) else []
-    return Component(**ports, parameters=parameters, body=body)
+    found, counts = Component({}, {}, {}, []), {"left": 0, "right": 0}
+    for kind, head, lines in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
+        if kind == "equations" or "private" in head.lower():
+            found.body.extend(statements(lines))
+        elif kind == "parameters":
+            found.parameters.update({name: f"{{{value}}}" for name, value, _ in _MEMBER.findall(lines)})
+        elif kind in ("inputs", "outputs"):
+            for name, _, written in _MEMBER.findall(lines):
+                side = written or ("left" if kind == "inputs" else "right")
+                counts[side] += 1
+                getattr(found, kind)[name] = f"{side[0]}conn", counts[side]
+    return found
 
 
 def offer_component(tracer: Tracer, node: Node) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -80,7 +80,9 @@ def rate_of(node: Node, value: Value) -> Value:
         return added((1.0, Form(rate)))
     node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
     changing = Form(rest)
-    return filtered(node, changing - (begun_with(changing) or 0.0), [1.0, 0.0], [LAG, 1.0]) + added((1.0, Form(rate)))
+    inputs = cache(lambda: [changing - (begun_with(changing) or 0.0)])
+    parameters = {"numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
+    return Primitive("transfer_function", parameters, inputs, node).outputs[0] + added((1.0, Form(rate)))
 
 
 def period_of(reader: Tracer, node: Node) -> float | None:

@@ -207,9 +207,12 @@ class Translation(CodeRun):
         if isinstance(condition, Form) and not left:
             self.note(f"its loops by signals end after {_MOST_ROUNDS} rounds at the latest")
         elif isinstance(condition, Form):
-            self._split_by(
-                condition, lambda: (self._block(body), self._loop(keyword, line, body, left - 1))[1], lambda: None
-            )
+
+            def further() -> None:
+                self._block(body)
+                self._loop(keyword, line, body, left - 1)
+
+            self._split_by(condition, further, lambda: None)
 
     def _split_by(self, condition: Value, yes: Callable[[], None], no: Callable[[], None]) -> None:
         """Run one of two ways, or by a condition of the model both, and leave what a switch takes of them."""
