@@ -94,8 +94,6 @@ class Form:
 class Complex(Form):
     """A complex number of signals; what is computed with it must become real again."""
 
-    __slots__ = ("imag", "real")
-
     def __init__(self, real: Value, imag: Value = 0.0) -> None:
         super().__init__({})
         self.real, self.imag = real, imag

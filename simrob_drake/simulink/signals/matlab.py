@@ -1,11 +1,11 @@
-"""MATLAB code of blocks as blocks of a signal flow, where it is plain arithmetic: nothing is run."""
+"""MATLAB code of blocks, and equations of components, as blocks of a signal flow, where these are plain arithmetic."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,11 +21,18 @@ from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import undefined
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
 from simrob_drake.simulink.values.mat import Files
-from simrob_drake.simulink.values.syntax import NotUnderstood, functions_of
+from simrob_drake.simulink.values.syntax import (
+    NotUnderstood,
+    ScriptFunction,
+    Section,
+    Statement,
+    functions_of,
+    lines_of,
+    statements,
+)
 
 
-def columns(values: Signal) -> Any:
-    """Return a signal as a matrix of MATLAB."""
+def _columns(values: Signal) -> Any:
     return values.reshape(-1, 1) if values.ndim == 1 else values
 
 
@@ -42,7 +49,7 @@ def _matlab_function(reader: Tracer, node: Node, number: int) -> Signal | None:
         inports = [child for child in block.children.values() if child.kind == "Inport"]
         ports = {child.block.name: int(child.text("Port", "1") or "1") for child in inports}
         arguments = [
-            columns(reader.input(node, ports[name])) if name in ports else block.workspace.lookup(name)
+            _columns(reader.input(node, ports[name])) if name in ports else block.workspace.lookup(name)
             for name in main.inputs
         ]
         files = reader.network.expanded.libraries
@@ -50,12 +57,11 @@ def _matlab_function(reader: Tracer, node: Node, number: int) -> Signal | None:
         run.note = partial(block.note, "approximated")
         return [as_signal(value) for value in run.called(main.name, arguments)]
 
-    outputs = understood(block, lambda: reader.once(node, translated))
+    outputs = _understood(block, lambda: reader.once(node, translated))
     return outputs[number - 2] if 0 <= number - 2 < len(outputs) else None
 
 
-def understood(node: Node, translate: Callable[[], list[Signal]]) -> list[Signal]:
-    """Return what code gives (raises InvalidModel: it is no plain arithmetic, or uses what is not known)."""
+def _understood(node: Node, translate: Callable[[], list[Signal]]) -> list[Signal]:
     try:
         return translate()
     except UndefinedVariable as problem:
@@ -68,14 +74,14 @@ def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Valu
     """Return whether all of a condition on signals holds, as a value that is not 0.
 
     Raises:
-        InvalidModel: what is not understood.
+        InvalidModel: what is not _understood.
     """
     run = _over(node, variables)
-    return flat(understood(node, lambda: [signal([run._condition(text)])])[0])[0]
+    return flat(_understood(node, lambda: [signal([run._condition(text)])])[0])[0]
 
 
 def _over(node: Node, variables: Mapping[str, Signal], files: Files | None = None) -> Translation:
-    known = {name: columns(values) for name, values in variables.items()}
+    known = {name: _columns(values) for name, values in variables.items()}
     run = Translation(known, node.workspace.lookup, files)
     run.note = partial(node.note, "approximated")
     return run
@@ -93,7 +99,7 @@ def _expression(reader: Tracer, node: Node, _: int) -> Signal | None:
     run = _over(node, {"u": values}, reader.network.expanded.libraries)
     if text in FUNCTIONS or (text.isidentifier() and run.find(text)):
         text = f"{text}(u)"
-    return understood(node, lambda: [as_signal(run.value(text))])[0] if text else None
+    return _understood(node, lambda: [as_signal(run.value(text))])[0] if text else None
 
 
 _BLOCKS: dict[str, Callable[..., Value]] = {
@@ -123,9 +129,9 @@ def _formula(reader: Tracer, node: Node, _: int) -> Signal | None:
     if "t" in words:
         values["t"] = reader.input(node) if node.text("TimeSource").startswith("Use external") else signal([TIME])
     values |= {name: _parameter(node, default, others or [name]) for name, (default, *others) in row.items()}
-    fitting = map(columns, fitted(node, *values.values()))
-    run = Translation(dict(zip(values, fitting, strict=True)), own=_BLOCKS)
-    return understood(node, lambda: [as_signal(run.value(text))])[0]
+    columns = map(_columns, fitted(node, *values.values()))
+    run = Translation(dict(zip(values, columns, strict=True)), own=_BLOCKS)
+    return _understood(node, lambda: [as_signal(run.value(text))])[0]
 
 
 def _parameter(node: Node, default: str, names: list[str]) -> Signal:
@@ -133,6 +139,83 @@ def _parameter(node: Node, default: str, names: list[str]) -> Signal:
     unit = node.text(f"{name}_unit", "1")
     factor = node.in_si(unit, name) * (2 * np.pi if "Hz" in unit else 1.0)  # in sines
     return (node.matrix(name, default) * factor).reshape(-1, order="F").astype(object)
+
+
+_SECTION = re.compile(
+    r"(?m)^[ \t]*(component|inputs|outputs|parameters|equations|nodes|variables|branches|components|connections|events"
+    r"|annotations|intermediates|function)\b([^\n]*)"
+)
+_SIGNALS = {"component", "inputs", "outputs", "parameters", "equations", "function"}
+_MEMBER = re.compile(r"^[ \t]*(\w+)[ \t]*=[ \t]*\{(.*)\}[^%\n]*(?:%[^\n]*?(?::[ \t]*(left|right))?[ \t]*)?$", re.M)
+_QUANTITY = re.compile(r"\{([^{},']*?)[\s,]*'([^']*)'\s*\}")
+
+
+class Component(NamedTuple):
+    """What a file of the language says."""
+
+    inputs: dict[str, tuple[str, int]]  # side and number of each port
+    outputs: dict[str, tuple[str, int]]
+    parameters: dict[str, str]  # what each is by default
+    body: list[Statement]  # private parameters and equations
+
+
+def component(text: str) -> Component | None:
+    """Return what a component computes of physical signals; None of one that has nodes, states or parts."""
+    _, *parts = _SECTION.split(text)
+    if not parts or set(parts[::3]) - _SIGNALS:
+        return None
+    found, counts = Component({}, {}, {}, []), {"left": 0, "right": 0}
+    for kind, head, lines in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
+        if kind == "equations" or "private" in head.lower():
+            found.body.extend(statements(lines))
+        elif kind == "parameters":
+            found.parameters.update({name: f"{{{value}}}" for name, value, _ in _MEMBER.findall(lines)})
+        elif kind in ("inputs", "outputs"):
+            for name, _, written in _MEMBER.findall(lines):
+                side = written or ("left" if kind == "inputs" else "right")
+                counts[side] += 1
+                getattr(found, kind)[name] = f"{side[0]}conn", counts[side]
+    return found
+
+
+def offer_component(tracer: Tracer, node: Node) -> None:
+    """Let a block of a component in the folders give its physical signals."""
+    found = component(tracer.network.expanded.libraries.script(node.text("ClassName"), ".ssc"))
+    if found is not None:
+        tracer.own[node] = partial(_output, found)
+        for number, (side, port) in enumerate(found.outputs.values(), start=1):
+            tracer.offer(node, port, partial(tracer.output, node, number), side)
+
+
+def _output(found: Component, reader: Tracer, node: Node, number: int) -> Signal:
+    def translated() -> list[Signal]:
+        reached = {name: reader.physical(node, *port) for name, port in found.inputs.items()}
+        known: dict[str, Any] = {
+            name: _columns(one if one is not None else signal([0.0])) for name, one in reached.items()
+        }
+        for name, default in found.parameters.items():
+            unit = node.in_si(node.text(f"{name}_unit", "1"), name)
+            known[name] = node.matrix(name, _in_si(node, default)) * unit
+        body = [_assigned(node, line) for line in found.body if not next(lines_of(line)).startswith("assert")]
+        law = ScriptFunction("law", list(known), list(found.outputs), body)
+        run = Translation({}, undefined, reader.network.expanded.libraries, {"law": law})
+        run.note = partial(node.note, "approximated")
+        return [as_signal(value) for value in run.called("law", list(known.values()))]
+
+    return _understood(node, lambda: reader.once(node, translated))[number - 1]
+
+
+def _in_si(node: Node, text: str) -> str:
+    """Return text with quantities such as ``{2, 'cm'}`` as numbers in SI."""
+    return _QUANTITY.sub(lambda one: f"(({one[1]})*{node.in_si(one[2], 'unit'):.17g})", text)
+
+
+def _assigned(node: Node, line: Statement) -> Statement:
+    """Return a statement whose equations are assignments."""
+    if isinstance(line, str):
+        return re.sub(r"^(\w+)\s*==", r"\1 =", _in_si(node, line))
+    return Section(line.keyword, [(_in_si(node, head), [_assigned(node, one) for one in body])
+                                  for head, body in line.parts])  # fmt: skip
 
 
 FORMULAS: dict[str, Rule] = dict.fromkeys(table("formulas"), _formula)

@@ -6,10 +6,9 @@ from simrob_drake.simulink.mechanics.bodies import ContactPair
 from simrob_drake.simulink.mechanics.joints import Joint
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.signals.arithmetic import ARITHMETIC
-from simrob_drake.simulink.signals.components import offer_component
 from simrob_drake.simulink.signals.dynamics import DYNAMICS
 from simrob_drake.simulink.signals.forms import MOST_ELEMENTS, Form, Signal, Term, TermKind, signal
-from simrob_drake.simulink.signals.matlab import MATLAB
+from simrob_drake.simulink.signals.matlab import MATLAB, offer_component
 from simrob_drake.simulink.signals.networks import NETWORKS, outputs_of
 from simrob_drake.simulink.signals.robotics import ROBOTICS
 from simrob_drake.simulink.signals.routing import ROUTING, subsystem
