@@ -242,7 +242,7 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
 
 _TRIED, _MOST_TRIED = 0.2, 2000  # s of a run, and its steps
 _BEGUN = 1e-4  # s of a run that only shows whether it begins
-_OPEN = 1e-3  # m or rad, what a coupling may be open then and not be noted
+_OPEN, _TORN = 1e-3, 0.1  # m or rad, what a coupling may be open then and not be noted, and be none any more
 
 
 def _try(station: Path, duration: float) -> tuple[str, dict[str, float]]:
@@ -268,6 +268,8 @@ def _try(station: Path, duration: float) -> tuple[str, dict[str, float]]:
 def _tell_of_run(stops: str, soft: dict[str, float], report: ImportReport) -> None:
     if stops:
         report.add("lost", "run", f"the station does not run as it is: {stops}")
+    elif max(soft.values(), default=0.0) > _TORN:
+        report.add("lost", "closed loop", f"it comes apart within {_TRIED:g} s")
     for name, gap in soft.items():
         message = f"its coupling holds less than what pulls at it: {1e3 * gap:.3g} mm (or mrad) open"
         report.add("approximated", name, f"{message} within {_TRIED:g} s")

@@ -319,6 +319,15 @@ def test_couplings_too_soft_for_what_they_hold_become_constraints(tmp_path, slop
     np.testing.assert_allclose(result["q.Slider"], exact, atol=2e-3)
 
 
+def test_a_loop_that_comes_apart_is_lost(tmp_path):
+    """A crank longer than its rod is driven past where that can reach."""
+    shop = driven_crank("10")
+    shop.blocks = [one.replace("0.3", "1.2").replace(">1<", ">0.5<") if "Motion" in one or "0.3" in one else one
+                   for one in shop.blocks]  # fmt: skip
+    imported = import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out")
+    assert imported.fidelity == "1 closed loop lost; 1 joint prescribed"
+
+
 @pytest.mark.parametrize("spring", ["0", "2500"])
 def test_a_crank_that_is_driven_starts_on_its_motion(tmp_path, spring):
     """A crank whose angle is 1 + 2 t moves the slider of its loop, which starts where and as fast as that asks for.
