@@ -225,10 +225,11 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
         files = StationWriter(model, work).write()
         file = f"{plain(path.stem)}.yaml"
         station = folder / file if files.content else None
+        axes = sum(len(robot.tree.freedoms) for robot in files.robots.values())
         if files.content.get("couplings"):
-            _hold(work / file, files.content, model.report)
+            _hold(work / file, files.content, axes, model.report)
         elif files.content.get("contact"):  # which a solver's steps may be too long for
-            _tell_of_run(*_try(work / file, _BEGUN), model.report)
+            _tell_of_run(*_try(work / file, _BEGUN, axes), model.report)
         made = ImportedModel(model, files, station, outcomes(model))
         report = {
             "fidelity": made.fidelity,
@@ -240,25 +241,26 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
     return made
 
 
-_TRIED, _MOST_TRIED = 0.2, 2000  # s of a run, and its steps
+_TRIED, _MOST_TRIED, _FEW, _LEAST_TRIED = 0.2, 2000, 60, 3
+"""What is tried of a run [s], in how many steps with a few axes; the work of a step grows with the cube of these."""
 _BEGUN = 1e-4  # s of a run that only shows whether it begins
 _OPEN, _TORN = 1e-3, 0.1  # m or rad, what a coupling may be open then and not be noted, and be none any more
 
 
-def _try(station: Path, duration: float) -> tuple[str, dict[str, float]]:
+def _try(station: Path, duration: float, axes: int) -> tuple[str, dict[str, float]]:
     """Return why a station does not go on from its first moments, and which couplings are open [m or rad]."""
-    steps: list[float] = []
+    steps, most = list[float](), max(_LEAST_TRIED, int(_MOST_TRIED * min(1.0, _FEW / max(axes, 1)) ** 3))
 
     def look(time: float, _: Any) -> None:
         steps.append(time)
-        if len(steps) == _MOST_TRIED:
+        if len(steps) == most:
             raise KeyboardInterrupt  # which ends a run, and keeps what was reached
 
     try:
         result = simulate(station, duration=duration, progress=False, on_step=look)
     except SimrobError as problem:
         return str(problem).replace(str(station), station.name), {}
-    if result.ending == "interrupted" and len(steps) < _MOST_TRIED:
+    if result.ending == "interrupted" and len(steps) < most:
         raise KeyboardInterrupt  # by the user
     gaps = (measure.entries for measure in result.verdict.measures if measure.criterion.name == "coupling_gap")
     soft = {entry.subject: entry.value for entry in chain.from_iterable(gaps) if entry.value > _OPEN}
@@ -275,13 +277,13 @@ def _tell_of_run(stops: str, soft: dict[str, float], report: ImportReport) -> No
         report.add("approximated", name, f"{message} within {_TRIED:g} s")
 
 
-def _hold(station: Path, content: dict[str, Any], report: ImportReport) -> None:
+def _hold(station: Path, content: dict[str, Any], axes: int, report: ImportReport) -> None:
     """Let couplings that are springs too soft for what they hold be constraints of a discrete solver, if that helps."""
-    stops, soft = _try(station, _TRIED)
+    stops, soft = _try(station, _TRIED, axes)
     if (stops or soft) and content["solver"]["kind"] == "continuous":
         written, tied = content_of(station), SOLVERS["points"]
         station.write_bytes(re.sub(rb"(?m)^solver: .*$", f"solver: {json.dumps(tied)}".encode(), written))
-        why, still = _try(station, _TRIED)
+        why, still = _try(station, _TRIED, axes)
         if not why and (stops or max(still.values(), default=0.0) < max(soft.values())):
             stops, soft, content["solver"] = "", still, tied
             report.add("read", "solver", "a discrete one, whose couplings are constraints: springs were too soft")

@@ -539,12 +539,22 @@ def test_a_grid_that_no_terrain_can_be_is_lost(tmp_path, wrong):
 CYLINDER = {"CylinderRadius": "0.1", "CylinderLength": "0.1"}
 
 
+PART = {"ExtGeomFileName": "part.stl", "ExtGeomFileUnits": "cm"}
+
+
 @pytest.mark.parametrize(
-    ("kind", "sizes", "told"),
-    [(BRICK, {"BrickDimensions": "[0.2 0.3 0.1]"}, "four"), (BRICK.replace("Brick", "Cylindrical"), CYLINDER, "eight")],
+    ("kind", "sizes", "words", "mesh"),
+    [
+        (BRICK, {"BrickDimensions": "[0.2 0.3 0.1]"}, "in its corners", None),
+        (BRICK.replace("Brick", "Cylindrical"), CYLINDER, "on its rims", None),
+        (BRICK.replace("Brick", "File"), PART, "its convex hull", trimesh.creation.box((20, 30, 10))),
+        (BRICK.replace("Brick", "File"), PART, "nearly a ball", trimesh.creation.icosphere(3, 5)),
+    ],
 )
-def test_a_robot_may_stand_on_a_box_or_a_cylinder(tmp_path, kind, sizes, told):
-    """Four spheres in the corners, or the eight of a rim, carry it, with the spring of the model between them."""
+def test_a_robot_may_stand_on_many_shapes(tmp_path, kind, sizes, words, mesh):
+    """Spheres in four corners, eight of a rim, or a ball carry it, with the spring of the model between them."""
+    if mesh is not None:
+        mesh.export(tmp_path / "part.stl")
     level = Level()
     world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/6-DOF Joint", "Free",
         PzPositionTargetSpecify="on", PzPositionTargetValue="0.055")  # fmt: skip
@@ -562,7 +572,6 @@ def test_a_robot_may_stand_on_a_box_or_a_cylinder(tmp_path, kind, sizes, told):
     sink = 3 * 9.80665 / 1e4
     assert result.pose("base")[-1, 2] == pytest.approx(0.05 - sink, abs=1e-4)
     assert result["distance.Touch"][-1] == pytest.approx(-sink, abs=1e-4)
-    words = "in its corners" if told == "four" else "on its rims"
     assert any(words in entry.text for entry in imported.report.of("approximated"))
 
 

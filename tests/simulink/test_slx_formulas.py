@@ -147,13 +147,21 @@ def test_a_choice_that_is_not_known_leaves_the_block_open(tmp_path, kind, parame
         outputs(tmp_path, kind, 1, parameters)
 
 
-def test_a_function_of_u_takes_its_first_element(tmp_path):
+@pytest.mark.parametrize(
+    ("kind", "parameters", "expected"),
+    [
+        ("Fcn", {"Expr": "sqrt(u) + u[2]*u(1)"}, [38.0]),
+        ("Fcn", {"Expr": "sgn(-u[2]) + ln(exp(u)) + pow(u[1], 2) + fabs(-u[1])"}, [23.0]),
+        ("LookupNDDirect", {"NumberOfTableDimensions": "1", "Table": "[7 6 5 4 3.5 2]'"}, [3.5, 2.0]),
+    ],
+)
+def test_a_function_of_u_takes_its_first_element(tmp_path, kind, parameters, expected):
     level = Level()
     source = level.block("Constant", "S", Value="[4 9]")
-    level.wire(f"{source}#out:1", f"{level.block('Fcn', 'B', Expr='sqrt(u) + u[2]*u(1)')}#in:1")
+    level.wire(f"{source}#out:1", f"{level.block(kind, 'B', **parameters)}#in:1")
     model = read_simulink(write_model(tmp_path / "a.slx", level))
     (node,) = (node for node in model.expanded.nodes if node.block.name == "B")
-    assert flat(model.tracer.output(node)) == [38.0]
+    assert flat(model.tracer.output(node)) == pytest.approx(expected)
 
 
 @pytest.mark.filterwarnings("error")

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidModel
@@ -229,19 +230,22 @@ def _nearest(tree: Tree, open_by: Residual, slopes: Residual) -> Vector:
     return np.asarray(found.x)
 
 
-def _least(open_by: Residual, slopes: Residual, start: Vector, moves: Vector, **tolerances: float) -> Any:
+def _least(open_by: Residual, slopes: Residual, start: Vector, moves: NDArray[np.bool_], tight: float = 1e-8) -> Any:
     """Return what scipy makes of the least squares of some positions, the others as at the start; ``x`` is of all."""
     from scipy.optimize import least_squares
 
-    led = np.eye(start.size)[:, moves]
-    origin = start * ~moves
+    led, origin = np.eye(start.size)[:, moves], start * ~moves
 
-    def whole(moving: Vector) -> Vector:
+    def whole(moving: Any) -> Vector:
         return np.asarray(origin + led @ moving)
 
-    found = least_squares(
-        lambda moving: open_by(whole(moving)), start[moves], lambda moving: slopes(whole(moving)) @ led, **tolerances
-    )
+    def missed(moving: Any) -> Any:
+        return open_by(whole(moving))
+
+    def change(moving: Any) -> Any:
+        return slopes(whole(moving)) @ led
+
+    found: Any = least_squares(missed, start[moves], change, xtol=tight, ftol=tight, gtol=tight)
     found.x = whole(found.x)
     return found
 
@@ -263,7 +267,7 @@ def _settle(tree: Tree, screws: Vector) -> None:
     staying = missed(np.full(held.size, _BOUND), found.copy())  # where a way is free it stays there
     found[~moves] = desired[~moves]
     if moves.any():
-        found = _least(*staying, found, moves, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        found = _least(*staying, found, moves, tight=1e-15).x
     endless = np.array(
         [freedom.turns and freedom.lower == -np.inf and freedom.upper == np.inf for freedom in tree.freedoms]
     )

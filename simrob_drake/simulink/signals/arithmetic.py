@@ -263,6 +263,8 @@ def looked_up(value: Value, points: Any, values: Any, *, clip: bool) -> Value:
     """Return what a table, whose points rise, holds at a value; beyond its ends what they are, or go on to be."""
     columns = {name: np.asarray(column, dtype=float).reshape(-1).tolist() for name, column in
                (("points", points), ("values", values))}  # fmt: skip
+    if clip and not isinstance(value, Form):
+        return float(np.interp(value, columns["points"], columns["values"]))
     return computed("lookup", value, **columns, **({"clip": True} if clip else {}))
 
 
@@ -279,6 +281,16 @@ def _lookup(reader: Tracer, node: Node, _: int) -> Signal | None:
         first, step = (node.number(f"BreakpointsForDimension1{what}", "1") for what in ("FirstPoint", "Spacing"))
         places = np.asarray(first + step * np.arange(heights.size))
     return mapped(lambda value: looked_up(value, places, heights, clip=clip), reader.input(node))
+
+
+def _indexed(reader: Tracer, node: Node, _: int) -> Signal | None:
+    """Return the element of a table whose index, from 0, is the input, without its fraction and within the table."""
+    element = node.text("InputsSelectThisObjectFromTable", "Element") == "Element"
+    if node.text("NumberOfTableDimensions", "2") != "1" or not element or node.is_on("TableIsInput"):
+        return None
+    heights = node.numbers("Table", "[4 5 6;16 19 20;10 18 23]")
+    places = np.arange(heights.size)
+    return mapped(lambda value: looked_up(_truncated(value), places, heights, clip=True), reader.input(node))
 
 
 def _logic(reader: Tracer, node: Node, _: int) -> Signal | None:
@@ -308,6 +320,7 @@ ARITHMETIC: dict[str, Rule] = {
     "Product": _product,
     "MinMax": _extreme,
     **dict.fromkeys(("Lookup_n-D", "Lookup"), _lookup),
+    "LookupNDDirect": _indexed,
     "Logic": _logic,
     "Switch": _switch,
 }

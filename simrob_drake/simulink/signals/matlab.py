@@ -88,6 +88,7 @@ def _over(node: Node, variables: Mapping[str, Signal], files: Files | None = Non
 
 
 _BARE = re.compile(r"\bu\b(?!\s*\()")  # the input of a Fcn without an index: its first element
+_OF_C = {"sgn": "sign", "ln": "log", "fabs": "abs", "pow": "power"}  # functions that a Fcn has in place of MATLAB's
 
 
 def _expression(reader: Tracer, node: Node, _: int) -> Signal | None:
@@ -96,6 +97,7 @@ def _expression(reader: Tracer, node: Node, _: int) -> Signal | None:
     values = reader.input(node)
     if node.kind == "Fcn":
         text = _BARE.sub("u(1)", text.replace("[", "(").replace("]", ")"))
+        text = re.sub(r"\b(sgn|ln|fabs|pow)\b", lambda found: _OF_C[found[1]], text)
     run = _over(node, {"u": values}, reader.network.expanded.libraries)
     if text in FUNCTIONS or (text.isidentifier() and run.find(text)):
         text = f"{text}(u)"

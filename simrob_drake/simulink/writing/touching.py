@@ -1,7 +1,6 @@
 """What touches what (feet, pieces, the floor), and the contact, sensors and monitors of a station."""
 
 from dataclasses import dataclass, field, replace
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +8,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
+from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.parts.site import WORLD
 from simrob_drake.parts.terrain import MOST_BOXES
@@ -28,14 +28,14 @@ from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.simulink_model import SimulinkModel
+from simrob_drake.simulink.writing.spheres import POINT, far_apart, spheres_of
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames
 
 _PLANE = "Infinite Plane"
-_POINT, _MOST_POINTS = 1e-3, 100
-_RIM = 8  # spheres on each rim of a cylinder
-_TOUCHES = {"sphere": "", "box": "a box that touches: {} in its corners",
-            "cylinder": "a cylinder that touches: {} on its rims, on eight of which it stands"}  # fmt: skip
-"""Radius of a sphere that stands for a point of a cloud [m], and how many of them touch at most."""
+_MOST_POINTS = 100  # of a cloud that touch
+_TOUCHES = {"sphere": "a mesh that touches: nearly a ball, {}", "box": "a box that touches: {} in its corners",
+            "cylinder": "a cylinder that touches: {} on its rims, on eight of which it stands",
+            "mesh": "a mesh that touches: {} in corners of its convex hull"}  # fmt: skip
 MOST_DISSIPATION = 50.0  # s/m: a contact that damps more does not bounce either way, and is hard to integrate
 
 
@@ -98,7 +98,7 @@ def _stand(
     if node.kind == "Disk" and not body.grounded:
         if all(solid.node is not node for solid in body.solids):
             (radius,), grey = positive(node, "Radius", "1", 1), (0.5, 0.5, 0.5, 1.0)
-            thin = Shape("cylinder", (radius, 2 * _POINT))
+            thin = Shape("cylinder", (radius, 2 * POINT))
             body.solids.append(SolidBody(node, NOTHING, thin, grey, visible=True, pose=pose))
     elif not body.grounded:
         contact.note("lost", f"contact of {node.path}, a surface that moves")
@@ -166,12 +166,9 @@ def _slab(node: Node, pose: RigidTransform) -> SolidBody:
 
 def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
     """Return the points (n, 3) of a cloud as small spheres; of many, those that are farthest apart."""
-    taken, away = [0], np.linalg.norm(points - points[0], axis=1)
-    while len(taken) < min(_MOST_POINTS, len(points)) and away.max() > 0:
-        taken.append(int(away.argmax()))
-        away = np.minimum(away, np.linalg.norm(points - points[taken[-1]], axis=1))
-    node.note("approximated", f"{len(taken)} of its {len(points)} points touch, as spheres of {_POINT:g} m")
-    sphere, grey = Shape("sphere", (_POINT,)), (0.5, 0.5, 0.5, 1.0)
+    taken = far_apart(points, _MOST_POINTS)
+    node.note("approximated", f"{len(taken)} of its {len(points)} points touch, as spheres of {POINT:g} m")
+    sphere, grey = Shape("sphere", (POINT,)), (0.5, 0.5, 0.5, 1.0)
     places = [pose @ RigidTransform(points[place]) for place in taken]
     return [SolidBody(node, NOTHING, sphere, grey, visible=False, pose=place) for place in places]
 
@@ -190,20 +187,20 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
                 continue
             seen.add(node)
             solids = [solid for solid in body.solids if solid.node is node]
-            shapes = [solid.shape for solid in solids if solid.shape and solid.shape.kind in _TOUCHES]
-            if not shapes:
-                message = f"contact of {node.path}: only spheres, boxes and cylinders of robots touch"
-                report.add("lost", contact.node.path, message)
+            try:
+                spheres = [spheres_of(solid) for solid in solids]
+            except UnreadableMesh as problem:
+                report.add("lost", contact.node.path, f"contact of {node.path}, whose shape is not known: {problem}")
                 continue
             touching.standing.add(node)
-            _, radius, share = _spheres(shapes[0])
-            if share > 1:
-                message = _TOUCHES[shapes[0].kind].format(f"spheres of {radius:.3g} m")
+            _, radius, share, what = spheres[0]
+            if what != "sphere" or solids[0].shape is None or solids[0].shape.mesh is not None:
+                message = _TOUCHES[what].format(f"spheres of {radius:.3g} m")
                 report.add("approximated", node.path, message)
             surface = contact.surface
-            for solid, shape in zip(solids, shapes, strict=True):
+            for solid, (middles, *_) in zip(solids, spheres, strict=True):
                 pose = robot.frames[body].inverse() @ solid.pose
-                places = [[round(float(value), 12) for value in pose.multiply(point)] for point in _spheres(shape)[0]]
+                places = [[round(float(value), 12) for value in pose.multiply(point)] for point in middles]
                 points.setdefault(robot.links[body], []).extend(places)
                 shared = replace(surface, stiffness=surface.stiffness / share, damping=surface.damping / share)
                 by_link.setdefault(robot.links[body], []).extend([(radius, shared)] * share)
@@ -230,23 +227,6 @@ def _feet_surfaces(
     first, *_ = written
     others = {link: dict(written[ones[0]]) for link, ones in by_link.items() if ones[0] != first}
     return written[first], {"others": others} if others else {}
-
-
-def _spheres(shape: Shape) -> tuple[list[Vector], float, int]:
-    """Return the spheres that a shape touches with: middles, radius, and how many of them carry it."""
-    if shape.kind == "sphere":
-        return [np.zeros(3)], shape.size[0], 1
-    if shape.kind == "cylinder":  # rims: it stands on eight, and lies and rolls on few
-        reach, end = shape.size[0], shape.size[1] / 2
-        flat = end < reach / 10  # a disk, of one rim
-        radius = end if flat else min(reach, end) / 5
-        turns = 2 * np.pi * np.arange(_RIM) / _RIM
-        rim = (reach - radius) * np.column_stack([np.cos(turns), np.sin(turns)])
-        levels = (0.0,) if flat else (radius - end, end - radius)
-        return [np.array([x, y, z]) for z in levels for x, y in rim], radius, _RIM
-    half = np.array(shape.size) / 2
-    radius = float(half.min() / 5)
-    return [np.array(signs) * (half - radius) for signs in product((-1, 1), repeat=3)], radius, 4
 
 
 def bounded_dissipation(surface: ContactParameters, weight: float, report: ImportReport, where: str) -> float:
