@@ -21,7 +21,7 @@ from simrob_drake.simulink.signals.forms import (
     TermKind,
     Value,
     added,
-    begun_with,
+    early,
     fitted,
     flat,
     mapped,
@@ -76,13 +76,13 @@ def rate_of(node: Node, value: Value) -> Value:
             rate[Term("sensed", term.of, term.index + PARTS.index("vx"))] = factor
         elif term.kind != "one":
             rest[term] = factor
-    if not rest:
-        return added((1.0, Form(rate)))
-    node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
-    changing = Form(rest)
-    inputs = cache(lambda: [changing - (begun_with(changing) or 0.0)])
-    parameters = {"numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
-    return Primitive("transfer_function", parameters, inputs, node).outputs[0] + added((1.0, Form(rate)))
+    found = added((1.0, Form(rate)))
+    if rest:
+        node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
+        inputs = cache(lambda: [Form(rest) - (early(Form(rest)) or 0.0)])  # once all is traced
+        parameters = {"numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
+        found = Primitive("transfer_function", parameters, inputs, node).outputs[0] + found
+    return found
 
 
 def period_of(reader: Tracer, node: Node) -> float | None:

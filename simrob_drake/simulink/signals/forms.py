@@ -180,16 +180,12 @@ def of_time(value: Value) -> bool:
     return all(term.kind in ("one", "time", "block") for terms in closure([value]) for term in terms)
 
 
-def early(value: Value, time: float = 0.0) -> float:
-    """Return a value of time alone, at a time [s] so early that its states are as at the start."""
-    own = {"time": time}
-    return evaluated(value, lambda term: None if isinstance(term.of, Primitive) else own.get(term.kind, 1.0), {}, time)
-
-
-def begun_with(value: Value) -> float | None:
-    """Return what a value begins with where it depends on time alone; None of others."""
+def early(value: Value, time: float = 0.0) -> float | None:
+    """Return a value of time alone, at a time [s] so early that its states are as at the start; None of others."""
     with suppress(SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
-        return early(value) if of_time(value) else None
+        if of_time(value):
+            known = {Term("time"): time}
+            return evaluated(value, lambda term: None if isinstance(term.of, Primitive) else 1.0, known, time)
     return None
 
 

@@ -7,7 +7,6 @@ from math import inf
 import numpy as np
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import SimrobError
 from simrob_drake.importer.options import EntryKind
 from simrob_drake.simulink.mechanics.bodies import (
     BETWEEN,
@@ -93,13 +92,11 @@ def read_laws(tracer: Tracer, joints: list[Joint], *, servos: bool = False) -> d
 def begin_on_motions(laws: dict[Freedom, Law]) -> None:
     """Let joints whose motion is given start on it, at its speed, before all that other joints ask for."""
     for freedom, law in laws.items():
-        if freedom.driven == "motion" and law.reference is not None and of_time(law.reference):
-            try:
-                before, after = (early(law.reference, time) for time in (0.0, _INSTANT))
-            except (SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
-                continue
-            freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
-            freedom.start_counts = freedom.speed_counts = PRESCRIBED
+        if freedom.driven == "motion" and law.reference is not None:
+            before, after = (early(law.reference, time) for time in (0.0, _INSTANT))
+            if before is not None and after is not None:
+                freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
+                freedom.start_counts = freedom.speed_counts = PRESCRIBED
 
 
 def _first(tracer: Tracer, node: Node, number: int, how: str) -> Value:

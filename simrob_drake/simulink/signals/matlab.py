@@ -144,10 +144,8 @@ def _parameter(node: Node, default: str, names: list[str]) -> Signal:
 
 
 _SECTION = re.compile(
-    r"(?m)^[ \t]*(component|inputs|outputs|parameters|equations|nodes|variables|branches|components|connections|events"
-    r"|annotations|intermediates|function)\b([^\n]*)"
+    r"(?m)^[ \t]*(?:(component|inputs|outputs|parameters|equations|function)|nodes|variables|branches|components)\b(.*)"
 )
-_SIGNALS = {"component", "inputs", "outputs", "parameters", "equations", "function"}
 _MEMBER = re.compile(r"^[ \t]*(\w+)[ \t]*=[ \t]*\{(.*)\}[^%\n]*(?:%[^\n]*?(?::[ \t]*(left|right))?[ \t]*)?$", re.M)
 _QUANTITY = re.compile(r"\{([^{},']*?)[\s,]*'([^']*)'\s*\}")
 
@@ -164,7 +162,7 @@ class Component(NamedTuple):
 def component(text: str) -> Component | None:
     """Return what a component computes of physical signals; None of one that has nodes, states or parts."""
     _, *parts = _SECTION.split(text)
-    if not parts or set(parts[::3]) - _SIGNALS:
+    if not parts or None in parts[::3]:
         return None
     found, counts = Component({}, {}, {}, []), {"left": 0, "right": 0}
     for kind, head, lines in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
@@ -191,18 +189,15 @@ def offer_component(tracer: Tracer, node: Node) -> None:
 
 def _output(found: Component, reader: Tracer, node: Node, number: int) -> Signal:
     def translated() -> list[Signal]:
-        reached = {name: reader.physical(node, *port) for name, port in found.inputs.items()}
-        known: dict[str, Any] = {
-            name: _columns(one if one is not None else signal([0.0])) for name, one in reached.items()
-        }
+        reached = [reader.physical(node, *port) for port in found.inputs.values()]
+        known: list[Any] = [_columns(signal([0.0]) if one is None else one) for one in reached]
         for name, default in found.parameters.items():
-            unit = node.in_si(node.text(f"{name}_unit", "1"), name)
-            known[name] = node.matrix(name, _in_si(node, default)) * unit
+            known.append(node.matrix(name, _in_si(node, default)) * node.in_si(node.text(f"{name}_unit", "1"), name))
         body = [_assigned(node, line) for line in found.body if not next(lines_of(line)).startswith("assert")]
-        law = ScriptFunction("law", list(known), list(found.outputs), body)
+        law = ScriptFunction("law", [*found.inputs, *found.parameters], [*found.outputs], body)
         run = Translation({}, undefined, reader.network.expanded.libraries, {"law": law})
         run.note = partial(node.note, "approximated")
-        return [as_signal(value) for value in run.called("law", list(known.values()))]
+        return [as_signal(value) for value in run.called("law", known)]
 
     return _understood(node, lambda: reader.once(node, translated))[number - 1]
 

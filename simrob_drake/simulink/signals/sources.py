@@ -20,7 +20,7 @@ from simrob_drake.simulink.signals.forms import (
     Signal,
     Term,
     Value,
-    begun_with,
+    early,
     flat,
     mapped,
     scaled,
@@ -149,7 +149,7 @@ def _settled(node: Node, value: Value, denominator: list[float]) -> Value:
     """Return what a filter makes of a value: it begins at rest at what this begins with, as Simulink's does."""
     if not isinstance(value, Form):
         return value
-    begun = begun_with(value)
+    begun = early(value)
     if begun is None and denominator[-2] > _LATE:
         node.note("approximated", "its filter begins at 0, not at its input")
     return filtered(node, value - (begun or 0.0), [1.0], denominator) + (begun or 0.0)

@@ -26,7 +26,6 @@ from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, co
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, Statement, lines_of
 
 _ENDED = "return"  # where it is kept whether a function has returned
-_WHOLE = (1.0, 2.0, 3.0, 4.0)  # exponents of powers that are products
 _MOST_ROUNDS = 20  # of a loop that signals decide
 _PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number
 
@@ -59,7 +58,7 @@ class Translation(CodeRun):
     def _base(self) -> Algebra:
         each: dict[str, Callable[..., Value]] = {
             "./": lambda a, b: a / self._guarded(b),
-            **dict.fromkeys((".^", "power"), lambda a, b: _power(a if b in _WHOLE else self._guarded(a), b)),
+            **dict.fromkeys((".^", "power"), lambda a, b: _power(a, b, self._guarded)),
             **dict.fromkeys(("&", "&&"), partial(_both, "and")),
             **dict.fromkeys(("|", "||"), partial(_both, "or")),
             **{sign: partial(compared, flow) for sign, flow in OPERATORS.items()},
@@ -168,8 +167,7 @@ class Translation(CodeRun):
     def _inner(self, variables: dict[str, Any]) -> Self:
         inner = super()._inner(variables)
         inner._guards, inner._period, self._last = self._guards, self._period, inner
-        inner.note = self.note
-        inner._workspace = self._workspace
+        inner._workspace, inner.note = self._workspace, self.note
         return inner
 
     def called(self, name: str, arguments: list[Any]) -> list[Any]:
@@ -254,9 +252,9 @@ def _both(operator: str, first: Value, second: Value) -> Value:
     return joined(operator, first, second)
 
 
-def _power(base: Value, exponent: Value) -> Value:
-    if isinstance(exponent, Form) or not isinstance(base, Form) or exponent not in _WHOLE:
-        return applied("pow", base, exponent)
+def _power(base: Value, exponent: Value, guarded: Callable[[Value], Value]) -> Value:
+    if isinstance(exponent, Form) or not isinstance(base, Form) or exponent not in (1, 2, 3, 4):
+        return applied("pow", guarded(base), exponent)
     result: Value = base
     for _ in range(int(exponent) - 1):
         result = result * base

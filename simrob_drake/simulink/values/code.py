@@ -244,9 +244,7 @@ class CodeRun:
                 self.variables[name.strip(" (")] = matrix(column).T
                 self._block(body)
             return
-        while met := self._condition(head):
-            if not isinstance(met, bool | float):
-                raise NotUnderstood(line)
+        while self._condition(head):
             self._block(body)
             self._count()
 

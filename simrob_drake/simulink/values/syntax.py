@@ -134,11 +134,10 @@ class NotUnderstood(ValueError):
 class Expression(NamedTuple):
     """An expression, or a part of one."""
 
-    # what it is, and what of: ``number`` and ``imaginary``, ``text`` and ``string``, a text that stays one
-    # among others (value), ``name`` (name), ``call`` (target, arguments) for an index or a function, ``field``
-    # (target, name), ``unary`` (operator, operand) with ``'`` behind it, ``binary`` (operator, left, right),
-    # ``range`` (start, step or None, stop), ``matrix`` and ``cell`` (rows), ``colon`` for a lone one, all of a
-    # dimension, and ``end`` in an index
+    # what it is, and what of: ``number``, ``imaginary``, ``text`` and ``string``, a text that stays one among others
+    # (value), ``name`` (name), ``call`` (target, arguments) for an index or a function, ``field`` (target, name),
+    # ``unary`` (operator, operand) with ``'`` behind it, ``binary`` (operator, left, right), ``range`` (start, step or
+    # None, stop), ``matrix`` and ``cell`` (rows), ``colon`` for a lone one, all of a dimension, and ``end`` in an index
     kind: str
     parts: tuple[Any, ...] = ()
 
