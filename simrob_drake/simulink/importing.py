@@ -278,15 +278,18 @@ def _tell_of_run(stops: str, soft: dict[str, float], report: ImportReport) -> No
 
 
 def _hold(station: Path, content: dict[str, Any], axes: int, report: ImportReport) -> None:
-    """Let couplings that are springs too soft for what they hold be constraints of a discrete solver, if that helps."""
+    """Let couplings too soft for what they hold be constraints of a discrete solver, by shorter steps, if that helps."""
     stops, soft = _try(station, _TRIED, axes)
-    if (stops or soft) and content["solver"]["kind"] == "continuous":
-        written, tied = content_of(station), SOLVERS["points"]
+    for kind, step, most in (("continuous", 1e-4, _OPEN), ("discrete", 1e-5, 10 * _OPEN)):
+        worst = max(soft.values(), default=0.0)
+        if content["solver"]["kind"] != kind or not (stops or worst > most):
+            continue
+        written, tied = content_of(station), {**SOLVERS["points"], "time_step": step}
         station.write_bytes(re.sub(rb"(?m)^solver: .*$", f"solver: {json.dumps(tied)}".encode(), written))
         why, still = _try(station, _TRIED, axes)
-        if not why and (stops or max(still.values(), default=0.0) < max(soft.values())):
+        if not why and (stops or max(still.values(), default=0.0) < worst):
             stops, soft, content["solver"] = "", still, tied
-            report.add("read", "solver", "a discrete one, whose couplings are constraints: springs were too soft")
+            report.add("read", "solver", f"a discrete one, steps of {step:g} s: couplings were too soft otherwise")
         else:
             station.write_bytes(written)
     _tell_of_run(stops, soft, report)
