@@ -278,7 +278,7 @@ def _tell_of_run(stops: str, soft: dict[str, float], report: ImportReport) -> No
 
 
 def _hold(station: Path, content: dict[str, Any], axes: int, report: ImportReport) -> None:
-    """Let couplings too soft for what they hold be constraints of a discrete solver, by shorter steps, if that helps."""
+    """Let couplings too soft for what they hold be constraints of a discrete solver, or shorten its steps."""
     stops, soft = _try(station, _TRIED, axes)
     for kind, step, most in (("continuous", 1e-4, _OPEN), ("discrete", 1e-5, 10 * _OPEN)):
         worst = max(soft.values(), default=0.0)
