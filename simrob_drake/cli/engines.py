@@ -5,12 +5,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from simrob_drake.cli.arguments import refuse, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
 from simrob_drake.cli.programs import export_program
-from simrob_drake.cli.screen import console, errors, say
+from simrob_drake.cli.screen import console, errors, say, table
 from simrob_drake.cli.simulink import compare_with_log
 from simrob_drake.cli.tables import in_units
 from simrob_drake.errors import InvalidParameter
@@ -104,16 +103,15 @@ def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) ->
         found_by = compare_engines(config, progress=lambda name: status.update(f"running in {name}"))
     first, *others = found_by.accounts
     found = differences(first, others)
-    table = Table(
-        "engine", "quantity", f"from {first.name} at most", "at [s]", "error bars", "within", box=None, pad_edge=False
-    )
+    rows = list[tuple[str, ...]]()
     for one in found:
         largest, error = (in_units(value, one.quantity.unit) for value in (one.largest, one.error))
         within = "yes" if one.within else f"no, {one.largest / one.error:.2g} ×" if one.error > 0 else "no"
-        table.add_row(one.account, one.quantity.name, largest, f"{one.at:.3f}", error, within)
+        rows.append((one.account, one.quantity.name, largest, f"{one.at:.3f}", error, within))
     for account in found_by.accounts:
         say(f"{account.name}: {account.ended}")
-    console.print(table)
+    headings = ("engine", "quantity", f"from {first.name} at most", "at [s]", "error bars", "within")
+    console.print(table(headings, *rows, numbers=False))
     for name, why in found_by.missing.items():
         say(f"{name}: {why}")
     if out is not None:

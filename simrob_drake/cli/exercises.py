@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force
-from simrob_drake.cli.screen import console, errors, say
+from simrob_drake.cli.screen import console, errors, say, table
 from simrob_drake.course.exercise import MEMORY, SECONDS, Language, checked_points, exercise_of, exercises
 from simrob_drake.yaml_files import read_yaml
 
@@ -27,11 +26,9 @@ def teaching() -> None:
 
 def list_exercises(language: _Spoken = "en") -> None:
     """List the exercises, and how long each takes a student."""
-    table = Table("", "exercise", "hours", box=None, pad_edge=False)
-    for entry in exercises():
-        one = entry.exercise
-        table.add_row(str(one.number), one.title.of(language), f"{one.hours:g}")
-    console.print(table)
+    every = [entry.exercise for entry in exercises()]
+    rows = [(str(one.number), one.title.of(language), f"{one.hours:g}") for one in every]
+    console.print(table(("", "exercise", "hours"), *rows, numbers=False))
 
 
 def start(

@@ -3,9 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from rich.table import Table
-
-from simrob_drake.cli.screen import console
+from simrob_drake.cli.screen import console, table
 from simrob_drake.files import piece_files, robot_files, station_files
 from simrob_drake.yaml_files import read_yaml
 
@@ -14,12 +12,10 @@ def list_all() -> None:
     """List the stations, robots and pieces that come with the package."""
     kinds = {"station": station_files(), "robot": robot_files(), "piece": piece_files()}
     for number, (kind, files) in enumerate(kinds.items()):
-        table = Table(kind, "description", box=None, pad_edge=False)
-        for name, file in files.items():
-            table.add_row(name, str(read_yaml(file).get("description", "")))
+        rows = [(name, str(read_yaml(file).get("description", ""))) for name, file in files.items()]
         if number:
             console.print()
-        console.print(table)
+        console.print(table((kind, "description"), *rows, numbers=False))
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"list": list_all}

@@ -10,7 +10,7 @@ from rich.table import Table
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse
 from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, StationArgument, Workers, with_mesh_path
-from simrob_drake.cli.screen import console, say
+from simrob_drake.cli.screen import console, say, table
 from simrob_drake.results.files import default_folder
 from simrob_drake.sections import validated
 from simrob_drake.yaml_files import read_yaml
@@ -102,10 +102,8 @@ def _table(rows: list[dict[str, Any]]) -> Table:
     """Return a summary as a table."""
     columns = read_yaml(Path(__file__).with_suffix(".yaml"))
     shown = {key: column for key, column in columns.items() if key in rows[0]}
-    table = Table(*(title for title, _ in shown.values()), box=None, pad_edge=False)
-    for row in rows:
-        table.add_row(*(_cell(key, row[key], shape) for key, (_, shape) in shown.items()))
-    return table
+    cells = [[_cell(key, row[key], shape) for key, (_, shape) in shown.items()] for row in rows]
+    return table([title for title, _ in shown.values()], *cells, numbers=False)
 
 
 def _cell(key: str, value: Any, shape: str) -> str:

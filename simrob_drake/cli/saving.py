@@ -10,13 +10,13 @@ from rich.text import Text
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Saving
-from simrob_drake.cli.screen import console, errors, finished_first, say
-from simrob_drake.cli.tables import cells_table, result_table, table
+from simrob_drake.cli.screen import console, errors, finished_first, say, table
+from simrob_drake.cli.tables import cells_table
 from simrob_drake.folders import check_folder
 from simrob_drake.results.files import COMMANDS, SUMMARY, Saved, default_folder
 from simrob_drake.results.record.summary import remarks_of
 from simrob_drake.results.record.walks import legged_robots, locomotion
-from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.result import SimulationResult, table_of
 from simrob_drake.results.verdict.moves import table_of_moves
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
@@ -92,7 +92,7 @@ def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str =
     kept: Saved = {**saving.kept, "frames": frames}
     with finished_first(f"the files of {folder}") as interrupted:
         result.save(folder, **kept)
-    console.print(result_table(result))
+    console.print(table(*table_of(result)))
     if result.cells:
         console.print(cells_table(result))
     console.print(f"{result.config.name}: {result.message}", highlight=False)

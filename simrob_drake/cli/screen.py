@@ -2,11 +2,12 @@
 
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from threading import current_thread, main_thread
 
 from rich.console import Console
+from rich.table import Table
 from rich.text import Text
 
 from simrob_drake.errors import shortened
@@ -19,6 +20,16 @@ errors = Console(markup=False, emoji=False, stderr=True, soft_wrap=True)
 def say(text: str | Text) -> None:
     """Write a line as it is, however long."""
     console.print(text, soft_wrap=True, highlight=False)
+
+
+def table(headings: Sequence[str], *rows: Sequence[str | Text], title: str = "", numbers: bool = True) -> Table:
+    """Return rows of cells below their headings; of ``numbers`` all columns but the first are to the right."""
+    found = Table(box=None, pad_edge=False, title=title or None)
+    for place, heading in enumerate(headings):
+        found.add_column(Text(heading), justify="right" if numbers and place else "left")  # as text [s] is no mark-up
+    for row in rows:
+        found.add_row(*row)
+    return found
 
 
 def tell(text: str) -> None:

@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse, refuse_import, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_group, with_mesh_path
-from simrob_drake.cli.screen import console, errors, say
+from simrob_drake.cli.screen import console, errors, say, table
 from simrob_drake.cli.tables import in_units, report_table
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.folders import check_folder
@@ -154,10 +153,11 @@ def examine_model(file: Path, options: dict[str, Any]) -> None:
     with errors.status(Text(f"reading {file}")):
         model = read_simulink(file, **options)
     if model.findings.undefined:
-        table = Table("variable that only MATLAB knows", "where it is used", box=None, pad_edge=False)
-        for name, places in model.findings.undefined.items():
-            table.add_row(Text(name), Text("; ".join(places[:4]) + (" …" if len(places) > 4 else "")))
-        console.print(table)
+        rows = [
+            (Text(name), Text("; ".join(places[:4]) + (" …" if len(places) > 4 else "")))
+            for name, places in model.findings.undefined.items()
+        ]
+        console.print(table(("variable that only MATLAB knows", "where it is used"), *rows, numbers=False))
     _tell(model)
     check_importable(model)
 
@@ -242,11 +242,11 @@ def compare_with_log(config: "StationConfig", log: Path, map_: list[str], out: P
         check_folder(out, marker=NUMBERS, force=force)
     logged = read_log(log, names)
     _, differences = compare(config, logged, progress=True)
-    table = Table("signal", "largest difference", "at [s]", "root mean square", box=None, pad_edge=False)
-    for found in differences:
-        largest, rms = (in_units(value, found.unit) for value in (found.largest, found.rms))
-        table.add_row(found.signal, largest, f"{found.at:.3f}", rms)
-    console.print(table)
+    rows = [
+        (one.signal, in_units(one.largest, one.unit), f"{one.at:.3f}", in_units(one.rms, one.unit))
+        for one in differences
+    ]
+    console.print(table(("signal", "largest difference", "at [s]", "root mean square"), *rows, numbers=False))
     if others := sorted(logged.keys() - {found.signal for found in differences}):
         say(f"not among the station's signals: {', '.join(others)}")
     if out is not None:

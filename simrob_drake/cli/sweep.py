@@ -7,13 +7,12 @@ from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
-from rich.table import Table
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, texts_by_key
 from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Scheduler, Settings, Workers, with_mesh_path
 from simrob_drake.cli.saving import prepared_folder, saved
-from simrob_drake.cli.screen import console, say
+from simrob_drake.cli.screen import console, say, table
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.results.files import default_folder
 from simrob_drake.stations.located import located_changes
@@ -119,14 +118,14 @@ def _tell(rows: "list[Row]") -> None:
 
     ends = Counter(str(row["ended"]) for row in rows)
     console.print(", ".join(f"{count} {end}" for end, count in ends.most_common()), highlight=False)
-    table = Table("measure", "least", "in run", "median", "largest", "in run", "unit", box=None, pad_edge=False)
+    lines = list[tuple[str, ...]]()
     for name, found in measured(rows).items():
         least, largest = min(found), max(found)
         middle = median(value for value, _ in found)
-        unit = UNITS[name.rpartition(".")[2]]
         cells = (f"{least[0]:.4g}", str(least[1]), f"{middle:.4g}", f"{largest[0]:.4g}", str(largest[1]))
-        table.add_row(name, *cells, unit)
-    console.print(table)
+        lines.append((name, *cells, UNITS[name.rpartition(".")[2]]))
+    headings = ("measure", "least", "in run", "median", "largest", "in run", "unit")
+    console.print(table(headings, *lines, numbers=False))
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"sweep": sweep}

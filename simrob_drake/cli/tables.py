@@ -1,17 +1,16 @@
 """What the command line shows: results, findings and robots as tables."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from simrob_drake.cli.screen import table
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import listed
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ENTRY_KINDS, EntryKind, ImportReport
 from simrob_drake.linear import LinearModel
-from simrob_drake.results.result import SimulationResult, table_of
+from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.steps import Finding
 
@@ -22,26 +21,14 @@ _COLOURS: dict[EntryKind, str] = {
 _MARKS = {"ok": Text("ok", "green"), "warning": Text("warning", "yellow"), "note": Text("note", "dim")}
 
 
-def result_table(result: SimulationResult) -> Table:
-    """Return where every joint ended, and its torques; without robots, where the free pieces ended."""
-    return table(*table_of(result))
-
-
-def table(headings: Sequence[str], *rows: Sequence[str]) -> Table:
-    """Return rows of cells below their headings."""
-    found = _numbers(*headings)
-    for row in rows:
-        found.add_row(*row)
-    return found
-
-
 def cells_table(result: SimulationResult) -> Table:
     """Return when the robots reached the cells of their sequencers."""
-    table = _numbers("controller", "cell", "reached [s]")
-    for name, times in result.cells.items():
-        for number, time in enumerate(times):
-            table.add_row(name, str(number), "–" if time is None else f"{time:.2f}")
-    return table
+    rows = [
+        (name, str(number), "–" if time is None else f"{time:.2f}")
+        for name, times in result.cells.items()
+        for number, time in enumerate(times)
+    ]
+    return table(("controller", "cell", "reached [s]"), *rows)
 
 
 def convergence_table(result: SimulationResult, tight: SimulationResult) -> Table:
@@ -50,8 +37,7 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
     They are those of every joint, and in place and attitude those of every base and piece that is free.
     """
     common = min(len(result.times), len(tight.times))
-    table = _numbers("joint", "largest difference", "at [s]", "in torque at the end", "unit")
-    table.title = "against a run ten times tighter"
+    rows = list[tuple[str, ...]]()
     for robot in result.plant.robots.values():
         for axis, unit in zip(robot.axes, robot.model.units, strict=True):
             column = f"{robot.prefix}q.{axis}"
@@ -60,7 +46,7 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
             torque = f"{robot.prefix}tau.{axis}"
             end = abs(result[torque][common - 1] - tight[torque][common - 1])
             moved = in_units(difference[worst], unit.si), f"{result.times[worst]:.2f}"
-            table.add_row(f"{robot.prefix}{axis}", *moved, f"{end:.2e}", unit.effort)
+            rows.append((f"{robot.prefix}{axis}", *moved, f"{end:.2e}", unit.effort))
     free = {
         f"{robot.prefix}base": robot.name for robot in result.plant.robots.values() if robot.model.base == "floating"
     }
@@ -69,8 +55,9 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
     for name, (loose, exact) in poses.items():
         for what, apart, of in _pose_differences(loose[:common], exact[:common]):
             worst = int(np.argmax(apart))
-            table.add_row(f"{what} of {name}", f"{apart[worst]:.2e} {of}", f"{result.times[worst]:.2f}", "–", "")
-    return table
+            rows.append((f"{what} of {name}", f"{apart[worst]:.2e} {of}", f"{result.times[worst]:.2f}", "–", ""))
+    headings = ("joint", "largest difference", "at [s]", "in torque at the end", "unit")
+    return table(headings, *rows, title="against a run ten times tighter")
 
 
 def _pose_differences(poses: Vector, others: Vector) -> list[tuple[str, Vector, str]]:
@@ -88,21 +75,17 @@ def in_units(value: float, unit: str) -> str:
 
 def findings_table(findings: list[Finding]) -> Table:
     """Return the findings of a check, a row each."""
-    table = Table("", "subject", "finding", box=None, pad_edge=False)
-    for finding in findings:
-        table.add_row(_MARKS[finding.level], Text(finding.subject), Text(finding.text))
-    return table
+    rows = [(_MARKS[finding.level], Text(finding.subject), Text(finding.text)) for finding in findings]
+    return table(("", "subject", "finding"), *rows, numbers=False)
 
 
 def robot_table(robot: RobotModel) -> Table:
     """Return the axes of a robot with their limits."""
-    table = _numbers("axis", "lower", "upper", "unit", "effort", "unit")
-    table.title = f"{robot.name}: {len(robot.axes)} axes, {robot.base} base"
-    lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
-    for index, axis in enumerate(robot.axes):
-        limits = f"{lower[index]:.5g}", f"{upper[index]:.5g}", robot.unit_names[index]
-        table.add_row(axis, *limits, f"{robot.efforts[index]:g}", robot.effort_units[index])
-    return table
+    lower, upper = ([f"{end:.5g}" for end in limit / robot.user_units] for limit in robot.axis_limits)
+    efforts = [f"{effort:g}" for effort in robot.efforts]
+    rows = zip(robot.axes, lower, upper, robot.unit_names, efforts, robot.effort_units, strict=True)
+    title = f"{robot.name}: {len(robot.axes)} axes, {robot.base} base"
+    return table(("axis", "lower", "upper", "unit", "effort", "unit"), *rows, title=title)
 
 
 def payload_lines(robot: RobotModel) -> list[str]:
@@ -120,29 +103,20 @@ def payload_lines(robot: RobotModel) -> list[str]:
 
 def modes_table(model: LinearModel) -> Table:
     """Return the motions of a linear model, those of slow poles first."""
-    table = _numbers("mostly", "pole [1/s]", "frequency [Hz]", "damping ratio", "fades in [s]")
+    rows = list[tuple[str, ...]]()
     for mode in model.modes:
         pole = f"{mode.pole.real:.4g}" + (f" ± {mode.pole.imag:.4g}i" if mode.pole.imag else "")
-        table.add_row(mode.mostly, pole, f"{mode.frequency:.3f}", f"{mode.damping:.3f}", f"{mode.time_constant:.4g}")
-    return table
+        rows.append((mode.mostly, pole, f"{mode.frequency:.3f}", f"{mode.damping:.3f}", f"{mode.time_constant:.4g}"))
+    return table(("mostly", "pole [1/s]", "frequency [Hz]", "damping ratio", "fades in [s]"), *rows)
 
 
 def report_table(report: ImportReport) -> Table:
     """Return what an import did, a row for each deed; elements to which the same was done share a row."""
-    table = Table("", "element", "what was done", box=None, pad_edge=False)
     elements: dict[tuple[EntryKind, str], list[str]] = {}
     for entry in report.entries:
         elements.setdefault((entry.kind, entry.text), []).append(entry.element)
-    for kind in ENTRY_KINDS:
-        for (of_kind, text), names in elements.items():
-            if of_kind == kind:
-                table.add_row(Text(kind, _COLOURS[kind]), Text(listed(names, 4)), Text(text))
-    return table
-
-
-def _numbers(first: str, *others: str) -> Table:
-    """Return an empty table whose first column is a name and whose others are numbers."""
-    table = Table(first, box=None, pad_edge=False)
-    for heading in others:
-        table.add_column(Text(heading), justify="right")  # text: [s] would be a mark-up
-    return table
+    rows = [
+        (Text(kind, _COLOURS[kind]), Text(listed(names, 4)), Text(text))
+        for (kind, text), names in sorted(elements.items(), key=lambda one: ENTRY_KINDS.index(one[0][0]))
+    ]
+    return table(("", "element", "what was done"), *rows, numbers=False)

@@ -7,11 +7,10 @@ from statistics import mean
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
-from rich.table import Table
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force, Scheduler, Workers, with_mesh_path
-from simrob_drake.cli.screen import console, say
+from simrob_drake.cli.screen import console, say, table
 from simrob_drake.errors import one_of
 from simrob_drake.results.files import default_folder
 
@@ -75,29 +74,23 @@ def _tell(place: "StudyFolder", proof: "list[Row]") -> None:
     from simrob_drake.tuning.study import in_table
 
     parameters, cost = place.best
-    table = Table("key", "start", "best", box=None, pad_edge=False)
-    for key, value in parameters.items():
-        table.add_row(key, in_table(place.study.start.get(key)), in_table(value))
-    for before, after in zip(place.trials[0][1], cost, strict=True):
-        table.add_row("cost", f"{before:.5g}", f"{after:.5g}")
-    if len(cost) > 1:
-        table.add_row("trades", "", f"{len(place.front())} in front.csv")
-    console.print(table)
+    rows = [(key, in_table(place.study.start.get(key)), in_table(value)) for key, value in parameters.items()]
+    rows += [("cost", f"{a:.5g}", f"{b:.5g}") for a, b in zip(place.trials[0][1], cost, strict=True)]
+    rows += [("trades", "", f"{len(place.front())} in front.csv")] if len(cost) > 1 else []
+    console.print(table(("key", "start", "best"), *rows, numbers=False))
     if not proof:
         console.print("Not proven: the study has no cases of its own under proof.")
         return
-    table = Table("proof", "start", "best", "ratio", box=None, pad_edge=False)
-    start, best = ([row for row in proof if row["of"] == of] for of in ("start", "best"))
-    ends = [f"{sum(row['ended'] == 'completed' for row in rows)} of {len(rows)}" for rows in (start, best)]
-    table.add_row("completed", *ends, "")
+    runs = [[row for row in proof if row["of"] == of] for of in ("start", "best")]
+    ends = [f"{sum(row['ended'] == 'completed' for row in own)} of {len(own)}" for own in runs]
+    lines = [("completed", *ends, "")]
     for name in dict.fromkeys([*cost_columns(proof[0]), *place.study.measures]):
         before, after = (
-            mean(found) if (found := [row[name] for row in rows if row.get(name) is not None]) else None
-            for rows in (start, best)
+            mean(found) if (found := [row[name] for row in own if row.get(name) is not None]) else None for own in runs
         )
         ratio = f"{after / before:.2f}" if before and after and before * after > 0 else ""
-        table.add_row(name, in_table(before), in_table(after), ratio)
-    console.print(table)
+        lines.append((name, in_table(before), in_table(after), ratio))
+    console.print(table(("proof", "start", "best", "ratio"), *lines, numbers=False))
 
 
 def dashboard(

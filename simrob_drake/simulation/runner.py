@@ -163,14 +163,13 @@ class Runner:
         return self._playing(self.config, {}, self._started(self.config, None), watched=watched).whole.ports
 
     @drake_asserts()
-    def fork(self, at: float, *, reference: ReferencesLike = None, duration: float | None = None) -> "Fork":
+    def fork(self, at: float, *, reference: ReferencesLike = None) -> "Fork":
         """Run the station up to a moment ``at`` [s], from which runs with other pushes go on.
 
         That is later than the start, and that at which a push of the station begins. The reference is as of
-        :func:`simulate`, the duration that of the whole runs, in place of the configuration's [s]. Raises SimrobError:
-        input that cannot be run at all.
+        :func:`simulate`. Raises SimrobError: input that cannot be run at all.
         """
-        config = with_duration(self.config, duration)
+        config = self.config
         if not 0 < at < config.duration:
             raise InvalidParameter("at", at, f"a moment within the run, over 0 and below {config.duration:g} s")
         start = self._started(config, None)

@@ -1,7 +1,8 @@
 """How much a robot that walks bears: load, slippery or soft ground, slopes and steps, each as much as can be."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from math import ceil, inf
 from statistics import median
 from typing import Annotated, ClassVar, Literal
@@ -109,16 +110,10 @@ class Burdens(Walking):
         """How long each walk is [s]."""
         return self.seconds
 
-    def trials(self, *, allow_code: bool = False) -> "list[BurdenTrial]":
-        """Return all trials: with each of the settings, of each draw, each burden."""
-        names = [(kind, what) for kind in dict.fromkeys(self.vary) for what in _BURDENS[kind]]
-        found = [
-            BurdenTrial(0, name, changes, seed, allow_code, self, kind, what)
-            for name, changes in self.settings.items()
-            for kind, what in names
-            for seed in self.draws
-        ]
-        return [replace(trial, number=number) for number, trial in enumerate(found, start=1)]
+    def tried(self, *, allow_code: bool) -> "list[Callable[..., BurdenTrial]]":
+        """Return what makes the trial of each burden."""
+        kinds = dict.fromkeys(self.vary)
+        return [partial(BurdenTrial, kind=kind, what=what) for kind in kinds for what in _BURDENS[kind]]
 
     def summary(self, rows: list[Row]) -> list[Row]:
         """Return of each burden the weakest figure of all draws, and their median; None where one bears none."""

@@ -15,11 +15,12 @@ from itertools import count
 from math import isfinite
 from pathlib import Path
 from threading import RLock
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import yaml
 from pydantic import ConfigDict, Field
 
+from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.files import NotRead, opened
 from simrob_drake.folders import alone_in, check_folder, replaced_at_once, writing, written_at_once
@@ -272,30 +273,37 @@ class Journal:
 Task = TypeVar("Task", bound=Trial)
 
 
-def columns_of(trials: Sequence[Task]) -> Callable[[Record], Sequence[Row]]:
-    """Return what gives the columns of trials that are known beforehand, their numbers from 1."""
-    return lambda record: trials[record.number - 1].columns if record.number <= len(trials) else []
+class TrialFolder(Generic[Task]):
+    """Trials that are known before any is made, in a folder.
 
-
-def run(
-    journal: Journal,
-    trials: Sequence[Task],
-    *,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    progress: bool = True,
-) -> list[Record]:
-    """Make the trials that are not made yet, and return the records of all; for the arguments see :func:`engine`.
-
-    Raises OutputError: another process is at work on them, or the disk does not take them; SimrobError: no such
-    scheduler, or one that goes away.
+    Attributes:
+        folder: where they stand.
+        cases: all of them, their numbers from 1.
+        journal: those that are made.
     """
-    with journal.adding() as add, engine(workers=workers, scheduler=scheduler) as engine_:
-        done = {record.number for record in journal.records}
-        left = [trial for trial in trials if trial.number not in done]
-        with progress_bar(f"{len(trials)} runs", len(trials), shown=progress) as move:
-            for number, record in enumerate(engine_.outcomes(made, left, killed), start=len(done) + 1):
-                add(record)
-                if move:
-                    move(number)
-    return journal.records
+
+    def __init__(
+        self, folder: Path | str, file: str, spec: Strict, cases: Sequence[Task], digest: str, *, force: bool
+    ) -> None:
+        """Begin in a new folder, or go on with the same trials, as :class:`Journal` does."""
+        self.folder, self.cases = as_path(folder, "folder"), cases
+        self.journal = Journal(self.folder, file, spec, digest, columns=self._columns, force=force)
+
+    def _columns(self, record: Record) -> Sequence[Row]:
+        return self.cases[record.number - 1].columns if record.number <= len(self.cases) else []
+
+    def made(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
+        """Make the trials that are not made yet, and return the rows of all; for the arguments see :func:`engine`.
+
+        Raises OutputError: another process is at work on them, or the disk does not take them; SimrobError: no such
+        scheduler, or one that goes away.
+        """
+        with self.journal.adding() as add, engine(workers=workers, scheduler=scheduler) as engine_:
+            done = {record.number for record in self.journal.records}
+            left, many = [trial for trial in self.cases if trial.number not in done], len(self.cases)
+            with progress_bar(f"{many} runs", many, shown=progress) as move:
+                for number, record in enumerate(engine_.outcomes(made, left, killed), start=len(done) + 1):
+                    add(record)
+                    if move:
+                        move(number)
+        return table(self.journal.records)

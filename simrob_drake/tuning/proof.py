@@ -13,7 +13,6 @@ from typing import Any
 from matplotlib.figure import Figure
 from pydantic import Field
 
-from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidConfig
 from simrob_drake.files import text_of
 from simrob_drake.folders import written_at_once
@@ -23,7 +22,7 @@ from simrob_drake.results.result import html_table
 from simrob_drake.sections import Integer, Strict
 from simrob_drake.tuning.conclusion import START, THOUGHT, WON, conclusion, cost_columns
 from simrob_drake.tuning.doubts import KINDS, MOVES, UNKNOWN, doubts, moves
-from simrob_drake.tuning.journal import COMPLETED, Journal, Row, columns_of, read_spec, run, table, write_rows
+from simrob_drake.tuning.journal import COMPLETED, Row, TrialFolder, read_spec, write_rows
 from simrob_drake.tuning.rollout import UNITS, Case, measured
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.study import Parameters, Study, in_table, named
@@ -98,20 +97,19 @@ class Proof(Strict):
         return not moves(Scene.of(self.station, {**self.conditions[0], **self.parameters[WON]}))
 
 
-class ProofFolder:
+class ProofFolder(TrialFolder[Case]):
     """A proof and its runs, in a folder."""
 
     def __init__(self, folder: Path | str, proof: Proof, *, force: bool = False) -> None:
         """Begin a proof in a new folder, or go on; raises SimrobError: no station, a changed one, other content."""
-        self.folder, self.proof, self.cases = as_path(folder, "folder"), proof, proof.cases()
-        digest = self.cases[0].scene().digest
-        self.journal = Journal(self.folder, PROVE, proof, digest, columns=columns_of(self.cases), force=force)
+        self.proof, cases = proof, proof.cases()
+        super().__init__(folder, PROVE, proof, cases, cases[0].scene().digest, force=force)
 
     def run(
         self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True
     ) -> tuple[bool, list[str]]:
-        """Make runs as :func:`simrob_drake.tuning.journal.run`, write table and page; return proven or not, and why."""
-        rows = table(run(self.journal, self.cases, workers=workers, scheduler=scheduler, progress=progress))
+        """Make runs as :meth:`made`, write table and page; return proven or not, and why."""
+        rows = self.made(workers=workers, scheduler=scheduler, progress=progress)
         if self.proof.study is not None:
             for row in rows:
                 costs, over = self.proof.study.judged(row)

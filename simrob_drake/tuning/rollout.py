@@ -1,5 +1,6 @@
 """One run of many: a station with some keys changed, and the row of a table that becomes of it."""
 
+from bisect import bisect
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -119,10 +120,7 @@ class Case(Trial):
         row = {"ended": result.stopped_by or result.ending, "duration": result.config.duration}
         row |= {"stop_time": result.stop_time, **measures(result), "beyond": " ".join(result.verdict.beyond)}
         if self.margin is not None and result.ending == COMPLETED:
-            stood, fell = 0, len(self.margin.sizes) + 1  # places of sizes, from 1
-            while fell - stood > 1:
-                middle = (stood + fell) // 2
-                completed = scene.pushed(self.margin.push, self.margin.sizes[middle - 1]).run().ending == COMPLETED
-                stood, fell = (middle, fell) if completed else (stood, middle)
-            row["margin"] = self.margin.sizes[stood - 1] if stood else 0.0
+            push, sizes = self.margin.push, self.margin.sizes
+            stood = bisect(sizes, False, key=lambda size: scene.pushed(push, size).run().ending != COMPLETED)
+            row["margin"] = sizes[stood - 1] if stood else 0.0
         return [{**row, "message": result.message}]

@@ -18,22 +18,15 @@ from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.grid import style
 from simrob_drake.stations.located import located_changes
 from simrob_drake.tuning.analysis import plots_there, save_sensitivity, sweep_in_optuna
-from simrob_drake.tuning.journal import COMPLETED, Journal, Row, columns_of, read_spec, run, table, write_rows
-from simrob_drake.tuning.rollout import UNITS, measured
+from simrob_drake.tuning.journal import COMPLETED, Row, TrialFolder, read_spec, write_rows
+from simrob_drake.tuning.rollout import UNITS, Case, measured
 from simrob_drake.tuning.sweep import Sweep
 
 SWEEP, TABLE = "sweep.yaml", "sweep.csv"
 
 
-class SweepFolder:
-    """A sweep and its runs, in a folder.
-
-    Attributes:
-        folder: where they stand.
-        sweep: what is run.
-        cases: all of its runs.
-        journal: those that are made.
-    """
+class SweepFolder(TrialFolder[Case]):
+    """A ``sweep`` and its runs, in a folder."""
 
     def __init__(self, folder: Path | str, sweep: Sweep, *, force: bool = False, allow_code: bool = False) -> None:
         """Begin a sweep in a new folder, or go on with the same one.
@@ -49,10 +42,8 @@ class SweepFolder:
             OutputError: the folder holds something else, or cannot be written.
             InvalidConfig: its station has changed since it began.
         """
-        self.folder, self.sweep = as_path(folder, "folder"), sweep
-        self.cases = sweep.cases(allow_code=allow_code)
-        digest = self.cases[0].scene().digest
-        self.journal = Journal(self.folder, SWEEP, sweep, digest, columns=columns_of(self.cases), force=force)
+        self.sweep, cases = sweep, sweep.cases(allow_code=allow_code)
+        super().__init__(folder, SWEEP, sweep, cases, cases[0].scene().digest, force=force)
 
     @classmethod
     def there(cls, folder: Path | str, *, allow_code: bool = False) -> "SweepFolder":
@@ -69,9 +60,9 @@ class SweepFolder:
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
         """Make the runs that are not done yet, write the table and the plots of all, and return the rows.
 
-        Args and errors are those of :func:`simrob_drake.tuning.journal.run`.
+        Args and errors are those of :meth:`made`.
         """
-        rows = table(run(self.journal, self.cases, workers=workers, scheduler=scheduler, progress=progress))
+        rows = self.made(workers=workers, scheduler=scheduler, progress=progress)
         write_rows(self.folder / TABLE, rows)
         save_sweep_plots(self.sweep, rows, self.folder / "plots")
         if plots_there():

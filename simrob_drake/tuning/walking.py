@@ -6,6 +6,7 @@ Each is made with each draw of the robot and its floor: of posture, noise, masse
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from math import inf, sqrt
 from typing import Annotated, Any, ClassVar
 
@@ -70,8 +71,19 @@ class Walking(Strict, ABC):
         return list(range(self.seeds)) or [None]
 
     @abstractmethod
-    def trials(self, *, allow_code: bool = False) -> "Sequence[WalkTrial]":
-        """Return all trials; ``allow_code`` lets the station name Python code; raises SimrobError: none such."""
+    def tried(self, *, allow_code: bool) -> "Sequence[Callable[..., WalkTrial]]":
+        """Return what makes each of the trials of one draw; raises SimrobError: none such."""
+
+    def trials(self, *, allow_code: bool = False) -> "list[WalkTrial]":
+        """Return all trials: with each of the settings, of each draw; ``allow_code``: the station may name Python code.
+
+        Raises SimrobError: none such.
+        """
+        every = product(self.settings.items(), self.draws, self.tried(allow_code=allow_code))
+        return [
+            make(number, name, changes, seed, allow_code, self)
+            for number, ((name, changes), seed, make) in enumerate(every, start=1)
+        ]
 
     def check(self, *, allow_code: bool = False) -> str:
         """Check what is known before trials; return a digest; raises SimrobError: no station or feet, or a fall."""

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import cycle
 from pathlib import Path
@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from pydantic import Field
 
-from simrob_drake.arguments import as_path
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.folders import replaced_at_once, written_at_once
 from simrob_drake.frames import Vector
@@ -25,7 +24,7 @@ from simrob_drake.results.colours import COLOURS
 from simrob_drake.sections import Duration, Integer, Positive, validated
 from simrob_drake.simulation.stepping import Outcome
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.tuning.journal import COMPLETED, Journal, Row, columns_of, run, table, write_rows
+from simrob_drake.tuning.journal import COMPLETED, Row, TrialFolder, write_rows
 from simrob_drake.tuning.scene import Scene, runner_of
 from simrob_drake.tuning.walking import Walking, WalkTrial, bracket, gait_of, subject_of
 
@@ -66,17 +65,11 @@ class PushMap(Walking):
         """The directions: angles from ahead to the left [deg]."""
         return [360.0 * place / self.directions for place in range(self.directions)]
 
-    def trials(self, *, allow_code: bool = False) -> "list[PushTrial]":
-        """Return all trials: with each of the settings, of each draw, at each moment."""
+    def tried(self, *, allow_code: bool) -> "list[Callable[..., PushTrial]]":
+        """Return what makes the trial of each moment."""
         period = self.period or _period(self.scene(self.overrides, self.start, allow_code=allow_code))
         moments = [round(self.start + period * phase / self.phases, 9) for phase in range(self.phases)]
-        found = [
-            PushTrial(0, name, changes, seed, allow_code, self, moment)
-            for name, changes in self.settings.items()
-            for seed in self.draws
-            for moment in moments
-        ]
-        return [replace(trial, number=number) for number, trial in enumerate(found, start=1)]
+        return [partial(PushTrial, moment=moment) for moment in moments]
 
     def summary(self, rows: list[Row]) -> list[Row]:
         """Return for each direction, and for all together, what holds at all moments and of all draws.
@@ -249,7 +242,7 @@ def _draw_map(
     axes.figure.colorbar(image, ax=axes, label=what)
 
 
-class WalkingFolder:
+class WalkingFolder(TrialFolder[WalkTrial]):
     """Trials of a robot that walks, in a folder."""
 
     def __init__(self, folder: Path | str, walking: Walking, *, force: bool = False, allow_code: bool = False) -> None:
@@ -258,15 +251,13 @@ class WalkingFolder:
         Raises SimrobError: trials that cannot be; OutputError: the folder holds something else, or cannot be written;
         InvalidConfig: the station has changed since they began.
         """
-        self.folder, self._walking = as_path(folder, "folder"), walking
-        digest = walking.check(allow_code=allow_code)
-        self._trials = walking.trials(allow_code=allow_code)
-        columns = columns_of(self._trials)
-        self._journal = Journal(self.folder, f"{walking.name}.yaml", walking, digest, columns=columns, force=force)
+        self._walking, digest = walking, walking.check(allow_code=allow_code)
+        trials = walking.trials(allow_code=allow_code)
+        super().__init__(folder, f"{walking.name}.yaml", walking, trials, digest, force=force)
 
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
-        """Make trials as :func:`simrob_drake.tuning.journal.run`, write table, summary, picture; return the rows."""
-        rows = table(run(self._journal, self._trials, workers=workers, scheduler=scheduler, progress=progress))
+        """Make trials as :meth:`made`, write table, summary, picture; return the rows."""
+        rows = self.made(workers=workers, scheduler=scheduler, progress=progress)
         walking, place = self._walking, self.folder / self._walking.name
         write_rows(place.with_suffix(".csv"), rows)
         content = {"asked": walking.model_dump(mode="json"), "summary": walking.summary(rows)}

@@ -134,6 +134,18 @@ def test_frames_and_included_models_are_where_drake_has_them(tmp_path):
     assert "joint 'knee': is universal; 2 joints" in told(robot, "repaired")
 
 
+def test_a_model_that_is_merged_is_where_drake_has_it(tmp_path):
+    """Its own frame, which it calls ``__model__``, is that of the ``include``."""
+    merged = NEW.replace("<include>", '<include merge="true">').replace("<name>hand</name>", "")
+    merged = merged.replace("<placement_frame>mount</placement_frame>", "").replace("hand::body", "body")
+    robot = imported(tmp_path, merged, base="floating")
+    ours, drakes = both(robot, put(tmp_path, merged))
+    for angle in (0.0, 0.7, -1.2):
+        mine, theirs = (figures(plant, {"wrist": angle}, "trunk") for plant in (ours, drakes))
+        for one, other in zip(mine, theirs, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-8)
+
+
 def test_colours_and_what_is_lost(tmp_path):
     robot = imported(tmp_path, ARM.format(version="1.6", old=""))
     upper = robot.model.element.find("link[@name='upper']")

@@ -5,7 +5,9 @@ import xml.etree.ElementTree as ET
 from itertools import combinations, product
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 from pydrake.systems.controllers import PidController
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
@@ -368,6 +370,13 @@ def test_every_kind_of_file_is_written_without_another_program(
     content = save_block_picture(config, str(tmp_path / f"picture{suffix}")).read_bytes()
     assert content.startswith(start)
     assert content == save_block_picture(config, tmp_path / f"again{suffix}").read_bytes()
+
+
+def test_a_picture_of_pixels_shows_all_of_the_drawing(tmp_path: Path) -> None:
+    file = save_block_picture(load_station("humanoid_balance"), tmp_path / "picture.png")  # whose wires go over blocks
+    drawn = np.flatnonzero((np.asarray(Image.open(file).convert("L")) < 200).any(axis=1))
+    assert drawn[0] < 60  # the title, 30 px below the edge at two pixels each
+    assert Image.open(file).height - drawn[-1] < 60  # the legend
 
 
 def test_an_unknown_suffix_names_the_known_ones(tmp_path: Path) -> None:

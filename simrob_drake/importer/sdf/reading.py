@@ -13,7 +13,7 @@ from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import MODEL_MANIFEST, OutsideBorder
 from simrob_drake.importer.reading.xml_file import included, xml_element
-from simrob_drake.importer.sdf.frames import version_of
+from simrob_drake.importer.sdf.frames import MODEL, version_of
 from simrob_drake.importer.sdf.robot import RobotWriter, moves
 from simrob_drake.robots.urdf import MOST_TAGS, name_of
 
@@ -158,17 +158,21 @@ def _placed(model: ET.Element, include: ET.Element) -> list[ET.Element]:
     placement = include.findtext("placement_frame")
     if placement:
         model.set("placement_frame", placement.strip())
-    if include.get("merge") != "true":
-        return [model]
+    return _merged(model) if include.get("merge") == "true" else [model]
+
+
+def _merged(model: ET.Element) -> list[ET.Element]:
     own = f"_merged_{name_of(model)}"
     frame = ET.Element("frame", name=own)
     frame.extend(model.findall("pose"))
     parts = [part for part in model if part.tag in ("link", "joint", "frame", "model", "sensor", "plugin")]
     for part in parts:
-        pose = part.find("pose")
-        in_model = part.tag in ("link", "model") or (part.tag == "frame" and not part.get("attached_to"))
         if part.tag == "frame" and not part.get("attached_to"):
-            part.set("attached_to", own)
+            part.set("attached_to", MODEL)
+        pose = part.find("pose")
+        in_model = part.tag in ("link", "model") or part.get("attached_to") == MODEL
         if in_model and (pose is None or not pose.get("relative_to")):
-            (ET.SubElement(part, "pose") if pose is None else pose).set("relative_to", own)
+            (ET.SubElement(part, "pose") if pose is None else pose).set("relative_to", MODEL)
+        for element in part.findall("pose") if part.tag == "model" else part.iter():
+            element.attrib |= {key: own for key, value in element.attrib.items() if value == MODEL}
     return [frame, *parts]

@@ -3,9 +3,10 @@
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import accumulate
 from math import fsum
 from statistics import fmean
+
+import numpy as np
 
 from simrob_drake.results.block_diagram.graph import BARS, BlockGraph, DrawnBlock, columns_of, nets_of
 
@@ -202,18 +203,12 @@ class Layout:
 
     def _settle(self, column: Sequence[Placed], desired: Callable[[Placed], float]) -> None:
         """Place what stands in a column where it is desired to be, as far as it has room, in its order."""
-        blocks: list[tuple[list[Placed], float, float]] = []  # with the top of each group, and its height
-        for placed in column:
-            group, top, height = [placed], desired(placed) - placed.height / 2, placed.height
-            while blocks and blocks[-1][1] + blocks[-1][2] + _GAP > top:
-                above, start, size = blocks.pop()
-                wished = (start * len(above) + (top - size - _GAP) * len(group)) / (len(above) + len(group))
-                group, top, height = above + group, wished, size + _GAP + height
-            blocks.append((group, top, height))
-        for group, start, _ in blocks:
-            below = accumulate((placed.height + _GAP for placed in group), initial=start)
-            for placed, top in zip(group, below, strict=False):
-                placed.y = top + placed.height / 2
+        from scipy.optimize import isotonic_regression  # loaded where it is needed
+
+        above = np.cumsum([0.0, *(placed.height + _GAP for placed in column[:-1])])  # what stands over each, packed
+        tops = np.array([desired(placed) - placed.height / 2 for placed in column])
+        for placed, top in zip(column, isotonic_regression(tops - above).x + above, strict=True):
+            placed.y = float(top) + placed.height / 2
 
     def _straighten(self) -> None:
         """Move the ends of arrows so that these are straight where the sides that they lead to allow it."""

@@ -110,9 +110,8 @@ class Drawing:
 
         width, height = self._size
         figure = Figure(figsize=(width / 72, height / 72), dpi=144)
-        axes = figure.add_axes(
-            (0, 0, 1, 1), xlim=(-_EDGE, width - _EDGE), ylim=(height - _EDGE - _HEADER, -_EDGE - _HEADER)
-        )
+        top = self._top - _EDGE
+        axes = figure.add_axes((0, 0, 1, 1), xlim=(-_EDGE, width - _EDGE), ylim=(top + height, top))
         axes.set_axis_off()
         for mark in (mark for _, marks in self._parts for mark in marks):
             if isinstance(mark, _Area):
@@ -208,7 +207,7 @@ def _svg_mark(mark: _Mark) -> str:
         look = f' fill="{mark.fill}"' if mark.fill != "#000000" else ""
         look += f' font-size="{mark.size:g}"' if mark.size != _FONT_SIZE else ""
         look += (' text-anchor="middle"' if mark.middle else "") + (' font-weight="bold"' if mark.bold else "")
-        return f'<text x="{mark.at[0]:.1f}" y="{mark.at[1]:.1f}"{look}>{escape(mark.text)}</text>'
+        return f'<text x="{mark.at[0]:.1f}" y="{mark.at[1]:z.1f}"{look}>{escape(mark.text)}</text>'
     if isinstance(mark, _Way):
         return f'<path d="M{_path(mark.points)}" fill="none" stroke="{WIRE}"/>'
     dashed = ' stroke-dasharray="5 3"' if mark.dashed else ""

@@ -5,9 +5,11 @@ from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import GetPydanticSchema, PlainSerializer
+from pydantic_core.core_schema import no_info_after_validator_function
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import Context, Diagram, System
@@ -23,7 +25,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.yaml_files import parse_json
 
 _LARGEST = 10_000_000  # bytes of a file
-_OF_ROBOTS = ("positions", "velocities", "references")
+_OF_ROBOTS, _OF_PLANT = ("positions", "velocities", "references"), ("joints", "blocks")
 
 
 @dataclass(frozen=True)
@@ -43,18 +45,30 @@ class BlockState:
     abstract: tuple[Any, ...] = ()
 
 
-Numbers = list[Number]
+def _json_value(value: Any) -> Any:
+    """Return an abstract value; None in place of one that JSON does not know."""
+    try:
+        return value if json.loads(json.dumps(value)) == value else None
+    except (TypeError, ValueError):
+        return None
+
+
+_of_numbers = GetPydanticSchema(
+    lambda _, handler: no_info_after_validator_function(np.array, handler.generate_schema(list[Number]))
+)
+_Array = Annotated[Vector, _of_numbers, PlainSerializer(np.ndarray.tolist)]
+_Value = Annotated[Any, PlainSerializer(_json_value)]
 
 
 class _Kept(Strict):
     """What stands in the file of a state."""
 
     of_any_size = True
-    positions: dict[str, Numbers]
-    velocities: dict[str, Numbers]
-    references: dict[str, Numbers]
-    joints: dict[str, tuple[Numbers, Numbers]]
-    blocks: dict[str, tuple[Numbers, list[Numbers], list[Any]]]
+    positions: dict[str, _Array]
+    velocities: dict[str, _Array]
+    references: dict[str, _Array]
+    joints: dict[str, tuple[_Array, _Array]]
+    blocks: dict[str, tuple[_Array, tuple[_Array, ...], tuple[_Value, ...]]]
     """Continuous state, discrete groups, abstract values."""
 
 
@@ -199,32 +213,16 @@ class State:
 
         Abstract values that JSON does not know are left out: their blocks begin with those that they declare.
         """
-        return json.dumps(
-            {
-                **{key: {name: vector.tolist() for name, vector in getattr(self, key).items()} for key in _OF_ROBOTS},
-                "joints": {name: [s.position.tolist(), s.velocity.tolist()] for name, s in self.joints.items()},
-                "blocks": {
-                    name: [s.continuous.tolist(), [group.tolist() for group in s.discrete], _json_values(s.abstract)]
-                    for name, s in self.blocks.items()
-                },
-            },
-            indent=1,
-        )
+        own = {key: {name: tuple(vars(one).values()) for name, one in getattr(self, key).items()} for key in _OF_PLANT}
+        return _Kept.model_construct(**{**vars(self), **own}).model_dump_json(indent=1)
 
     @classmethod
     def from_json(cls, text: str, where: Path | str = "state") -> "State":
         """Return the state that :meth:`to_json` wrote; raises InvalidConfig, called ``where``: it holds no state."""
         kept = validated(_Kept, parse_json(text, where), where)
-        return cls(
-            _arrays(kept.positions),
-            _arrays(kept.velocities),
-            _arrays(kept.references),
-            {name: JointState(np.array(q), np.array(v)) for name, (q, v) in kept.joints.items()},
-            {
-                name: BlockState(np.array(continuous), tuple(map(np.array, discrete)), tuple(abstract))
-                for name, (continuous, discrete, abstract) in kept.blocks.items()
-            },
-        )
+        joints = {name: JointState(*joint) for name, joint in kept.joints.items()}
+        blocks = {name: BlockState(*block) for name, block in kept.blocks.items()}
+        return cls(kept.positions, kept.velocities, kept.references, joints, blocks)
 
     @classmethod
     def at_start_of(cls, config: StationConfig) -> "State | None":
@@ -287,19 +285,3 @@ def joints_of(plant: MultibodyPlant) -> Iterator[tuple[str, slice, slice]]:
             q, v = joint.position_start(), joint.velocity_start()
             name = f"{plant.GetModelInstanceName(joint.model_instance())}/{joint.name()}"
             yield name, slice(q, q + joint.num_positions()), slice(v, v + joint.num_velocities())
-
-
-def _json_values(values: tuple[Any, ...]) -> list[Any]:
-    """Return abstract values, None for those that JSON does not know."""
-
-    def known(value: Any) -> bool:
-        try:
-            return bool(json.loads(json.dumps(value)) == value)
-        except (TypeError, ValueError):
-            return False
-
-    return [value if known(value) else None for value in values]
-
-
-def _arrays(values: Mapping[str, Numbers]) -> dict[str, Vector]:
-    return {name: np.array(numbers) for name, numbers in values.items()}
