@@ -2,10 +2,10 @@
 
 import json
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import asdict, dataclass
 from functools import cache
-from itertools import chain
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -20,8 +20,7 @@ from simrob_drake.simulink.mechanics.joints import JOINTS
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import closure
 from simrob_drake.simulink.signals.networks import NETWORKS
-from simrob_drake.simulink.signals.rules import RULES
-from simrob_drake.simulink.simulink_model import SimulinkModel, read_simulink, undefined_variables
+from simrob_drake.simulink.simulink_model import RULES, SimulinkModel, read_simulink, undefined_variables
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.writing.station import SOLVERS, StationWriter
 from simrob_drake.simulink.writing.touching import StationFiles
@@ -59,7 +58,7 @@ _BY_ENTRY: dict[EntryKind, Fate] = {
 """What an entry of the report makes of the block that it is about."""
 
 
-_SENSING = {*JOINTS, *GEARS, ROD, SPRING, BETWEEN, "Spatial Contact Force", "Weld Joint", "Transform Sensor"}
+_SENSING = {*JOINTS, *GEARS, ROD, SPRING, BETWEEN, "Spatial Contact Force", "Transform Sensor"}
 """Blocks whose right ports but the first tell what they measure."""
 
 
@@ -77,20 +76,16 @@ class BlockOutcome:
 
 def outcomes(model: SimulinkModel) -> list[BlockOutcome]:
     """Return what became of every block of a model's file and libraries, those that take no part included."""
-    found: dict[str, list[tuple[Fate, str]]] = {}
+    found = defaultdict[str, list[tuple[Fate, str]]](list)
     for entry in model.report.entries:
-        if entry.kind in _BY_ENTRY:
-            found.setdefault(entry.element, []).append((_BY_ENTRY[entry.kind], entry.text))
-    undriven = _undriven(model)
-    left_out = [BlockOutcome(path, kind, "structure", "ignored", why) for path, (kind, why) in
-                model.expanded.left_out.items()]  # fmt: skip
-    known = {node.path for node in model.expanded.nodes} | model.expanded.left_out.keys()
-    whole = [BlockOutcome(entry.element, "station", "mechanics", "lost", entry.text, entry.element) for entry in
-             model.report.of("lost") if entry.element not in known]  # fmt: skip
+        found[entry.element] += [(_BY_ENTRY[entry.kind], entry.text)] if entry.kind in _BY_ENTRY else []
+    undriven, expanded = _undriven(model), model.expanded
+    known = {node.path for node in expanded.nodes} | expanded.left_out.keys()
+    whole = (entry for entry in model.report.of("lost") if entry.element not in known)
     return [
-        *whole,
-        *(_outcome(model, node, found.get(node.path, []), undriven.get(node, "")) for node in model.expanded.nodes),
-        *left_out,
+        *(BlockOutcome(one.element, "station", "mechanics", "lost", one.text, one.element) for one in whole),
+        *(_outcome(model, node, found[node.path], undriven.get(node, "")) for node in expanded.nodes),
+        *(BlockOutcome(path, kind, "structure", "ignored", why) for path, (kind, why) in expanded.left_out.items()),
     ]
 
 
@@ -98,7 +93,7 @@ def _undriven(model: SimulinkModel) -> dict[Node, str]:
     """Return what drives joints, and acts on bodies, but comes from blocks that are left open; these by their names."""
     drives = [(push.node, [*push.force, *push.torque]) for push in model.pushes]
     for link in model.bodies.links:
-        laws = [model.laws[freedom] for freedom in link.joint.freedoms if freedom in model.laws]
+        laws = map(model.law_of, link.joint.freedoms)
         drives.append((link.joint.node, [value for law in laws for value in (law.net, law.reference or 0.0)]))
     found: dict[Node, str] = {}
     for node, values in drives:
@@ -134,9 +129,9 @@ _ALONE = "its network is joined with no body, and nothing that moves depends on 
 
 def _stands_alone(model: SimulinkModel, node: Node) -> bool:
     """Tell whether a block is part of a network that is joined with no body, and of which nothing that moves takes."""
-    rows, joined = block_types(), model.network.joined(node)
-    bodies = (one.kind not in NETWORKS and one.kind in rows and rows[one.kind].domain == "mechanics" for one in joined)
-    return not any(bodies) and not any(map(model.tracer.followed, joined))
+    joined = model.network.joined(node)
+    mechanics = {kind for kind, row in block_types().items() if row.domain == "mechanics"} - NETWORKS.keys()
+    return not any(one.kind in mechanics or model.tracer.followed(one) for one in joined)
 
 
 def _unknown(model: SimulinkModel, node: Node) -> BlockType:
@@ -147,9 +142,8 @@ def _unknown(model: SimulinkModel, node: Node) -> BlockType:
         return BlockType("mechanics", "ignored", _ALONE) if alone else BlockType("mechanics", "lost", node.kind)
     if node in model.tracer.opened:
         return BlockType("signals", "open")
-    if not model.tracer.followed(node):
-        return BlockType("signals", "ignored", "nothing that moves depends on it")
-    return BlockType("signals", "exact")
+    followed = model.tracer.followed(node)
+    return BlockType("signals", *(("exact",) if followed else ("ignored", "nothing that moves depends on it")))
 
 
 def lost_mechanics(found: list[BlockOutcome]) -> list[BlockOutcome]:
@@ -160,25 +154,18 @@ def lost_mechanics(found: list[BlockOutcome]) -> list[BlockOutcome]:
 def fidelity(found: list[BlockOutcome], prescribed: int = 0, assumed: int = 0) -> str:
     """Return how faithful a station is, as in ``2 gears and 1 spring lost; 3 control blocks left open``.
 
-    Args:
-        found: what became of the blocks.
-        prescribed: joints whose motion is given.
-        assumed: figures whose variables are not known, in place of which a default is taken.
+    ``prescribed`` joints have a motion that is given, and ``assumed`` figures a default in place of unknown variables.
     """
-    nouns = Counter(outcome.noun for outcome in lost_mechanics(found))
-    lost = [counted(number, noun) for noun, number in nouns.items()]
-    parts = [
-        f"{' and '.join(part for part in (', '.join(lost[:-1]), *lost[-1:]) if part)} lost"
-        if lost
-        else "mechanics complete"
+    lost = [counted(number, noun) for noun, number in Counter(one.noun for one in lost_mechanics(found)).items()]
+    all_lost = " and ".join(filter(None, (", ".join(lost[:-1]), *lost[-1:])))
+    counts = [
+        (assumed, "figure", "assumed"),
+        (prescribed, "joint", "prescribed"),
+        (sum(outcome.text == _ALONE for outcome in found), "network block", "joined with no body"),
+        (sum(outcome.fate == "open" for outcome in found), "control block", "left open"),
     ]
-    parts.append(f"{counted(assumed, 'figure')} assumed" if assumed else "")
-    parts.append(f"{counted(prescribed, 'joint')} prescribed" if prescribed else "")
-    apart = sum(outcome.text == _ALONE for outcome in found)
-    parts.append(f"{counted(apart, 'network block')} joined with no body" if apart else "")
-    opened = sum(outcome.fate == "open" for outcome in found)
-    parts.append(f"{counted(opened, 'control block')} left open" if opened else "")
-    return "; ".join(part for part in parts if part)
+    parts = [f"{counted(number, noun)} {fate}" for number, noun, fate in counts if number]
+    return "; ".join([f"{all_lost} lost" if lost else "mechanics complete", *parts])
 
 
 REPORT_FILE = "report.json"
@@ -236,8 +223,7 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
             **model.report.as_json(),
             "blocks": [asdict(outcome) for outcome in made.outcomes],
         }
-        text = json.dumps(report, indent=2, ensure_ascii=False)
-        (work / REPORT_FILE).write_text(text + "\n", encoding="utf-8")
+        (work / REPORT_FILE).write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     return made
 
 
@@ -249,18 +235,17 @@ _OPEN, _TORN = 1e-3, 0.1  # m or rad, what a coupling may be open then and not b
 
 def _try(station: Path, duration: float, axes: int) -> tuple[str, dict[str, float]]:
     """Return why a station does not go on from its first moments, and which couplings are open [m or rad]."""
-    steps, most = list[float](), max(_LEAST_TRIED, int(_MOST_TRIED * min(1.0, _FEW / max(axes, 1)) ** 3))
+    steps, most = count(1), max(_LEAST_TRIED, int(_MOST_TRIED * min(1.0, _FEW / max(axes, 1)) ** 3))
 
-    def look(time: float, _: Any) -> None:
-        steps.append(time)
-        if len(steps) == most:
+    def look(*_: Any) -> None:
+        if next(steps) == most:
             raise KeyboardInterrupt  # which ends a run, and keeps what was reached
 
     try:
         result = simulate(station, duration=duration, progress=False, on_step=look)
     except SimrobError as problem:
         return str(problem).replace(str(station), station.name), {}
-    if result.ending == "interrupted" and len(steps) < most:
+    if result.ending == "interrupted" and next(steps) <= most:
         raise KeyboardInterrupt  # by the user
     gaps = (measure.entries for measure in result.verdict.measures if measure.criterion.name == "coupling_gap")
     soft = {entry.subject: entry.value for entry in chain.from_iterable(gaps) if entry.value > _OPEN}
@@ -298,8 +283,7 @@ def _hold(station: Path, content: dict[str, Any], axes: int, report: ImportRepor
 def check_importable(model: SimulinkModel) -> None:
     """Check that a station can be made of a model.
 
-    Raises:
-        InvalidModel: variables that are not known, or what was refused.
+    Raises InvalidModel: variables that are not known, or what was refused.
     """
     missing = undefined_variables(model)
     if missing is not None and not model.findings.assume:

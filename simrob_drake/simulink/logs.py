@@ -62,23 +62,27 @@ def read_log(file: Path | str, names: Mapping[str, str]) -> dict[str, LoggedSign
         variables = contents_of_mat(file, "--with")
         found = dict(_in_structure("", variables, None, objects))
     else:
-        found = _of_columns(_of_parquet(file) if file.suffix.lower() == ".parquet" else _of_csv(file))
+        columns = _columns(file)
+        clock = next((name for name in columns if name.lower() in TIMES), "")
+        signals = columns.items() if clock else ()
+        found = {name: LoggedSignal(columns[clock], values) for name, values in signals if name != clock}
     asked = [name for name in objects if not found or any(f"{theirs}.".startswith(f"{name}.") for theirs in names)]
+    expected = "" if found else f"a log with a column {', '.join(TIMES)}, and signals of its length"
     if asked:
         kind = objects[asked[0]]
         lines = _EXPORTS.get(kind.rpartition(".")[2], _EXPORTS["timeseries"]).format(name=asked[0])
         expected = f"of numbers, and {asked[0]} is a {kind}, which only MATLAB reads: {lines}"
-        raise InvalidParameter("--with", str(file), expected)
-    if not found:
-        expected = f"a log with a column {', '.join(TIMES)}, and signals of its length"
+    if expected:
         raise InvalidParameter("--with", str(file), expected)
     for theirs in names:
         if theirs not in found:
             raise UnknownName("signal of the log", theirs, found)
-    signals = {name: _checked(signal, file) for name, signal in found.items()}
-    return {name: signals[name] for name in signals if name not in names} | {
-        ours.partition(":")[0]: replace(signals[theirs], unit=ours.partition(":")[2]) for theirs, ours in names.items()
-    }
+    checked = {name: _checked(signal, file) for name, signal in found.items()}
+    known = {name: signal for name, signal in checked.items() if name not in names}
+    for theirs, ours in names.items():
+        name, _, unit = ours.partition(":")
+        known[name] = replace(checked[theirs], unit=unit)
+    return known
 
 
 def _checked(signal: LoggedSignal, file: Path) -> LoggedSignal:
@@ -91,12 +95,10 @@ def _checked(signal: LoggedSignal, file: Path) -> LoggedSignal:
     return LoggedSignal(times[last], signal.values[last])
 
 
-def _of_csv(file: Path) -> dict[str, Vector]:
-    header = column_names(file)
-    return dict(zip(header, read_columns(file, header)[0].T, strict=True))
-
-
-def _of_parquet(file: Path) -> dict[str, Vector]:
+def _columns(file: Path) -> dict[str, Vector]:
+    if file.suffix.lower() != ".parquet":
+        header = column_names(file)
+        return dict(zip(header, read_columns(file, header)[0].T, strict=True))
     with needed(f"a log such as {file.name}", "parquet"):
         from pyarrow import BufferReader, parquet
     try:
@@ -104,13 +106,6 @@ def _of_parquet(file: Path) -> dict[str, Vector]:
         return {name: table[name].to_numpy().astype(float) for name in table.column_names}
     except (NotRead, ValueError, TypeError) as problem:  # errors of pyarrow are ValueErrors
         raise InvalidParameter("--with", str(file), f"a table of numbers: {problem}") from problem
-
-
-def _of_columns(columns: dict[str, Vector]) -> dict[str, LoggedSignal]:
-    clock = next((name for name in columns if name.lower() in TIMES), None)
-    if clock is None:
-        return {}
-    return {name: LoggedSignal(columns[clock], values) for name, values in columns.items() if name != clock}
 
 
 def _in_structure(
@@ -260,8 +255,7 @@ def _reference(config: StationConfig, logged: Mapping[str, LoggedSignal]) -> Vec
 def save_differences(differences: list[SignalDifference], folder: Path | str, *, force: bool = False) -> None:
     """Write the numbers, and a picture of each signal with its log and their difference below.
 
-    Raises:
-        OutputError: the folder cannot be written, or is there and not to be replaced.
+    Raises OutputError: the folder cannot be written, or is there and not to be replaced.
     """
     with filled_at_once(as_path(folder, "folder"), marker=NUMBERS, force=force) as work:
         rows = [f"{found.signal},{found.largest:.9g},{found.at:.9g},{found.rms:.9g}\n" for found in differences]

@@ -1,6 +1,7 @@
 """Read everything of a model: blocks, mechanics, contacts, control laws, and what stops it."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,28 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.simulink.cad.model import read_cad_model
 from simrob_drake.simulink.mechanics.bodies import Bodies, ContactPair, RigidPart, read_bodies, read_contacts
-from simrob_drake.simulink.mechanics.joints import Freedom
+from simrob_drake.simulink.mechanics.joints import Freedom, Joint
 from simrob_drake.simulink.mechanics.loops import close, cuttable
 from simrob_drake.simulink.mechanics.shapes import MeshFiles
 from simrob_drake.simulink.mechanics.trees import Tree, grow
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Expanded, Findings, Node, expand
 from simrob_drake.simulink.reading.model_file import Libraries, read_model
-from simrob_drake.simulink.signals.forms import Value, flat, terms_of
+from simrob_drake.simulink.signals.arithmetic import ARITHMETIC
+from simrob_drake.simulink.signals.dynamics import DYNAMICS
+from simrob_drake.simulink.signals.forms import (
+    MOST_ELEMENTS,
+    Form,
+    Rule,
+    Signal,
+    Term,
+    TermKind,
+    Tracer,
+    Value,
+    flat,
+    signal,
+    terms_of,
+)
 from simrob_drake.simulink.signals.laws import (
     ExternalForce,
     Law,
@@ -28,8 +43,10 @@ from simrob_drake.simulink.signals.laws import (
     read_laws,
     read_pushes,
 )
-from simrob_drake.simulink.signals.rules import tracer_of
-from simrob_drake.simulink.signals.tracing import Tracer
+from simrob_drake.simulink.signals.networks import NETWORKS, outputs_of
+from simrob_drake.simulink.signals.robotics import ROBOTICS
+from simrob_drake.simulink.signals.routing import ROUTING, subsystem
+from simrob_drake.simulink.signals.sources import PHYSICAL, SENSOR, SOURCES, offer_component, out_of_physics, sensed
 from simrob_drake.simulink.values.workspace import Variables, find_octave
 
 _LONGEST = 3600.0  # s
@@ -59,6 +76,10 @@ class SimulinkModel:
     def findings(self) -> Findings:
         """What was not known."""
         return self.expanded.findings
+
+    def law_of(self, freedom: Freedom) -> Law:
+        """Return what drives a degree of freedom; an idle law where nothing does."""
+        return self.laws.get(freedom, Law())
 
 
 def read_simulink(
@@ -122,12 +143,12 @@ def undefined_variables(model: SimulinkModel) -> InvalidModel | None:
     missing = model.findings.undefined
     if not missing:
         return None
-    others = {name: f" and {len(places) - 1} more" if len(places) > 1 else "" for name, places in missing.items()}
-    listed = "; ".join(f"{name} ({places[0]}{others[name]})" for name, places in list(missing.items())[:8])
+    counts = {name: f" and {len(places) - 1} more" if len(places) > 1 else "" for name, places in missing.items()}
+    listed = [f"{name} ({places[0]}{counts[name]})" for name, places in missing.items()]
     more = f", and {len(missing) - 8} more" if len(missing) > 8 else ""
     first = next(iter(missing)).partition(" ")[0]
     remedy = f"give them with --set {first}=VALUE or --variables FILE.mat, or take defaults with --assume"
-    return InvalidModel(model.path, "", f"variables that only MATLAB knows: {listed}{more}; {remedy}")
+    return InvalidModel(model.path, "", f"variables that only MATLAB knows: {'; '.join(listed[:8])}{more}; {remedy}")
 
 
 def _gravity(expanded: Expanded, network: Connections, bodies: Bodies) -> Vector | None:
@@ -161,20 +182,15 @@ def _duration(expanded: Expanded) -> float:
 
 def _stopping(tracer: Tracer, expanded: Expanded) -> tuple[list[Node], dict[Node, Value]]:
     """Return the contacts whose distance, compared with zero, stops the simulation, and what else does."""
-    found: list[Node] = []
-    stops: dict[Node, Value] = {}
-    for node in expanded.nodes:
-        if node.kind not in ("Stop", "Stop Simulation"):
-            continue
+    found, stops = list[Node](), dict[Node, Value]()
+    for node in (one for one in expanded.nodes if one.kind in ("Stop", "Stop Simulation")):
         source = tracer.network.source(node)
         compares = source is not None and source[0].kind in ("Compare To Zero", "Compare To Constant")
         values = flat(tracer.input(source[0])) if source and compares else []
-        terms = [term for value in values for term in terms_of(value)]
+        terms = (term for value in values for term in terms_of(value))
         contacts = [term.of for term in terms if term.kind == "distance" and isinstance(term.of, Node)]
-        if contacts:
-            found += contacts
-        else:
-            stops[node] = flat(tracer.input(node))[0]
+        found += contacts
+        stops |= {} if contacts else {node: flat(tracer.input(node))[0]}
     return found, stops
 
 
@@ -195,11 +211,53 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
     for node, why in tracer.opened.items():
         report.add("open", node.path, f"{node.kind or 'block'}: left open{f'; {why}' if why else ''}")
     for name in expanded.model.callbacks:
-        report.add(
-            "read", name, "a callback: what it assigns is read where a block asks for it, and nothing else is done"
-        )
+        message = "a callback: what it assigns is read where a block asks for it, and nothing else is done"
+        report.add("read", name, message)
     level: Variables | None = expanded.root.workspace
     while level is not None:
         for file in sorted(level.absent):
             report.add("defaulted", level.name, f"takes variables from {file}, which lies in none of the folders")
         level = level.outer
+
+
+RULES: dict[str, Rule] = {
+    **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **PHYSICAL, **NETWORKS, **ROBOTICS,
+    "PS-Simulink Converter": out_of_physics,
+}  # fmt: skip
+"""What each type of block gives."""
+_SENSED: tuple[TermKind, ...] = ("q", "w", "a", "t")
+
+
+def tracer_of(network: Connections, joints: list[Joint], contacts: list[ContactPair]) -> Tracer:
+    """Return what follows the signals of a model, those that joints, contacts and sensors measure included."""
+    tracer = Tracer(network, {**RULES, **dict.fromkeys(("SubSystem", "ModelReference"), subsystem)})
+    for joint in joints:
+        _offer_sensed(tracer, joint)
+    for contact in contacts:
+        if contact.senses_distance:
+            tracer.offer(contact.node, contact.senses_distance, partial(_each, Term("distance", contact.node)))
+    for node in network.expanded.nodes:
+        if node.kind == SENSOR:
+            for number, give in sensed(node).items():
+                tracer.offer(node, number, give)
+        elif node.kind in PHYSICAL:
+            tracer.offer(node, 1, partial(tracer.output, node))
+        elif node.kind not in NETWORKS:
+            offer_component(tracer, node)
+        for number, (_, side, port) in enumerate(outputs_of(node) if node.kind in NETWORKS else (), start=1):
+            tracer.offer(node, port, partial(tracer.output, node, number), side)
+    return tracer
+
+
+def _offer_sensed(tracer: Tracer, joint: Joint) -> None:
+    for number, (freedom, what) in joint.outputs.items():
+        kind = next((kind for kind in _SENSED if kind == what), None)
+        term = Term(kind, freedom) if kind else Term("open", joint.node, (number - 1) * MOST_ELEMENTS)
+        tracer.offer(joint.node, number, partial(_each, term))
+    for number, parts in joint.senses.items():
+        terms = [Term("sensed", joint.node, part) for part in parts]
+        tracer.offer(joint.node, number, partial(_each, *(terms or [Term("open", joint.node, number)])))
+
+
+def _each(*terms: Term) -> Signal:
+    return signal(Form({term: 1.0}) for term in terms)

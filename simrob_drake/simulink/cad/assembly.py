@@ -90,8 +90,7 @@ def is_export(path: Path) -> bool:
 def read_assembly(path: Path) -> tuple[Instance, list[Tie]]:
     """Read an exported assembly: the instance that is the world, and its ties, those of assemblies for each instance.
 
-    Raises:
-        InvalidModel: it is damaged, of the first generation, or says what cannot be.
+    Raises InvalidModel: it is damaged, of the first generation, or says what cannot be.
     """
     try:
         content = content_of(path, _LARGEST)
@@ -134,11 +133,10 @@ class _Reader:
             name = f"{parent.name}/{name.replace('/', '_')}".lstrip("/")
             if uid in parent.inside:
                 raise self._wrong(name, f"has the uid '{uid}' of {parent.inside[uid].name}")
-            flags = {key: element.get(key, "") == "true" for key in ("grounded", "rigid")}
-            entity = element.get("entityUid", "")
+            entity, held, rigid = (element.get(key, "") for key in ("entityUid", "grounded", "rigid"))
             instance = Instance(
-                name, parent.pose @ self._transform(element, name), self._parts.get(entity), held=flags["grounded"],
-                rigid=flags["rigid"], group=element.get("rigidGroup", ""), visible=element.get("visible") != "false",
+                name, parent.pose @ self._transform(element, name), self._parts.get(entity), held=held == "true",
+                rigid=rigid == "true", group=element.get("rigidGroup", ""), visible=element.get("visible") != "false",
             )  # fmt: skip
             parent.inside[uid] = instance
             if instance.part is None and entity not in self._kinds:
@@ -194,11 +192,11 @@ class _Reader:
             com = self._numbers(weighs, "CenterOfMass", 3, name) * self._m
             inertia = self._numbers(weighs, "Inertia", 6, name) * self._kg * self._m**2
         file, look = element.find("GeometryFile"), element.find("VisualProperties/Diffuse")
-        shade = [] if look is None else [look.get(key, "1") for key in "rgba"]
+        shade = "0.5 0.5 0.5 1" if look is None else " ".join(look.get(key, "1") for key in "rgba")
         units = element.find("ModelUnits")
         self._unit(units, "length")
         unit = "m" if units is None else _SHORT.get(units.get("length", "meter"), units.get("length", "meter"))
-        colour = np.array([0.5, 0.5, 0.5, 1.0]) if not shade else self._floats(" ".join(shade), 4, f"{name}: Diffuse")
+        colour = self._floats(shade, 4, f"{name}: Diffuse")
         return Part(mass, com, inertia, "" if file is None else file.get("name", ""), unit, colour)
 
     def _unit(self, units: Element | None, key: str) -> float:
@@ -218,9 +216,8 @@ class _Reader:
         except ValueError:
             values = np.array([np.nan])
         if values.size != size or not np.isfinite(values).all():
-            raise self._wrong(
-                what, f"is '{one_line(text)[:60]}'; it must be {f'{size} numbers' if size > 1 else 'a number'}"
-            )
+            expected = f"{size} numbers" if size > 1 else "a number"
+            raise self._wrong(what, f"is '{one_line(text)[:60]}'; it must be {expected}")
         return values
 
     def _wrong(self, element: str, problem: str) -> InvalidModel:

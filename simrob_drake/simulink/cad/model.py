@@ -19,7 +19,6 @@ from simrob_drake.simulink.cad.assembly import End, Instance, Tie, read_assembly
 from simrob_drake.simulink.mechanics.joints import PRIMITIVES, xyz_angles
 from simrob_drake.simulink.reading.graph import Model, Port, SimulinkBlock, System
 
-_WORLD = "World"
 _JOINTS = {kind.removesuffix(" Joint").replace(" ", ""): kind for kind in PRIMITIVES if kind != "6-DOF Joint"}
 """What joints are called there."""
 _APART = 1e-4  # m: what frames of a joint may be apart in an assembly without a word
@@ -44,17 +43,19 @@ class _Writer:
 
     def system(self) -> System:
         self._hold(self._root)
-        ties = self._ties
-        joints = [(tie, self._joint_kind(tie)) for tie in ties if tie.joins]
-        for tie, kind in joints:
-            if kind == "Weld Joint":
+        joints = [tie for tie in self._ties if tie.joins]
+        for tie in joints:
+            if tie.kind not in _JOINTS:
+                known = ", ".join(_JOINTS)
+                raise InvalidModel(self._path, tie.name, f"a joint {tie.kind} is not known here; {known} are")
+            if tie.kind == "Weld":
                 self._bodies.merge(tie.base.instance, tie.follower.instance)
-        pairs = self._constrained([tie for tie in ties if not tie.joins])
+        pairs = self._constrained([tie for tie in self._ties if not tie.joins])
         self._add_bodies()
-        joined = {pair for tie, _ in joints if (pair := self._pair(tie))}
-        for tie, kind in joints:
+        joined = {pair for tie in joints if (pair := self._pair(tie))}
+        for tie in joints:
             if self._pair(tie):
-                self._joint(tie, kind, tie.base.pose, tie.follower.pose)
+                self._joint(tie, _JOINTS[tie.kind], tie.base.pose, tie.follower.pose)
         for pair, constraints in pairs.items():
             if pair in joined:
                 names = ", ".join(tie.name for tie in constraints)
@@ -74,11 +75,6 @@ class _Writer:
             if child.group:
                 self._bodies.merge(child, groups.setdefault(child.group, child))
             self._hold(child, rigid)
-
-    def _joint_kind(self, tie: Tie) -> str:
-        if tie.kind not in _JOINTS:
-            raise InvalidModel(self._path, tie.name, f"a joint {tie.kind} is not known here; {', '.join(_JOINTS)} are")
-        return _JOINTS[tie.kind]
 
     def _constrained(self, constraints: list[Tie]) -> dict[frozenset[Instance], list[Tie]]:
         """Return constraints by the bodies that they join, after what they fix to each other is one body."""
@@ -103,14 +99,11 @@ class _Writer:
         """Add the joint that constraints leave; tell them as refused, and return False, where that is none."""
         names, found = ", ".join(tie.name for tie in ties), self._joint_of(ties)
         if found is None:
-            message = (
-                f"its constraints ({names}) leave freedoms between two parts that no joint has; export a joint instead"
-            )
-            self.notes.append(("refused", ties[0].name, message))
+            message = "leave freedoms between two parts that no joint has; export a joint instead"
+            self.notes.append(("refused", ties[0].name, f"its constraints ({names}) {message}"))
             return False
-        kind, frame = found
-        self.notes.append(("read", ties[0].name, f"{names}: a {kind}"))
-        self._joint(ties[0], kind, frame, frame)
+        self.notes.append(("read", ties[0].name, f"{names}: a {found[0]}"))
+        self._joint(ties[0], found[0], found[1], found[1])
         return True
 
     def _pair(self, tie: Tie) -> frozenset[Instance]:
@@ -120,10 +113,9 @@ class _Writer:
 
     def _add_bodies(self) -> None:
         """Add the parts, those of one body joined rigidly with the first of them, or with the world."""
-        self._first: dict[Instance, Instance] = {}
         root = self._root
-        self._sids[root] = self._add("sm_lib/Frames and Transforms/World Frame", _WORLD, {})
-        self._first[self._bodies[root]] = root
+        self._sids[root] = self._add("sm_lib/Frames and Transforms/World Frame", "World", {})
+        self._first = {self._bodies[root]: root}
         for instance in root.all():
             if instance.part is not None:
                 self._sids[instance] = self._add("sm_lib/Body Elements/File Solid", instance.name, _solid(instance))
@@ -133,16 +125,14 @@ class _Writer:
                     self._transform(f"{instance.name} place", self._port(first), pose, self._port(instance))
 
     def _joint(self, tie: Tie, kind: str, base: RigidTransform, follower: RigidTransform) -> None:
-        ends = []
-        for end, frame, side in ((tie.base, base, "base"), (tie.follower, follower, "follower")):
+        sid = self._add(f"sm_lib/Joints/{kind}", tie.name, self._targets(tie, kind, base.inverse() @ follower))
+        for end, frame, name, side in (
+            (tie.base, base, "base", "lconn"), (tie.follower, follower, "follower", "rconn")):  # fmt: skip
             first = self._first.get(self._bodies[end.instance])
             if first is None:
-                message = f"its {side} is on {end.instance.name or 'the assembly'}, in which no part is fixed"
+                message = f"its {name} is on {end.instance.name or 'the assembly'}, in which no part is fixed"
                 raise InvalidModel(self._path, tie.name, message)
-            ends.append((first, first.pose.inverse() @ frame))
-        sid = self._add(f"sm_lib/Joints/{kind}", tie.name, self._targets(tie, kind, base.inverse() @ follower))
-        for (first, pose), side, name in zip(ends, ("lconn", "rconn"), ("base", "follower"), strict=True):
-            self._transform(f"{tie.name} {name}", self._port(first), pose, Port(sid, side, 1))
+            self._transform(f"{tie.name} {name}", self._port(first), first.pose.inverse() @ frame, Port(sid, side, 1))
 
     def _targets(self, tie: Tie, kind: str, pose: RigidTransform) -> dict[str, str]:
         places = ("Px", "Py", "Pz", "Rx", "Ry", "Rz")
@@ -155,7 +145,8 @@ class _Writer:
         targets: dict[str, str] = {}
         for name in primitives:
             target = f"{name if len(primitives) > 1 else ''}PositionTarget"
-            matrix = {"RotationMethod": "RotationMatrix", "RotationMatrix": _matrix(pose.rotation().matrix())}
+            rows = _row(pose.rotation().matrix().reshape(-1))
+            matrix = {"RotationMethod": "RotationMatrix", "RotationMatrix": rows}
             values_of = matrix if name == "S" else {"Value": repr(float(values[name]))}
             targets |= {f"{target}{key}": value for key, value in {"Specify": "on", **values_of}.items()}
         return targets
@@ -178,10 +169,9 @@ class _Writer:
         return Port(self._sids[instance], "rconn", 1)
 
     def _transform(self, name: str, start: Port, pose: RigidTransform, end: Port) -> None:
-        matrix, place = pose.rotation().matrix(), pose.translation()
         sid = self._add("sm_lib/Frames and Transforms/Rigid Transform", name, {
-            "TranslationMethod": "Cartesian", "TranslationCartesianOffset": _row(place),
-            "RotationMethod": "RotationMatrix", "RotationMatrix": _matrix(matrix),
+            "TranslationMethod": "Cartesian", "TranslationCartesianOffset": _row(pose.translation()),
+            "RotationMethod": "RotationMatrix", "RotationMatrix": _row(pose.rotation().matrix().reshape(-1)),
         })  # fmt: skip
         self._system.nets += [[start, Port(sid, "lconn", 1)], [Port(sid, "rconn", 1), end]]
 
@@ -211,10 +201,6 @@ def _row(values: Vector) -> str:
     return f"[{' '.join(repr(float(value)) for value in values)}]"
 
 
-def _matrix(values: Vector) -> str:
-    return f"[{'; '.join(' '.join(repr(float(value)) for value in row) for row in values)}]"
-
-
 _SAME = 1e-5  # of directions, and of metres: what counts as parallel or in one place
 _SHAPES = {
     **dict.fromkeys(("point", "sphere"), "point"), **dict.fromkeys(("line", "cylinder", "circle", "cone"), "line"),
@@ -226,8 +212,7 @@ _SHAPES = {
 def joint_of(ties: Sequence[Tie]) -> tuple[str, RigidTransform] | None:
     """Return the joint block that constraints between two bodies leave, and its frame; None if there is none such.
 
-    Raises:
-        ValueError: a constraint that is not known; the text says which.
+    Raises ValueError: a constraint that is not known; the text says which.
     """
     rows = np.vstack([np.zeros((1, 6)), *(_rows(tie) for tie in ties)])
     _, sizes, directions = np.linalg.svd(rows)
@@ -290,8 +275,11 @@ _LEFT_OVER: dict[tuple[int, int], Callable[[Vector, Vector], tuple[str, RigidTra
 
 def _rows(tie: Tie) -> Vector:
     """Return what a constraint forbids, shape (n, 6)."""
-    one, other = sorted((tie.base, tie.follower), key=lambda end: ("point", "line", "plane").index(_shape(tie, end)))
-    shapes = _shape(tie, one), _shape(tie, other)
+    for end in (tie.base, tie.follower):
+        if end.kind not in _SHAPES:
+            raise ValueError(f"the geometry '{end.kind}' of a {tie.kind} is not known here")
+    one, other = sorted((tie.base, tie.follower), key=lambda end: ("point", "line", "plane").index(_SHAPES[end.kind]))
+    shapes = _SHAPES[one.kind], _SHAPES[other.kind]
     if tie.kind not in _KINDS:
         raise ValueError(f"a constraint {tie.kind} is not known here; {', '.join(sorted(_KINDS))} are")
     if tie.kind in ("Fixed", "Lock", "Rigid"):
@@ -328,12 +316,6 @@ def _touching(kind: str, shapes: tuple[str, str], one: End, other: End) -> Vecto
     if kind in ("Distance", "Tangent") and far:
         return _sliding(place, between / np.linalg.norm(between))
     return _sliding(place, *(_perpendicular(normal) if shapes[1] == "line" else np.eye(3)))
-
-
-def _shape(tie: Tie, end: End) -> str:
-    if end.kind not in _SHAPES:
-        raise ValueError(f"the geometry '{end.kind}' of a {tie.kind} is not known here")
-    return _SHAPES[end.kind]
 
 
 def _axis(end: End) -> Vector:

@@ -56,15 +56,10 @@ def variables_of(station: SteppedStation) -> list[Variable]:
 def description(station: SteppedStation, name: str, version: int) -> bytes:
     """Return the XML of a unit that is called ``name``."""
     variables = variables_of(station)
-    root = Element(
-        "fmiModelDescription",
-        fmiVersion=f"{version}.0",
-        modelName=name,
-        description=station.config.description,
-        generationTool="simrob_drake",
-        variableNamingConvention="structured",
-    )
-    root.set("guid" if version == 2 else "instantiationToken", str(uuid5(NAMESPACE_OID, f"{name}{variables}")))
+    said = {"fmiVersion": f"{version}.0", "modelName": name, "description": station.config.description}
+    said |= {"generationTool": "simrob_drake", "variableNamingConvention": "structured"}
+    said["guid" if version == 2 else "instantiationToken"] = str(uuid5(NAMESPACE_OID, f"{name}{variables}"))
+    root = Element("fmiModelDescription", said)
     abilities = {"canHandleVariableCommunicationStepSize": "true", "needsExecutionTool": "true"}
     abilities |= dict.fromkeys(_STATES[version], "true")
     SubElement(root, "CoSimulation", {"modelIdentifier": name, **abilities})
@@ -101,10 +96,8 @@ def _add_structure(structure: Element, variables: list[Variable], version: int) 
     for kind in ("Output", "InitialUnknown"):
         group = structure if version == 3 else SubElement(structure, f"{kind}s")
         for place in outputs:
-            tag, said = (
-                (kind, {"valueReference": str(place)}) if version == 3 else ("Unknown", {"index": str(place + 1)})
-            )
-            SubElement(group, tag, said)
+            said = {"valueReference": str(place)} if version == 3 else {"index": str(place + 1)}
+            SubElement(group, kind if version == 3 else "Unknown", said)
 
 
 def unit_name(unit: str) -> str:

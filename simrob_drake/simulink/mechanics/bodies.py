@@ -1,6 +1,5 @@
 """Frames that are rigidly joined are one body: which frames those are, what each body carries, and what may touch."""
 
-from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element
@@ -51,6 +50,11 @@ class Coupling:
     in_base: RigidTransform  # pose of the block's frame in the base
     in_follower: RigidTransform  # likewise in the follower
 
+    @property
+    def ends(self) -> tuple[Node, RigidPart, RigidPart, RigidTransform, RigidTransform]:
+        """What it is between, for another coupling in its place."""
+        return self.node, self.base, self.follower, self.in_base, self.in_follower
+
 
 @dataclass(frozen=True, eq=False)
 class Link(Coupling):
@@ -95,8 +99,7 @@ def frame_place(network: Connections, node: Node) -> Place:
 def read_bodies(network: Connections, meshes: MeshFiles) -> Bodies:
     """Return the bodies and joints of a model.
 
-    Raises:
-        InvalidModel: a block's figures cannot be, or frames contradict each other.
+    Raises InvalidModel: a block's figures cannot be, or frames contradict each other.
     """
     frames = _Frames(network, meshes)
     for node in network.expanded.nodes:
@@ -107,12 +110,11 @@ def read_bodies(network: Connections, meshes: MeshFiles) -> Bodies:
                 frames.take(node)
             except InvalidModel as problem:
                 node.lose(problem)
-    bodies = Bodies([], [], [], {}, set())
+    bodies, world = Bodies([], [], [], {}, set()), RigidPart(grounded=True)
     worlds = {place for node, place in frames.attached if node.kind == "World Frame"} or _held_outside(network, frames)
-    _gather(frames.edges, worlds, bodies)
-    for _, place in frames.attached:
+    for place in (*worlds, *frames.edges, *(place for _, place in frames.attached)):
         if place not in bodies.by_place:
-            _gather({**frames.edges, place: []}, {place}, bodies, grounded=False)
+            _gather(frames.edges, place, world if place in worlds else RigidPart(), bodies)
     _attach(frames, bodies)
     for what, base, follower in frames.joints:
         one, other = bodies.by_place[base], bodies.by_place[follower]
@@ -168,22 +170,18 @@ class _Frames:
         elif node.kind in JOINTS and not any(self._network.on(self._network.net(node, side)) for side in _ENDS):
             node.note("dropped", "the joint: it is not connected")
         elif node.kind in JOINTS:
-            joint = read_joint(node)
+            joint, (base, follower) = read_joint(node), self._ends(node)
             if node.text("JointMode") == "Locked":
-                self._join(*self._ends(node), _locked(joint), node)
+                self._join(base, follower, _locked(joint), node)
             else:
-                base, follower = self._ends(node)
-                moved_end = (id(node), "tilt", 1)
-                self._join(moved_end, follower, joint.tilt, node)
-                self.joints.append((joint, base, moved_end))
-        elif node.kind in (*GEARS, ROD, SPRING, BETWEEN):
-            places = [self._network.net(node, side) for side in _ENDS]
-            self.joints.append((node, places[0], places[1]))
-            self.attached += [(node, place) for place in places]
+                self._join((id(node), "tilt", 1), follower, joint.tilt, node)
+                self.joints.append((joint, base, (id(node), "tilt", 1)))
         elif node.kind in SOLIDS:
             self._take_solid(node)
-        elif node.kind == "Transform Sensor":
-            self.attached += [(node, self._network.net(node, side)) for side in _ENDS]
+        elif node.kind in (*GEARS, ROD, SPRING, BETWEEN, "Transform Sensor"):
+            base, follower = (self._network.net(node, side) for side in _ENDS)
+            self.attached += [(node, base), (node, follower)]
+            self.joints += [] if node.kind == "Transform Sensor" else [(node, base, follower)]
         elif node.kind in ("World Frame", *_MARKS) or node.kind in _GEOMETRY_ONLY:
             self.attached.append((node, frame_place(self._network, node)))
 
@@ -246,31 +244,20 @@ def _held_outside(network: Connections, frames: _Frames) -> set[Place]:
     return found
 
 
-def _gather(edges: Edges, worlds: set[Place], bodies: Bodies, *, grounded: bool = True) -> None:
-    """Walk along rigid connections from every frame not yet reached, the world's first."""
-    starts = [*worlds, *(edges if grounded else ())]
-    world: RigidPart | None = None
-    for start in starts:
-        if start in bodies.by_place:
-            continue
-        body = world if start in worlds and world is not None else RigidPart(grounded=grounded and start in worlds)
-        if start in worlds and grounded:
-            world = body
-        if body not in bodies.bodies:
-            bodies.bodies.append(body)
-        body.frames[start] = RigidTransform()
-        bodies.by_place[start] = body
-        queue = deque([start])
-        while queue:
-            here = queue.popleft()
-            for place, pose, node in edges.get(here, ()):
-                there = body.frames[here] @ pose
-                if place not in body.frames:
-                    body.frames[place], bodies.by_place[place] = there, body
-                    queue.append(place)
-                elif not body.frames[place].IsNearlyEqualTo(there, _SAME):
-                    message = "closes a loop of rigid frames that does not fit: ways to one frame differ; one is taken"
-                    node.note("lost", message)
+def _gather(edges: Edges, start: Place, body: RigidPart, bodies: Bodies) -> None:
+    """Walk along rigid connections from a frame of a body: all that is reached is part of it."""
+    bodies.bodies += [] if body in bodies.bodies else [body]
+    body.frames[start], bodies.by_place[start] = RigidTransform(), body
+    reached = [start]
+    for here in reached:  # which grow meanwhile
+        for place, pose, node in edges.get(here, ()):
+            there = body.frames[here] @ pose
+            if place not in body.frames:
+                body.frames[place], bodies.by_place[place] = there, body
+                reached.append(place)
+            elif not body.frames[place].IsNearlyEqualTo(there, _SAME):
+                message = "closes a loop of rigid frames that does not fit: ways to one frame differ; one is taken"
+                node.note("lost", message)
 
 
 def _attach(frames: _Frames, bodies: Bodies) -> None:
@@ -319,21 +306,19 @@ def read_contacts(network: Connections) -> list[ContactPair]:
     for node in nodes:
         if node.kind != "Spatial Contact Force":
             continue
-        ends = [geometry.get(network.net(node, side)) for side in _ENDS]
-        if ends[0] is None or ends[1] is None:
-            if not any(network.on(network.net(node, side)) for side in _ENDS):
-                node.note("dropped", "the contact: it is not connected")
-                continue
-            if any(network.leads_outside(node, side, 1) for side, end in zip(_ENDS, ends, strict=True) if end is None):
-                node.note("dropped", "the contact: with what this is put into")
-                continue
+        one, other = (geometry.get(network.net(node, side)) for side in _ENDS)
+        if one is not None and other is not None:
+            try:
+                sensed = _DISTANCE_AFTER if node.is_on("SenseSeparationDistance") else 0
+                contacts.append(ContactPair(node, (one, other), _surface(node), sensed))
+            except InvalidModel as problem:
+                node.lose(problem)
+        elif not any(network.on(network.net(node, side)) for side in _ENDS):
+            node.note("dropped", "the contact: it is not connected")
+        elif any(network.leads_outside(node, side, 1) for side in _ENDS if network.net(node, side) not in geometry):
+            node.note("dropped", "the contact: with what this is put into")
+        else:
             node.note("lost", "the contact: one of its ends is no solid or plane")
-            continue
-        sensed = _DISTANCE_AFTER if node.is_on("SenseSeparationDistance") else 0
-        try:
-            contacts.append(ContactPair(node, (ends[0], ends[1]), _surface(node), sensed))
-        except InvalidModel as problem:
-            node.lose(problem)
     return contacts
 
 
@@ -350,9 +335,8 @@ def _surface(node: Node) -> ContactParameters:
     friction = node.text("FrictionType", "SmoothStickSlip")
     if friction not in ("SmoothStickSlip", "None"):
         node.note("approximated", "its friction comes from a signal: the figures of the block are taken")
-    without = friction == "None"
-    static = 0.0 if without else node.number("CoefficientOfStaticFriction", "0.5")
-    dynamic = 0.0 if without else node.number("CoefficientOfDynamicFriction", "0.3")
+    static = 0.0 if friction == "None" else node.number("CoefficientOfStaticFriction", "0.5")
+    dynamic = 0.0 if friction == "None" else node.number("CoefficientOfDynamicFriction", "0.3")
     stiffness = node.number("NormalStiffness", "1e6", unit="N/m")
     damping = node.number("NormalDamping", "1e3", unit="N*s/m")
     if stiffness <= 0 or damping < 0 or min(static, dynamic) < 0:
@@ -362,17 +346,3 @@ def _surface(node: Node) -> ContactParameters:
         static = dynamic
     speed = node.number("FrictionalCriticalVelocity", "1e-3", unit="m/s") or 1e-3
     return ContactParameters(stiffness, damping, static, dynamic, speed)
-
-
-def dissipation(surface: ContactParameters, weight_carried: float) -> float:
-    """Return Hunt and Crossley's d [s/m] for a contact with a damper beside its spring.
-
-    Simscape adds k x and b dx/dt; Drake multiplies, k x (1 + d dx/dt). They are equal at the depth b / (k d), which is
-    put to twice the depth at rest: as deep as a body sinks that is laid down.
-
-    Args:
-        surface: of the contact.
-        weight_carried: what presses on it at rest [N].
-    """
-    depth = max(2 * weight_carried / surface.stiffness, 1e-6)
-    return surface.damping / (surface.stiffness * depth)

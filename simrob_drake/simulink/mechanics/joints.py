@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from math import inf
+from itertools import count
+from math import inf, isfinite
 
 import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis, Quaternion
@@ -25,40 +26,8 @@ class Pull:
     stops: tuple[tuple[float, float, float], ...] = ()
     """Of a force, a place beyond which a spring pushes back, which way (1 up, -1 down), and how stiff it is."""
 
-    @property
-    def acts(self) -> bool:
-        """Whether there is anything to it."""
+    def __bool__(self) -> bool:
         return bool(self.port or self.stiffness or self.damping or self.stops)
-
-
-def sensed_parts(node: Node) -> dict[int, tuple[int, ...]]:
-    """Return which parts of a frame sensor the ports of a joint hand out, by the number of the right port."""
-    asked = (tuple(parts) for name, parts in table("joints")["floating"].items() if node.is_on(name))
-    return dict(enumerate(asked, start=2))
-
-
-def read_pulls(node: Node) -> list[Pull]:
-    """Return what acts in a joint that leaves all free, along its base's axes: signals, springs, dampers, stops."""
-    pulls, port = [], 2
-    for place, kind in enumerate(("Px", "Py", "Pz")):
-        driven = node.text(f"{kind}TorqueActuationMode") == "InputTorque"
-        stiffness = node.number(f"{kind}SpringStiffness", unit="N/m")
-        damping = node.number(f"{kind}DampingCoefficient", unit="N*s/m")
-        stops = []
-        for end, way in (("Lower", 1.0), ("Upper", -1.0)):
-            if node.is_on(f"{kind}{end}LimitSpecify"):
-                bound = node.number(f"{kind}{end}LimitBound", unit="m")
-                stops.append((bound, way, node.number(f"{kind}{end}LimitStiffness", "1e4", unit="N/m")))
-        if stops:
-            node.note("approximated", f"its stops along {kind[1]} are springs without dampers")
-        rest = node.number(f"{kind}EquilibriumPosition", unit="m") if stiffness else 0.0
-        pulls.append(Pull(place, port if driven else 0, stiffness, rest, damping, tuple(stops)))
-        port += driven
-    for pull, axis in zip(_against_turning(node, "Sph"), "XYZ", strict=True):
-        driven = node.is_on(f"SphActuateTorque{axis}")
-        pulls.append(replace(pull, port=port if driven else 0))
-        port += driven
-    return [pull for pull in pulls if pull.acts]
 
 
 def _against_turning(node: Node, prefix: str) -> list[Pull]:
@@ -81,8 +50,7 @@ _TURNS = {"X": RotationMatrix.MakeXRotation, "Y": RotationMatrix.MakeYRotation, 
 def rigid_transform(node: Node) -> RigidTransform:
     """Return X_BF of a Rigid Transform block; the offset is resolved in the base frame.
 
-    Raises:
-        InvalidModel: a method or figure that cannot be.
+    Raises InvalidModel: a method or figure that cannot be.
     """
     method, offset = node.text("TranslationMethod", "None"), np.zeros(3)
     if method == "Cartesian":
@@ -101,8 +69,7 @@ def rigid_transform(node: Node) -> RigidTransform:
 def rotation(node: Node, prefix: str = "") -> RotationMatrix:
     """Return R_BF of a block's rotation parameters; joints have them with a prefix, such as ``PositionTarget``.
 
-    Raises:
-        InvalidModel: a method or figure that cannot be.
+    Raises InvalidModel: a method or figure that cannot be.
     """
     if (method := node.text(f"{prefix}RotationMethod", "None")) not in _ROTATIONS:
         raise node.refusal(f"has the unknown rotation method '{method}'")
@@ -110,9 +77,13 @@ def rotation(node: Node, prefix: str = "") -> RotationMatrix:
 
 
 def _aligned(node: Node, prefix: str) -> RotationMatrix:
-    follower = _triad(node, f"{prefix}FollAlignAxisA", f"{prefix}FollAlignAxisB")
-    base = _triad(node, f"{prefix}BaseAlignAxisA", f"{prefix}BaseAlignAxisB")
-    return RotationMatrix(base @ follower.T)
+    base, follower = list[Vector](), list[Vector]()
+    for names, found in ((f"{prefix}BaseAlignAxis", base), (f"{prefix}FollAlignAxis", follower)):
+        one, other = axis(node, f"{names}A"), axis(node, f"{names}B")
+        if abs(one @ other) > 0.5:
+            raise node.refusal(f"{names}A and {names}B are along one line; two axes span a frame")
+        found += [one, other, np.cross(one, other)]
+    return RotationMatrix(np.transpose(base) @ np.array(follower))
 
 
 def _matrix(node: Node, prefix: str) -> RotationMatrix:
@@ -142,13 +113,6 @@ def _about(node: Node, direction: Vector, prefix: str) -> RotationMatrix:
     if length < 1e-9 and angle:
         raise node.refusal("turns about an axis of length zero")
     return RotationMatrix(AngleAxis(angle, direction / length)) if angle else RotationMatrix()
-
-
-def _triad(node: Node, first: str, second: str) -> Vector:
-    one, other = axis(node, first), axis(node, second)
-    if abs(one @ other) > 0.5:
-        raise node.refusal(f"{first} and {second} are along one line; two axes span a frame")
-    return np.column_stack([one, other, np.cross(one, other)])
 
 
 def _sequence(node: Node, prefix: str) -> RotationMatrix:
@@ -230,11 +194,7 @@ class Joint:
 
 
 def read_joint(node: Node) -> Joint:
-    """Return what a joint block is.
-
-    Raises:
-        InvalidModel: figures that cannot be, or a joint without a likeness here.
-    """
+    """Return what a joint block is; raises InvalidModel: figures that cannot be, or a joint without a likeness here."""
     if node.text("JointMode", "Normal") not in ("Normal", "Locked", ""):
         raise node.refusal(f"is in the mode {node.text('JointMode')}; Normal and Locked are read")
     joint = Joint(node)
@@ -270,14 +230,13 @@ def _read_primitives(node: Node, joint: Joint, kinds: list[str]) -> None:
     left, right = 2, 2
     for kind in kinds:
         prefix = "" if len(kinds) == 1 else kind
-        freedoms = _ball(node, prefix) if kind.startswith("S") else [_freedom(node, kind, prefix)]
-        joint.freedoms += freedoms
         if kind.startswith("S"):
-            joint.pulls = [pull for pull in _against_turning(node, prefix) if pull.acts]
+            joint.freedoms += _ball(node, prefix)
+            joint.pulls = list(filter(None, _against_turning(node, prefix)))
             left += sum(node.is_on(f"{prefix}ActuateTorque{end}") for end in ("X", "Y", "Z", ""))
             right += sum(node.is_on(f"{prefix}{sensed}") for sensed in table("joints")["ball"])
             continue
-        (freedom,) = freedoms
+        joint.freedoms.append(freedom := _freedom(node, kind, prefix))
         for what in ("Torque", "Motion"):
             if node.text(f"{prefix}{what}ActuationMode") == f"Input{what}":
                 freedom.driven = what.lower()
@@ -294,12 +253,11 @@ def _read_screw(node: Node, joint: Joint) -> None:
     turn, way = joint.freedoms
     hand = 1.0 if node.text("Direction", "RightHand") == "RightHand" else -1.0
     joint.screw = {way: 1.0, turn: -hand * node.number("Lead", "1", unit="m/rad")}
-    port = 2
+    ports = count(2)
     for freedom, name in ((turn, "Rotation"), (way, "Translation")):
-        for quantity, what in (("Position", "q"), ("Velocity", "w"), ("Acceleration", "a")):
-            if node.is_on(f"Sense{name}{quantity}"):
-                joint.outputs[port] = (freedom, what)
-                port += 1
+        sensed = {"Position": "q", "Velocity": "w", "Acceleration": "a"}
+        joint.outputs |= {next(ports): (freedom, what) for quantity, what in sensed.items()
+                          if node.is_on(f"Sense{name}{quantity}")}  # fmt: skip
         length = "rad" if freedom.turns else "m"
         for quantity, unit in (("Position", length), ("Velocity", f"{length}/s")):
             asked = node.is_on(f"{quantity}TargetSpecify")
@@ -361,18 +319,27 @@ def _ball(node: Node, prefix: str) -> list[Freedom]:
     turns = [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
     if any(node.is_on(f"{prefix}{end}LimitSpecify") for end in ("Lower", "Upper")):
         node.note("lost", "the limits of a ball joint")
+    turn, rates = _ball_targets(node, prefix)
     if node.is_on(f"{prefix}PositionTargetSpecify"):
-        for freedom, angle in zip(turns, xyz_angles(rotation(node, f"{prefix}PositionTarget")), strict=True):
+        for freedom, angle in zip(turns, xyz_angles(turn), strict=True):
             freedom.start, freedom.start_counts = angle, _COUNTS["High"]
     if node.is_on(f"{prefix}VelocityTargetSpecify"):
-        rates = node.numbers(f"{prefix}VelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
-        first, middle, last = (turn(freedom.start or 0.0) for turn, freedom in zip(_TURNS.values(), turns, strict=True))
-        if node.text(f"{prefix}VelocityTargetInFollowerFrame", "on") == "on":
-            rates = first @ middle @ last @ rates
+        first, middle, _ = (about(one.start or 0.0) for about, one in zip(_TURNS.values(), turns, strict=True))
         axes = np.column_stack([turns[0].axis, first @ turns[1].axis, first @ middle @ turns[2].axis])
         for freedom, speed in zip(turns, np.linalg.solve(axes, rates), strict=True):
             freedom.start_speed, freedom.speed_counts = float(speed), _COUNTS["High"]
     return turns
+
+
+def _ball_targets(node: Node, prefix: str) -> tuple[RotationMatrix, Vector]:
+    """Return how a ball is turned at the start, and how fast it turns in the axes of its base, shape (3,) [rad/s]."""
+    turn, rates = RotationMatrix(), np.zeros(3)
+    if node.is_on(f"{prefix}PositionTargetSpecify"):
+        turn = rotation(node, f"{prefix}PositionTarget")
+    if node.is_on(f"{prefix}VelocityTargetSpecify"):
+        rates = node.numbers(f"{prefix}VelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
+        rates = turn @ rates if node.text(f"{prefix}VelocityTargetInFollowerFrame", "on") == "on" else rates
+    return turn, rates
 
 
 def xyz_angles(turn: RotationMatrix) -> tuple[float, float, float]:
@@ -384,16 +351,21 @@ def xyz_angles(turn: RotationMatrix) -> tuple[float, float, float]:
 
 
 def _read_floating(node: Node, joint: Joint) -> None:
-    joint.floating = True
-    turn = rotation(node, "SphPositionTarget") if node.is_on("SphPositionTargetSpecify") else RotationMatrix()
-    place = np.zeros(3)
-    for index, kind in enumerate(("Px", "Py", "Pz")):
-        if node.is_on(f"{kind}PositionTargetSpecify"):
-            place[index] = node.number(f"{kind}PositionTargetValue", unit="m")
-        if node.is_on(f"{kind}VelocityTargetSpecify"):
-            joint.start_speed[index] = node.number(f"{kind}VelocityTargetValue", unit="m/s")
-    joint.start = RigidTransform(turn, place)
-    if node.is_on("SphVelocityTargetSpecify"):
-        rates = node.numbers("SphVelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
-        joint.start_speed[3:] = turn @ rates if node.text("SphVelocityTargetInFollowerFrame", "on") == "on" else rates
-    joint.pulls, joint.senses = read_pulls(node), sensed_parts(node)
+    """Read a joint that leaves all free: where it starts, what acts along its base's axes, and what it senses."""
+    joint.floating, pulls, ports = True, [], iter(range(2, 8))
+    slides = [_freedom(node, kind, kind) for kind in ("Px", "Py", "Pz")]
+    for place, (one, letter) in enumerate(zip(slides, "xyz", strict=True)):
+        ends = ((one.lower, 1.0), (one.upper, -1.0)) if one.stop else ()
+        stops = tuple((bound, way, one.stop[0]) for bound, way in ends if one.stop and isfinite(bound))
+        if stops:
+            node.note("approximated", f"its stops along {letter} are springs without dampers")
+        port = next(ports) if node.text(f"P{letter}TorqueActuationMode") == "InputTorque" else 0
+        pulls.append(Pull(place, port, one.stiffness, one.rest, one.damping, stops))
+    turn, rates = _ball_targets(node, "Sph")
+    joint.start = RigidTransform(turn, [one.start or 0.0 for one in slides])
+    joint.start_speed = np.array([*(one.start_speed or 0.0 for one in slides), *rates])
+    for pull, letter in zip(_against_turning(node, "Sph"), "XYZ", strict=True):
+        pulls.append(replace(pull, port=next(ports) if node.is_on(f"SphActuateTorque{letter}") else 0))
+    joint.pulls = list(filter(None, pulls))
+    asked = (tuple(parts) for name, parts in table("joints")["floating"].items() if node.is_on(name))
+    joint.senses = dict(enumerate(asked, start=2))

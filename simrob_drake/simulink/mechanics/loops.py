@@ -24,9 +24,6 @@ from simrob_drake.simulink.mechanics.shapes import positive
 from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Closing, Tree, body_motions, body_poses
 from simrob_drake.simulink.model.nodes import Node
 
-_TINY = 1e-9
-_Z = np.array([0.0, 0.0, 1.0])
-
 Residual = Callable[[Vector], Vector]  # of positions (n,)
 
 
@@ -42,9 +39,13 @@ class Teeth:
 
 def _unit(node: Node, vector: Vector, what: str) -> Vector:
     length = float(np.linalg.norm(vector))
-    if length < _TINY:
+    if length < 1e-9:
         raise node.refusal(f"cannot tell where its teeth are: {what}")
     return np.asarray(vector / length)
+
+
+def _z(frame: RigidTransform) -> Vector:
+    return np.asarray(frame.rotation().matrix()[:, 2])
 
 
 def _toward(direction: Vector, target: Vector) -> Vector:
@@ -60,27 +61,23 @@ def _common(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth
         own = distance / (abs(ratio - 1) if inside else ratio + 1)
         other = ratio * own
     between = _unit(node, follower.translation() - base.translation(), "its frames are at one place")
-    axis = base.rotation().matrix() @ _Z
     base_side, follower_side = (1.0, -1.0) if not inside else (1.0, 1.0) if own > other else (-1.0, -1.0)
     places = base.translation() + base_side * own * between, follower.translation() + follower_side * other * between
-    return Teeth(places[0], places[1], np.cross(axis, between))
+    return Teeth(*places, np.cross(_z(base), between))
 
 
 def _bevel(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
-    axes = [frame.rotation().matrix() @ _Z for frame in (base, follower)]
+    axes = _z(base), _z(follower)
     across = _unit(node, np.cross(*axes), "its axes are parallel")
     between = follower.translation() - base.translation()
     _unit(node, between, "its frames are at one place")
-    radii = _radii(node, "BaseGearRadius", "FollGearRadius")
-    places = [
-        frame.translation() + radius * _toward(np.cross(across, axis), way)
-        for frame, axis, radius, way in zip((base, follower), axes, radii, (between, -between), strict=True)
-    ]
-    return Teeth(places[0], places[1], across)
+    own, other = _radii(node, "BaseGearRadius", "FollGearRadius")
+    place = base.translation() + own * _toward(np.cross(across, axes[0]), between)
+    return Teeth(place, follower.translation() + other * _toward(np.cross(across, axes[1]), -between), across)
 
 
 def _rack(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
-    turning, along = (frame.rotation().matrix() @ _Z for frame in (base, follower))
+    turning, along = _z(base), _z(follower)
     out = _unit(node, np.cross(turning, along), "the rack slides along the pinion's axis")
     (radius,) = positive(node, "PinionRadius", "10", 1)
     place = base.translation() + radius * _toward(out, follower.translation() - base.translation())
@@ -88,7 +85,7 @@ def _rack(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
 
 
 def _worm(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
-    along, turning = (frame.rotation().matrix() @ _Z for frame in (base, follower))
+    along, turning = _z(base), _z(follower)
     if node.text("SpecificationMethod", "PitchCircleRadii") != "PitchCircleRadii":
         raise node.refusal("is given by distance and ratio; only pitch radii are read")
     worm, gear = _radii(node, "WormRadius", "GearRadius")
@@ -107,17 +104,12 @@ def _radii(node: Node, *names: str) -> tuple[float, float]:
 _TEETH = dict(zip(GEARS, (_common, _bevel, _rack, _worm), strict=True))
 
 
-def gear_row(coupling: Coupling, tree: Tree, positions: Vector) -> Vector:
-    """Return how fast the teeth of a gear slip for the speed of each joint, (n,), at positions (n,) of a tree.
-
-    Raises:
-        InvalidModel: figures or frames that cannot be.
-    """
+def _gear_row(tree: Tree, coupling: Coupling, positions: Vector) -> Vector:
+    """Return how fast the teeth of a gear slip for the speed of each joint, (n,), at positions (n,) [rad or m]."""
     poses, twists = body_motions(tree, positions)
     one, other = coupling.base, coupling.follower
-    teeth = _TEETH[coupling.node.kind](
-        coupling.node, poses[one] @ coupling.in_base, poses[other] @ coupling.in_follower
-    )
+    ends = poses[one] @ coupling.in_base, poses[other] @ coupling.in_follower
+    teeth = _TEETH[coupling.node.kind](coupling.node, *ends)
     slips = _speeds(twists[one], teeth.base) - _speeds(twists[other], teeth.follower)
     row: Vector = teeth.along @ (slips + teeth.screw * (twists[one] - twists[other])[:3])
     row[np.abs(row) < 1e-7 * np.abs(row).max(initial=0.0)] = 0.0
@@ -143,9 +135,8 @@ _CUT: dict[str, Literal["hinge", "ball"]] = {"Revolute Joint": "hinge", "Spheric
 def cuttable(link: Link) -> bool:
     """Tell whether a coupling can take a joint's place: there is one, and the joint neither acts, senses nor asks."""
     joint = link.joint
-    held = any(
-        one.damping or one.stiffness or one.start is not None or one.start_speed is not None for one in joint.freedoms
-    )
+    asked = any((one.start, one.start_speed) != (None, None) for one in joint.freedoms)
+    held = asked or any(one.damping or one.stiffness for one in joint.freedoms)
     return joint.node.kind in _CUT and not (joint.inputs or joint.outputs or joint.pulls or held)
 
 
@@ -153,19 +144,17 @@ def close(tree: Tree) -> None:
     """Cut the loops of a tree, and start it with them closed, as near as can be to what its joints ask for."""
     for link in tree.closures:
         tree.closings += _cut(tree, link)
-    for coupling in tree.couplings:
-        if coupling.node.kind == ROD:
-            ends = coupling.base, coupling.follower, coupling.in_base, coupling.in_follower
-            (length,) = positive(coupling.node, "Distance", "1", 1)
-            tree.closings.append(Closing(coupling.node, *ends, "rod", float(length)))
+    gears = [coupling for coupling in tree.couplings if coupling.node.kind != ROD]
+    for rod in (coupling for coupling in tree.couplings if coupling not in gears):
+        (length,) = positive(rod.node, "Distance", "1", 1)
+        tree.closings.append(Closing(*rod.ends, "rod", float(length)))
     joints = [branch.link.joint for branch in tree.branches]
     screws = {joint.node: joint.screw for joint in joints if joint.screw}
     if tree.closings or screws:
         _settle(tree, _rows(tree, screws.values()))
     tree.gears |= screws
-    for coupling in tree.couplings:
-        if coupling.node.kind != ROD:
-            _mesh(tree, coupling)
+    for gear in gears:
+        _mesh(tree, gear)
     if tree.closings or tree.gears:
         _start(tree)
 
@@ -174,14 +163,12 @@ def _cut(tree: Tree, link: Link) -> list[Closing]:
     node = link.joint.node
     if cuttable(link):
         node.note("read", "closes a loop: a coupling in its place")
-        joined = link.base, link.follower, link.in_base, link.in_follower
-        return [Closing(node, *joined, _CUT[node.kind])]
+        return [Closing(*link.ends, _CUT[node.kind])]
     whole, turned = (link.base, True) if link.follower.grounded else (link.follower, False)
     halves = [replace(solid, weight=solid.weight.scaled(0.5)) for solid in whole.solids]
     whole.solids[:] = halves
     half = RigidPart(dict(whole.frames), [replace(solid, visible=False) for solid in halves])
-    base, follower = (half, link.follower) if turned else (link.base, half)
-    own = Link(node, base, follower, link.in_base, link.in_follower, link.joint)
+    own = replace(link, base=half) if turned else replace(link, follower=half)
     tree.branches.append(BodyOnJoint(half, link.follower if turned else link.base, own, turned))
     node.note("read", "closes a loop: its body is two halves that are welded together")
     return [Closing(node, half, whole, RigidTransform(), RigidTransform(), "weld")]
@@ -268,9 +255,7 @@ def _settle(tree: Tree, screws: Vector) -> None:
     found[~moves] = desired[~moves]
     if moves.any():
         found = _least(*staying, found, moves, tight=1e-15).x
-    endless = np.array(
-        [freedom.turns and freedom.lower == -np.inf and freedom.upper == np.inf for freedom in tree.freedoms]
-    )
+    endless = np.array([one.turns and one.lower == -np.inf and one.upper == np.inf for one in tree.freedoms])
     endless &= ~screws.any(axis=0)  # there a whole turn is a way
     found -= endless * 2 * np.pi * np.round((found - desired) / (2 * np.pi))
     poses = body_poses(tree, found)
@@ -291,9 +276,9 @@ def _mesh(tree: Tree, coupling: Coupling) -> None:
     """Note which sum of positions a gear keeps; one whose factors change with the posture is lost."""
     desired, node = _desired(tree), coupling.node
     try:
-        row = gear_row(coupling, tree, desired)
+        row = _gear_row(tree, coupling, desired)
         moved = desired + 0.1 * (np.eye(desired.size) - np.linalg.pinv(row[None]) @ row[None]) @ np.cos(desired)
-        other = gear_row(coupling, tree, moved)
+        other = _gear_row(tree, coupling, moved)
         if not row.any() or np.abs(other - row).max() > _CHANGES * np.abs(row).max():
             raise node.refusal("its ratio changes with the posture" if row.any() else "turns nothing")
     except InvalidModel as problem:

@@ -22,10 +22,9 @@ from simrob_drake.importer.meshes.places import in_any_case
 from simrob_drake.importer.meshes.reading import read_mesh
 from simrob_drake.simulink.model.nodes import Node
 
-_A, _B = 0.445948490915965, 0.091576213509771
-_WEIGHT_A, _WEIGHT_B = 0.223381589678011, 0.109951743655322
-_POINTS = np.array([np.roll([one, one, 1 - 2 * one], turn) for one in (_A, _B) for turn in (0, 2, 1)])
-_WEIGHTS = np.array([_WEIGHT_A] * 3 + [_WEIGHT_B] * 3)
+_POINTS = np.array([np.roll([one, one, 1 - 2 * one], turn) for one in (0.445948490915965, 0.091576213509771)
+                    for turn in (0, 2, 1)])  # fmt: skip
+_WEIGHTS = np.repeat([0.223381589678011, 0.109951743655322], 3)
 """Quadrature over a triangle that is exact to degree four (Dunavant 1985)."""
 
 
@@ -47,6 +46,12 @@ def integral(outline: Vector, function: Callable[[Vector, Vector], Vector]) -> f
 def area(outline: Vector) -> float:
     """Return the area inside an outline [m²]; negative if its corners run clockwise."""
     return integral(outline, lambda x, y: np.ones_like(x))
+
+
+def centre(outline: Vector) -> tuple[float, float]:
+    """Return the middle of the area inside an outline [m]."""
+    surface = area(outline)
+    return integral(outline, lambda x, _: x) / surface, integral(outline, lambda _, y: y) / surface
 
 
 def triangles(outline: Vector) -> Vector:
@@ -131,14 +136,12 @@ def extrusion(node: Node) -> tuple[Shape, Weight]:
     (length,) = positive(node, "ExtrusionLength", "1", 1)
     outline = extrusion_outline(node)
     surface = area(outline)
-    x = integral(outline, lambda x, _: x) / surface
-    y = integral(outline, lambda _, y: y) / surface
+    x, y = centre(outline)
     xx = integral(outline, lambda x, _: x * x) - surface * x * x
     yy = integral(outline, lambda _, y: y * y) - surface * y * y
-    xy = integral(outline, lambda x, y: x * y) - surface * x * y
+    xy = (integral(outline, lambda x, y: x * y) - surface * x * y) * length
     thick = surface * length**3 / 12
-    inertia = np.array([[yy * length + thick, -xy * length, 0], [-xy * length, xx * length + thick, 0], [0, 0, 0]])
-    inertia[2, 2] = (xx + yy) * length
+    inertia = np.array([[yy * length + thick, -xy, 0], [-xy, xx * length + thick, 0], [0, 0, (xx + yy) * length]])
     drawn = _skin([np.column_stack([outline, np.full(len(outline), z)]) for z in (-length / 2, length / 2)], outline)
     return Shape("mesh", mesh=drawn), Weight(surface * length, np.array([x, y, 0.0]), inertia)
 
@@ -239,25 +242,22 @@ class MeshFiles:
     def of(self, node: Node) -> tuple[Path | None, float]:
         """Return the mesh of a File Solid and its scale to metres; None, and a note, where it cannot be had."""
         name = node.text("ExtGeomFileName")
-        report = node.findings.report
-        if not name:
-            return None, 1.0
-        file = self._find(name)
+        file = self._find(name) if name else None
         if file is None:
-            report.add("dropped", node.path, f"the mesh {name} is not below the model's folder; give --mesh-path DIR")
-            return None, 1.0
-        if file.suffix.lower() not in READ:
-            report.add("dropped", node.path, f"the mesh {name}: {file.suffix} is not read; convert it to STL")
-            return None, 1.0
-        if file.suffix.lower() in STEP:  # it has units of its own
+            if name:
+                node.note("dropped", f"the mesh {name} is not below the model's folder; give --mesh-path DIR")
+        elif file.suffix.lower() not in READ:
+            node.note("dropped", f"the mesh {name}: {file.suffix} is not read; convert it to STL")
+        elif file.suffix.lower() in STEP:  # it has units of its own
             return file, 1.0
-        return file, node.in_si(node.text("ExtGeomFileUnits", "m"), "ExtGeomFileUnits", "m")
+        else:
+            return file, node.in_si(node.text("ExtGeomFileUnits", "m"), "ExtGeomFileUnits", "m")
+        return None, 1.0
 
     def weight(self, node: Node, file: Path | None, scale: float) -> Weight:
         """Return the weight of a mesh filled with 1 kg/m³.
 
-        Raises:
-            InvalidModel: there is no mesh, or one that encloses nothing.
+        Raises InvalidModel: there is no mesh, or one that encloses nothing.
         """
         if file is None:
             raise node.refusal(f"its weight follows from the mesh {node.text('ExtGeomFileName')}, which cannot be read")
@@ -286,8 +286,7 @@ class MeshFiles:
 def load_mesh(file: Path) -> MeshPart:
     """Return the triangles of a mesh; no file is read but this one.
 
-    Raises:
-        UnreadableMesh: it is too large, garbage, or holds no triangles; the text says what.
+    Raises UnreadableMesh: it is too large, garbage, or holds no triangles; the text says what.
     """
     if file.suffix.lower() in STEP:
         return _from_step(file, file.stat().st_mtime_ns)

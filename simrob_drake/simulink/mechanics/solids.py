@@ -23,15 +23,14 @@ from simrob_drake.simulink.mechanics.shapes import (
     MeshFiles,
     Shape,
     Weight,
-    area,
+    centre,
     extrusion,
     extrusion_outline,
-    integral,
     revolution_outline,
 )
 from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.reading.graph import Unreadable, parse_part
+from simrob_drake.simulink.reading.graph import Unreadable, one_line, parse_part
 
 _SHAPES: dict[str, Callable[[Node], tuple[Shape, Weight]]] = {
     "Brick Solid": shapes.brick, "Cylindrical Solid": shapes.cylinder, "Spherical Solid": shapes.sphere,
@@ -83,11 +82,10 @@ def hold_constant(network: Connections, node: Node) -> None:
     density = node.number("Density", "1000", unit="kg/m^3")
     if mass <= 0 or density <= 0:
         return
-    parameters = {**node.block.parameters, "Mass": f"{mass:.17g}", "MassUnits": "kg", how: "Mass"}
-    if how == "InertiaType":
-        parameters[how] = choice
-    else:  # a ball of even density
-        parameters |= {"SphereRadius": f"{(0.75 * mass / density / np.pi) ** (1 / 3):.17g}", "SphereRadiusUnits": "m"}
+    radius = (0.75 * mass / density / np.pi) ** (1 / 3)  # of a ball of even density
+    ball = {how: "Mass", "SphereRadius": f"{radius:.17g}", "SphereRadiusUnits": "m"}
+    parameters = {**node.block.parameters, "Mass": f"{mass:.17g}", "MassUnits": "kg"}
+    parameters |= {how: choice} if how == "InertiaType" else ball
     node.note("read", f"its mass is constant: {mass:g} kg")
     node.block = replace(node.block, kind=f"sm_lib/Body Elements/{place}", linked=True, parameters=parameters)
 
@@ -95,10 +93,9 @@ def hold_constant(network: Connections, node: Node) -> None:
 def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
     """Return what a solid block is.
 
-    Raises:
-        InvalidModel: figures that cannot be, or a weight that only a missing mesh could tell.
+    Raises InvalidModel: figures that cannot be, or a weight that only a missing mesh could tell.
     """
-    kind = solid_kind(node)
+    kind = _kind_of(node)
     shape: Shape | None = None
     even: Weight | None = None  # of 1 kg/m³
     file, scale = None, 1.0
@@ -106,7 +103,8 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
         try:
             shape, even = _SHAPES[kind](node)
         except InvalidModel as problem:
-            if _weighs_by_shape(node, kind) and not node.findings.undefined:
+            computed = node.text("InertiaType", "CalculateFromGeometry") == "CalculateFromGeometry"
+            if computed and _density(node) != 0 and not node.findings.undefined:
                 raise
             node.note("dropped", f"its shape: it {problem.problem}")
             even = NOTHING
@@ -117,24 +115,18 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
     return SolidBody(node, weight, shape, _colour(node), visible=seen, file=file, scale=scale)
 
 
-def solid_kind(node: Node) -> str:
-    """Return the block that a solid is today: older models have one for all shapes.
-
-    Raises:
-        InvalidModel: an unknown shape.
-    """
-    if node.kind != "Solid":
-        return node.kind
+def _kind_of(node: Node) -> str:
+    """Return the block that a solid is today: older models have one for all shapes (raises InvalidModel: unknown)."""
     shape = node.text("GeometryShape", "Brick")
-    if shape not in _OLD_SHAPES:
+    if node.kind == "Solid" and shape not in _OLD_SHAPES:
         raise node.refusal(f"has the unknown shape '{shape}'")
-    return _OLD_SHAPES[shape]
+    return _OLD_SHAPES[shape] if node.kind == "Solid" else node.kind
 
 
-def _weighs_by_shape(node: Node, kind: str) -> bool:
-    computed = node.text("InertiaType", "CalculateFromGeometry") == "CalculateFromGeometry" and kind != "Graphic"
-    massless = node.text("BasedOnType", "Density") == "Density" and node.number("Density", "1000", unit="kg/m^3") == 0
-    return computed and not massless
+def _density(node: Node) -> float | None:
+    """Return the density that a solid's weight follows from [kg/m³]; None where its mass is known instead."""
+    based = node.text("BasedOnType", "Density") != "Mass"
+    return node.number("Density", "1000", unit="kg/m^3") if based else None
 
 
 def _weight(node: Node, kind: str, even: Weight | None, of_mesh: Callable[[], Weight]) -> Weight:
@@ -142,7 +134,7 @@ def _weight(node: Node, kind: str, even: Weight | None, of_mesh: Callable[[], We
         return NOTHING
     method = node.text("InertiaType", "Custom" if kind == "Inertia" else "CalculateFromGeometry")
     if method == "PointMass":
-        return Weight(_mass(node), np.zeros(3), np.zeros((3, 3)))
+        return replace(NOTHING, mass=_mass(node))
     if method == "Custom":
         mass = _mass(node)
         moments = node.numbers("MomentsOfInertia", "[1 1 1]", unit="kg*m^2", size=3, unknown="[0 0 0]")
@@ -151,14 +143,11 @@ def _weight(node: Node, kind: str, even: Weight | None, of_mesh: Callable[[], We
         return Weight(mass, node.numbers("CenterOfMass", "[0 0 0]", unit="m", size=3), inertia)
     if method != "CalculateFromGeometry":
         raise node.refusal(f"has the unknown inertia type '{method}'")
-    based = node.text("BasedOnType", "Density")
-    if based == "Density" and node.number("Density", "1000", unit="kg/m^3") == 0:
+    if (density := _density(node)) == 0:
         return NOTHING
-    if even is None:
-        even = of_mesh()
-    if based == "Mass":
+    even = even or of_mesh()
+    if density is None:
         return even.scaled(_mass(node) / even.mass) if even.mass else NOTHING
-    density = node.number("Density", "1000", unit="kg/m^3")
     if density < 0:
         raise node.refusal(f"Density is {density:g}; it must not be negative")
     return even.scaled(density)
@@ -224,7 +213,11 @@ class SolidPort(NamedTuple):
 
 def solid_ports(node: Node) -> list[SolidPort]:
     """Return the ports of a Solid, Inertia or Graphic block (raises InvalidModel: its frames cannot be read)."""
-    order: list[str | Element | None] = list(_frames(node))
+    try:
+        frames = parse_part((node.text("SerializedFrames") or "<Frames/>").encode()).iter("Frame")
+    except Unreadable as problem:
+        raise node.refusal(f"its SerializedFrames {problem}") from problem
+    order: list[str | Element | None] = list(frames)
     if node.is_on("ExportEntireGeometry") or node.is_on("ExportConvexHullGeometry"):
         order.append(GEOMETRY)
     if node.text("DoExposeReferenceFrame", "on") == "on":
@@ -233,28 +226,16 @@ def solid_ports(node: Node) -> list[SolidPort]:
     return [SolidPort(sides[place % 2], place // 2 + 1, what) for place, what in enumerate(order) if what is not None]
 
 
-def _frames(node: Node) -> list[Element]:
-    text = node.text("SerializedFrames", "<Frames/>") or "<Frames/>"
-    try:
-        return list(parse_part(text.encode()).iter("Frame"))
-    except Unreadable as problem:
-        raise node.refusal(f"its SerializedFrames {problem}") from problem
-
-
 def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> RigidTransform:
     """Return the pose of one of a solid's frames in its reference frame, of the solid's weight if that is known.
 
-    Raises:
-        InvalidModel: a feature whose place is not known here.
+    Raises InvalidModel: a feature whose place is not known here.
     """
-    place = _origin(node, frame, weight)
-    axes = []
-    directions = []
-    for name in ("PrimaryAxis", "SecondaryAxis"):
+    place, axes, directions = _origin(node, frame, weight), [], []
+    for name, default in (("PrimaryAxis", "+Z"), ("SecondaryAxis", "+X")):
         source = frame.findtext(f"Value/{name}/Source") or "ReferenceFrame"
-        default = "+Z" if name == "PrimaryAxis" else "+X"
         along = frame.findtext(f"Value/{name}/SourceDirection") or default
-        feature = " ".join((frame.findtext(f"Value/{name}/FeatureName") or source).split())
+        feature = one_line(frame.findtext(f"Value/{name}/FeatureName") or source)
         direction = AXES.get(along, AXES[default]) if source == "ReferenceFrame" else _normal(node, feature, along)
         if direction is None:
             raise node.refusal(f"a frame follows '{feature}', which is not known here")
@@ -262,14 +243,13 @@ def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> Rigi
         directions.append(direction)
     if abs(axes[0] @ axes[1]) > 0.5 or abs(directions[0] @ directions[1]) > 0.5:
         raise node.refusal("a frame has both axes along one line")
-    own = np.column_stack([*axes, np.cross(axes[0], axes[1])])
-    there = np.column_stack([*directions, np.cross(directions[0], directions[1])])
+    own, there = (np.column_stack([*two, np.cross(*two)]) for two in (axes, directions))
     return RigidTransform(RotationMatrix(there @ own.T), place)
 
 
 def _normal(node: Node, feature: str, along: str) -> Vector | None:
     """Return where a flat side of a solid looks, or backwards for ``-Z``, shape (3,); None of what is not known."""
-    kind, side = solid_kind(node), feature.removesuffix(" surface").upper()
+    kind, side = _kind_of(node), feature.removesuffix(" surface").upper()
     ends = {"TOP": "+Z", "BOTTOM": "-Z"} if kind in ("Cylindrical Solid", "Extruded Solid") else {}
     ends = ends or (dict(zip(AXES, AXES, strict=True)) if kind == "Brick Solid" else {})
     if side not in ends or along[-1:] != "Z" or not feature.endswith(" surface"):
@@ -279,8 +259,7 @@ def _normal(node: Node, feature: str, along: str) -> Vector | None:
 
 def _origin(node: Node, frame: Element, weight: Weight | None) -> Vector:
     source = frame.findtext("Value/Origin/Source") or "ReferenceFrame"
-    feature = " ".join((frame.findtext("Value/Origin/FeatureName") or "").split())
-    kind = solid_kind(node)
+    feature, kind = one_line(frame.findtext("Value/Origin/FeatureName") or ""), _kind_of(node)
     place: Vector | None = None
     if source == "ReferenceFrame":
         place = np.zeros(3)
@@ -303,43 +282,46 @@ def _on_brick(node: Node, feature: str) -> Vector | None:
 
 
 def _on_cylinder(node: Node, feature: str) -> Vector | None:
-    half = node.number("CylinderLength", "1", unit="m") / 2
-    end = {"top": half, "bottom": -half, "side": 0.0}.get(feature.partition(" ")[0])
-    return None if end is None else np.array([0.0, 0.0, end])
+    end = {"top": 0.5, "bottom": -0.5, "side": 0.0}.get(feature.partition(" ")[0])
+    return None if end is None else np.array([0.0, 0.0, end * node.number("CylinderLength", "1", unit="m")])
 
 
 def _on_extrusion(node: Node, feature: str) -> Vector | None:
     half = node.number("ExtrusionLength", "1", unit="m") / 2
-    where, _, number = feature.partition(" ")
+    where = feature.partition(" ")[0]
     if where in ("top", "bottom"):
         return np.asarray(extrusion(node)[1].com + np.array([0.0, 0.0, half if where == "top" else -half]))
-    side = number.rpartition(" ")[2]
-    corners = extrusion_outline(node)
-    if not side.isdecimal() or not 1 <= int(side) <= len(corners):
+    if (ends := _side(feature, extrusion_outline(node))) is None:
         return None
+    side = feature.rpartition(" ")[2]
     node.note("approximated", f"a frame on '{feature}': in the middle of side {side}, counted as its corners are")
-    return np.append((corners[int(side) - 1] + corners[int(side) % len(corners)]) / 2, 0.0)
+    return np.append(ends.mean(axis=0), 0.0)
+
+
+def _side(feature: str, outline: Vector) -> Vector | None:
+    """Return the corners (2, 2) of a side of an outline that is called by its number."""
+    number = feature.rpartition(" ")[2]
+    known = number.isdecimal() and 1 <= int(number) <= len(outline)
+    return outline[[int(number) - 1, int(number) % len(outline)]] if known else None
 
 
 def _on_revolution(node: Node, feature: str) -> Vector | None:
     """Return the middle of an end of a part turn, or where a turned side stands on the axis."""
     outline, angle = revolution_outline(node)
-    where, _, number = feature.partition(" ")
+    where = feature.partition(" ")[0]
     if where in ("front", "back"):
-        x, z = (integral(outline, axis) / area(outline) for axis in (lambda x, _: x, lambda _, z: z))
+        x, z = centre(outline)
         turn = angle / 2 if where == "front" else -angle / 2
         node.note("approximated", f"a frame on '{feature}': on the side of the larger angle")
         return np.array([x * np.cos(turn), x * np.sin(turn), z])
-    side = number.rpartition(" ")[2]
-    if where != "side" or not side.isdecimal() or not 1 <= int(side) <= len(outline):
+    if where != "side" or (ends := _side(feature, outline)) is None:
         return None
-    ends = outline[[int(side) - 1, int(side) % len(outline)]]
     node.note("approximated", f"a frame on '{feature}': on the axis, counted as its corners are")
     return np.array([0.0, 0.0, ends[:, 1].mean()])
 
 
 _CENTRED = "Brick Solid", "Cylindrical Solid", "Spherical Solid", "Ellipsoidal Solid"
 _FEATURES: dict[str, Callable[[Node, str], Vector | None]] = {
-    "Brick Solid": _on_brick, "Cylindrical Solid": _on_cylinder, "Extruded Solid": _on_extrusion,
-    "Revolved Solid": _on_revolution, "Spherical Solid": lambda *_: np.zeros(3),
+    "Brick Solid": _on_brick, "Extruded Solid": _on_extrusion, "Revolved Solid": _on_revolution,
+    "Cylindrical Solid": _on_cylinder, "Spherical Solid": lambda *_: np.zeros(3),
 }  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -158,43 +157,29 @@ def _grown(bodies: Bodies, world: RigidPart | None, links: list[Link]) -> list[T
     trees: list[Tree] = []
     for link in holding.get(world, []) if world is not None else []:
         tree = Tree(link.base if link.base is world else link.follower)
-        outer = link.follower if link.base is world else link.base
-        if outer in seen:
-            continue  # the loop is told below
-        seen.add(outer)
-        tree.branches.append(BodyOnJoint(outer, tree.root, link, link.follower is world))
-        _grow(tree, outer, link, holding, seen)
-        trees.append(tree)
-    for body in _free_roots(bodies, seen):
-        if body in seen:
-            continue
-        tree = _free_tree(body, bodies)
-        seen.add(body)
-        _grow(tree, body, None, holding, seen)
-        trees.append(tree)
+        _grow(tree, [link], holding, seen)
+        trees += [tree] if tree.branches else []  # else a loop, which is told below
+    floating = [link.follower for link in bodies.links if link.joint.floating]
+    led_to = {link.follower for link in bodies.links}
+    first = [body for body in bodies.bodies if body not in led_to]
+    for body in (*floating, *first, *bodies.bodies):
+        if body not in seen and not body.grounded:
+            seen.add(body)
+            trees.append(_free_tree(body, bodies))
+            _grow(trees[-1], holding.get(body, []), holding, seen)
     _find_loops(bodies, trees)
     return trees
 
 
-def _grow(tree: Tree, start: RigidPart, entry: Link | None, holding: Holding, seen: set[RigidPart]) -> None:
-    queue: deque[tuple[RigidPart, Link | None]] = deque([(start, entry)])
-    while queue:
-        here, came = queue.popleft()
-        for link in holding.get(here, []):
-            outer = link.follower if link.base is here else link.base
-            if link is came or outer in seen or outer.grounded:
-                continue
+def _grow(tree: Tree, links: list[Link], holding: Holding, seen: set[RigidPart]) -> None:
+    """Add what hangs on the root of a tree by these joints, and on that."""
+    ways = [(tree.root, link) for link in links]
+    for here, link in ways:  # which grow meanwhile
+        outer = link.follower if link.base is here else link.base
+        if outer not in seen and not outer.grounded:
             seen.add(outer)
             tree.branches.append(BodyOnJoint(outer, here, link, link.follower is here))
-            queue.append((outer, link))
-
-
-def _free_roots(bodies: Bodies, seen: set[RigidPart]) -> list[RigidPart]:
-    """Return bodies that may be roots: first those that floating joints hold, then those no joint leads to."""
-    floating = [link.follower for link in bodies.links if link.joint.floating and not link.follower.grounded]
-    led_to = {link.follower for link in bodies.links}
-    first = [body for body in bodies.bodies if body not in led_to]
-    return [body for body in (*floating, *first, *bodies.bodies) if body not in seen and not body.grounded]
+            ways += [(outer, following) for following in holding[outer]]
 
 
 def _free_tree(body: RigidPart, bodies: Bodies) -> Tree:
@@ -219,9 +204,7 @@ def _seen_from_its_middle(body: RigidPart, first: RigidTransform) -> Tree:
 def _find_loops(bodies: Bodies, trees: list[Tree]) -> None:
     used = {branch.link for tree in trees for branch in tree.branches}
     for link in bodies.links:
-        if link in used or link.joint.floating:
-            continue
-        if tree := _owner(link, trees):
+        if link not in used and not link.joint.floating and (tree := _owner(link, trees)):
             tree.closures.append(link)
     for coupling in bodies.couplings:
         if coupling.node.kind in (*GEARS, ROD) and (tree := _owner(coupling, trees)):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property, partial
-from itertools import count, takewhile
+from itertools import chain, count, takewhile
 
 from scipy.cluster.hierarchy import DisjointSet
 
@@ -59,10 +59,9 @@ class Connections:
         found, waiting = {start}, [start]
         while waiting:
             places = (self._wired.get if ends is None else ends)(waiting.pop()) or ()
-            new = {one for place in places for one in self.on(place) if not one.children} - found
-            new = {one for one in new if one.kind not in _ASIDE}
+            new = {one for place in places for one in self.on(place) if not one.children and one.kind not in _ASIDE}
+            waiting += new - found
             found |= new
-            waiting += new
         return found
 
     def unread(self, node: Node) -> list[Place]:
@@ -71,8 +70,7 @@ class Connections:
 
     def leads_outside(self, node: Node, side: str, number: int) -> bool:
         """Tell whether a physical port is joined with a port of the model itself, as in a file that others use."""
-        here = self.net(node, side, number)
-        ports = [child for child in self.expanded.root.children.values() if child.kind == "PMIOPort"]
+        here, ports = self.net(node, side, number), _ports(self.expanded.root, "PMIOPort")
         return any(self._find((id(port), "conn", 1)) == here for port in ports)
 
     def alone(self, node: Node, side: str, number: int) -> bool:
@@ -102,8 +100,8 @@ class Connections:
         if not node.is_on("Variant"):
             return port
         inner = _ports(chosen_variant(node), "Outport")
-        same = [own for own in inner if port is not None and own.block.name == port.block.name]
-        return next((own for own in (*same, *inner) if own in same or _number(own) == output), None)
+        same = (own for own in inner if port is not None and own.block.name == port.block.name)
+        return next(chain(same, (own for own in inner if _number(own) == output)), None)
 
     def elements(self, node: Node, output: int) -> dict[str, Node]:
         """Return the blocks in a subsystem that make one of its outputs a bus, by the names of their signals."""
@@ -178,27 +176,22 @@ class Connections:
     def _goto(self, node: Node) -> Node | None:
         """Return the Goto block of a tag: on the same level, else outward, else anywhere."""
         found = self._gotos.get(node.text("GotoTag", "A"), [])
+        by_level = {id(goto.parent): goto for goto in reversed(found)}
         level = node.parent
-        while level is not None:
-            for goto in found:
-                if goto.parent is level:
-                    return goto
+        while level is not None and id(level) not in by_level:
             level = level.parent
-        return found[0] if len(found) == 1 else None
+        return by_level[id(level)] if level is not None else found[0] if len(found) == 1 else None
 
     def _join_level(self, owner: Node) -> None:
         system = owner.block.system
         assert system is not None
         for net in system.nets:
-            present = list(_present(owner, net))
-            places = [
-                (id(node), *(("conn", 1) if node.kind == "PMIOPort" else (port.side, port.number)))
-                for node, port in present
-            ]
-            for (node, _), place in zip(present, places, strict=True):
+            first: Place | None = None
+            for node, port in _present(owner, net):
+                place = (id(node), *(("conn", 1) if node.kind == "PMIOPort" else (port.side, port.number)))
                 self._wired.setdefault(node, set()).add(place)
-            for place in places[1:]:
-                self._join(places[0], place)
+                first = first or place
+                self._join(first, place)
         for start, ends in system.wires:
             for node, end in _present(owner, ends):
                 source = owner.children.get(start.block)
@@ -223,16 +216,13 @@ class Connections:
                     self._join(known.setdefault((self._find((id(bus), "rconn", 1)), name.strip()), place), place)
 
     def _join_ports(self, owner: Node) -> None:
+        choice = chosen_variant(owner) if owner.is_on("Variant") else None
+        inner: dict[str, Place] = {port.block.name: (id(port), "conn", 1) for port in _ports(owner, "PMIOPort")}
         if owner.is_on("Variant") and owner.children:
-            choice = chosen_variant(owner)
-            inner = _sides(choice) if choice is not None else {}
-            for name, (side, number) in _sides(owner).items():
-                if name in inner:
-                    self._join((id(owner), side, number), (id(choice), *inner[name]))
-            return
-        ports = {node.block.name: node for node in owner.children.values() if node.kind == "PMIOPort"}
-        for name, (side, number) in _sides(owner).items():
-            self._join((id(owner), side, number), (id(ports[name]), "conn", 1))
+            inner = {name: (id(choice), *place) for name, place in (_sides(choice).items() if choice else ())}
+        for name, place in _sides(owner).items():
+            if name in inner:
+                self._join((id(owner), *place), inner[name])
 
     def _find(self, place: Place) -> Place:
         self._nets.add(place)
@@ -246,10 +236,7 @@ class Connections:
 
 def _present(owner: Node, ports: list[Port]) -> Iterator[tuple[Node, Port]]:
     """Return the ports of blocks that take part; those commented out do not."""
-    for port in ports:
-        node = owner.children.get(port.block)
-        if node is not None:
-            yield node, port
+    return ((node, port) for port in ports if (node := owner.children.get(port.block)) is not None)
 
 
 def _ports(owner: Node | None, kind: str) -> list[Node]:
@@ -263,10 +250,8 @@ def _number(node: Node) -> int:
 
 def _sides(owner: Node) -> dict[str, tuple[str, int]]:
     """Return the physical ports of a subsystem by the names of the port blocks: which side, and the how-manieth."""
-    ports = sorted((node for node in owner.children.values() if node.kind == "PMIOPort"), key=_number)
-    counts = {"lconn": 0, "rconn": 0}
-    places = {}
-    for node in ports:
+    counts, places = {"lconn": 0, "rconn": 0}, {}
+    for node in sorted(_ports(owner, "PMIOPort"), key=_number):
         side = "rconn" if node.text("Side", "Left") == "Right" else "lconn"
         counts[side] += 1
         places[node.block.name] = (side, counts[side])

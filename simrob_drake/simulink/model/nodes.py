@@ -76,6 +76,10 @@ class Node:
         """Return a parameter as it is written."""
         return self.block.parameters.get(name, default)
 
+    def named(self, *names: str) -> str:
+        """Return which of these names a parameter has here; the first where it has none of them."""
+        return next((one for one in names if one in self.block.parameters), names[0])
+
     def is_on(self, name: str) -> bool:
         """Tell whether a switch is on."""
         return self.text(name, "off") == "on"
@@ -85,8 +89,7 @@ class Node:
 
         Where a variable is not known it is ``unknown``, or else the default.
 
-        Raises:
-            InvalidModel: it cannot be computed.
+        Raises InvalidModel: it cannot be computed.
         """
         text = self.text(name, default) or default
         try:
@@ -104,17 +107,10 @@ class Node:
     def numbers(
         self, name: str, default: str, *, unit: str = "1", size: int | None = None, unknown: str | None = None
     ) -> Vector:
-        """Return a parameter as a flat vector in SI.
+        """Return a parameter as a flat vector in SI; its unit stands under ``<name>Units``, and must be like ``unit``.
 
-        Args:
-            name: the parameter; its unit stands under ``<name>Units``.
-            default: what counts where it is missing.
-            unit: a unit of the dimension it must have.
-            size: how many numbers there must be.
-            unknown: what counts where a variable is not known; the default unless given.
-
-        Raises:
-            InvalidModel: another number of numbers, or a unit that does not fit.
+        The default counts where it is missing, and ``unknown``, or the default, where a variable is not known. Raises
+        InvalidModel: not ``size`` numbers, or a unit that does not fit.
         """
         array = self.matrix(name, default, unknown).reshape(-1)
         if size is not None and array.size != size:
@@ -136,7 +132,7 @@ class Node:
 
     def quantity(self, *names: str, default: str = "0") -> float:
         """Return a parameter in SI under the first of these names that is there; its unit is under ``<name>_unit``."""
-        name = next((one for one in names if one in self.block.parameters), names[0])
+        name = self.named(*names)
         return self.number(name, default) * self.in_si(self.text(f"{name}_unit", "1"), name)
 
     def unit(self, name: str, like: str) -> float:
@@ -158,8 +154,7 @@ class Node:
 
     def lose(self, problem: InvalidModel, instead: str = "") -> None:
         """Note that what the block does to the motion is lost, and why."""
-        message = str(problem).rpartition(f"{self.path}: ")[2]
-        self.note("lost", message + instead)
+        self.note("lost", str(problem).rpartition(f"{self.path}: ")[2] + instead)
 
     def refusal(self, problem: str) -> InvalidModel:
         """Return the error for what this block cannot be."""
@@ -192,11 +187,13 @@ class Expanded:
             raise parent.refusal("its libraries contain themselves")
         assert parent.block.system is not None
         for sid, written in parent.block.system.blocks.items():
-            block = self._as_set(parent, written)
+            path = path_below(parent, written)
+            found = self.settings.get(_plain(path))  # by code of masks around it
+            block = replace(written, parameters={**written.parameters, **found}) if found else written
             if block.commented == "on":
-                self.leave_out(path_below(parent, block), block, "commented out")
-                continue
-            parent.children[sid] = self._node(parent, block)
+                self.leave_out(path, block, "commented out")
+            else:
+                parent.children[sid] = self._node(parent, block)
         if parent.is_on("Variant"):
             for other in _drop_the_others(parent):
                 self.leave_out(other.path, other.block, "a variant that is not chosen")
@@ -206,11 +203,6 @@ class Expanded:
                 raise parent.refusal(f"the model has more than {MOST_BLOCKS} blocks with its libraries")
             if node.block.system is not None and node.block.commented != "through":
                 self.fill(node, depth + 1)
-
-    def _as_set(self, parent: Node, block: SimulinkBlock) -> SimulinkBlock:
-        """Return a block with the parameters that code of masks around it sets."""
-        found = self.settings.get(_plain(path_below(parent, block)))
-        return replace(block, parameters={**block.parameters, **found}) if found else block
 
     def _node(self, parent: Node, block: SimulinkBlock) -> Node:
         path = path_below(parent, block)
@@ -242,21 +234,20 @@ class Expanded:
                 self._note_missing(path, "referenced subsystem", referenced, moves=moves)
                 return replace(block, mask=None, system=None), home
             return replace(block, mask=model.mask, system=model.system), referenced
-        mask, own = block.mask, block
+        mask, own, written = block.mask, block, block.parameters.items()
         for _ in range(DEEPEST):
             if not own.linked or own.kind.partition("/")[0] in BUILT_IN:
                 break
-            source = own.kind
-            if source.startswith("$bdroot/"):
-                source = f"{home}/{source.removeprefix('$bdroot/')}"
-            home = source.partition("/")[0]
+            first, _, rest = own.kind.partition("/")
+            home = home if first == "$bdroot" else first
+            source = f"{home}/{rest}"
             found = self.libraries.block(source)
             if found is None:
                 if not self.libraries.script(block.parameters.get("ClassName", ""), ".ssc"):
                     self._note_missing(path, f"library block {source}", home, moves=moves)
                 return replace(block, mask=None, system=None), home
-            written = {name: text for name, text in block.parameters.items() if name not in _OF_LINKS}
-            own, mask = replace(found, parameters={**found.parameters, **written}), mask or found.mask
+            said = {name: text for name, text in written if name not in _OF_LINKS}
+            own, mask = replace(found, parameters=found.parameters | said), mask or found.mask
         return replace(own, sid=block.sid, name=block.name, mask=mask), home
 
     def _note_missing(self, path: str, what: str, name: str, *, moves: bool) -> None:
@@ -270,8 +261,7 @@ def expand(
 ) -> Expanded:
     """Return a model with libraries, referenced subsystems and chosen variants put in.
 
-    Raises:
-        InvalidModel: it has no end, or a library cannot be read.
+    Raises InvalidModel: it has no end, or a library cannot be read.
     """
     code = "\n".join(model.callbacks.values())
     called = Variables(name="callbacks", variables=dict(variables), code=code, octave=octave, files=libraries)

@@ -26,8 +26,7 @@ class Unreadable(ValueError):
 def parse_part(content: bytes) -> ET.Element:
     """Return the outermost element of a part.
 
-    Raises:
-        Unreadable: it is no XML, declares a document type, or is nested too deeply.
+    Raises Unreadable: it is no XML, declares a document type, or is nested too deeply.
     """
     builder = ET.TreeBuilder()
     depth = 0
@@ -50,8 +49,7 @@ def parse_part(content: bytes) -> ET.Element:
     parser = expat.ParserCreate()
     parser.buffer_text = True
     parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler = builder.data
-    parser.StartDoctypeDeclHandler = refuse
+    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = builder.data, refuse
     try:
         parser.Parse(content, True)
         return builder.close()
@@ -120,11 +118,9 @@ def _fill(element: Element, tokens: Iterator[tuple[str, str]], depth: int) -> No
 
 
 def _give(element: Element, key: str, value: str) -> Element:
-    if element.tag == "Block" and key == "BlockType":
+    if element.tag == "Block" and key in ("BlockType", "Name"):
         element.set(key, value)
-    elif element.tag == "Block" and key == "Name":
-        element.set(key, value)
-        element.set("SID", value)  # lines name the blocks
+        element.attrib |= {"SID": value} if key == "Name" else {}  # lines name the blocks
     parameter = SubElement(element, "P", Name=key)
     parameter.text = value
     return parameter
@@ -202,6 +198,15 @@ class System:
     signals: dict[Port, str] = field(default_factory=dict)  # names of lines, by the ports they come from
     nets: list[list[Port]] = field(default_factory=list)  # physical lines: ports that are one node
 
+    def find(self, path: str) -> SimulinkBlock | None:
+        """Return the block at ``system/block``, in whose names a ``/`` stands twice; None where there is none."""
+        system: System | None = self
+        found: SimulinkBlock | None = None
+        for step in (one_line(part.replace("\0", "/")) for part in path.replace("//", "\0").split("/")):
+            found = next((one for one in system.blocks.values() if one.name == step), None) if system else None
+            system = found.system if found else None
+        return found
+
 
 @dataclass
 class Model:
@@ -277,18 +282,18 @@ class SystemReader:
             parameters |= {"Port": said.get("PortNumber", "1"), ELEMENT: said.get("Element", "")}
         name, side = _COUNTED.get(kind, ("", ""))
         counted = {name: counts.attrib[side]} if counts is not None and side in counts.attrib else {}
-        linked = kind == "Reference"
-        inner = element.find("System")
-        mask, before = element.find("Mask"), element.find("Object[@PropName='MaskObject']")
-        return SimulinkBlock(
-            sid=element.get("SID") or parameters.get("SID") or element.get("Name") or "",
-            name=one_line(element.get("Name", "")),
-            kind=one_line(source) if linked else kind,
-            linked=linked,
+        block = SimulinkBlock(
+            element.get("SID") or parameters.get("SID") or element.get("Name") or "", one_line(element.get("Name", "")),
+            one_line(source) if kind == "Reference" else kind, linked=kind == "Reference",
             parameters={**counted, **self._defaults.get(kind, {}), **parameters},
-            mask=read_mask(mask) if mask is not None else _mask_of_object(before) if before is not None else None,
-            system=None if inner is None else self.system(inner, depth + 1),
-        )
+        )  # fmt: skip
+        if (inner := element.find("System")) is not None:
+            block.system = self.system(inner, depth + 1)
+        if (mask := element.find("Mask")) is not None:
+            block.mask = read_mask(mask)
+        elif (before := element.find("Object[@PropName='MaskObject']")) is not None:
+            block.mask = _mask_of_object(before)
+        return block
 
 
 def read_defaults(element: Element | None) -> dict[str, dict[str, str]]:
@@ -299,24 +304,17 @@ def read_defaults(element: Element | None) -> dict[str, dict[str, str]]:
 
 def read_mask(element: Element) -> Mask:
     """Return a mask."""
-    code = element.find("Initialization")
-    return Mask(
-        tuple(_mask_parameter(parameter) for parameter in element.iterfind("MaskParameter")),
-        code.text or "" if code is not None else "",
-    )
+    parameters = tuple(map(_mask_parameter, element.iterfind("MaskParameter")))
+    return Mask(parameters, element.findtext("Initialization") or "")
 
 
 def _mask_parameter(element: Element) -> MaskParameter:
     options, members = element.find("TypeOptions"), element.findall("EnumerationTypeOptions/EnumerationMember")
     named = options.iter("Option") if options is not None else (one.find("DescriptiveName") for one in members)
-    return MaskParameter(
-        name=element.get("Name", ""),
-        value=element.findtext("Value") or "",
-        evaluated=element.get("Evaluate", "on") == "on",
-        kind=element.get("Type", "edit"),
-        choices=tuple(one.text or "" if one is not None else "" for one in named),
-        counts=tuple(member.findtext("Value") or "" for member in members),
-    )
+    choices = tuple(one.text or "" if one is not None else "" for one in named)
+    counts = tuple(member.findtext("Value") or "" for member in members)
+    value, evaluated = element.findtext("Value") or "", element.get("Evaluate", "on") == "on"
+    return MaskParameter(element.get("Name", ""), value, evaluated, element.get("Type", "edit"), choices, counts)
 
 
 def _mask_of_object(element: Element) -> Mask:
@@ -350,20 +348,13 @@ def _named_outputs(element: Element) -> Iterator[tuple[int, str]]:
 
 
 def _add_line(system: System, element: Element) -> None:
-    ends = [
-        (parameter.get("Name"), _port(parameter.text or ""))
-        for parameter in element.iter("P")
-        if parameter.get("Name") in ("Src", "Dst")
-    ]
-    physical = element.get("LineType") == "Connection" or any(port.side in ("lconn", "rconn") for _, port in ends)
-    if physical:
+    said = [(parameter.get("Name"), parameter.text or "") for parameter in element.iter("P")]
+    ends = [(role, _port(text)) for role, text in said if role in ("Src", "Dst")]
+    if element.get("LineType") == "Connection" or any(port.side in ("lconn", "rconn") for _, port in ends):
         system.nets.append([port for _, port in ends])
-        return
-    sources = [port for role, port in ends if role == "Src"]
-    if sources:
+    elif sources := [port for role, port in ends if role == "Src"]:
         system.wires.append((sources[0], [port for role, port in ends if role == "Dst"]))
-        name = _parameters(element).get("Name", "")
-        if name:
+        if name := _parameters(element).get("Name", ""):
             system.signals[sources[0]] = one_line(name)
 
 

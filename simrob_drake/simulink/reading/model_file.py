@@ -8,10 +8,10 @@ import re
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
-from functools import cached_property
+from contextlib import contextmanager, suppress
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -24,7 +24,6 @@ from simrob_drake.simulink.reading.graph import (
     System,
     SystemReader,
     Unreadable,
-    one_line,
     parse_mdl,
     parse_part,
     read_defaults,
@@ -48,20 +47,18 @@ _TEXT_PART = re.compile(rb"^__MWOPC_PART_BEGIN__ (\S.*?)\s*$\n", re.MULTILINE)
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError, ValueError)
 
 
-class Package:
-    """The parts of a model file by name, such as ``simulink/blockdiagram.xml``.
+class _Parts(dict[str, bytes]):
+    """The XML parts of a model file by name, such as ``simulink/blockdiagram.xml``, and its workspace.
 
     Attributes:
         path: the file.
-        parts: the XML parts, and a workspace; empty for the old `.mdl` text without parts, which ``text`` then holds.
-        text: the whole of an old `.mdl` file.
+        text: the whole of an old `.mdl` file, which has no parts; else empty.
     """
 
     def __init__(self, path: Path) -> None:
         """Read a file (raises InvalidModel: it is missing, protected, damaged or too large)."""
-        self.path = path
-        self.parts: dict[str, bytes] = {}
-        self.text = b""
+        super().__init__()
+        self.path, self.text = path, b""
         if path.suffix.lower() in (".slxp", ".mdlp"):
             raise InvalidModel(path, "", "is a protected model, which only MATLAB opens; ask its author for the .slx")
         try:
@@ -70,10 +67,15 @@ class Package:
             raise InvalidModel(path, "", f"cannot be read: {problem}") from problem
         if zipfile.is_zipfile(io.BytesIO(content)):
             self._read_zip(content)
-        elif path.suffix.lower() == ".mdl":
-            self._read_text(content)
+        elif path.suffix.lower() != ".mdl":
+            raise InvalidModel(path, "", "is no .slx file: not a zip, or one that was cut off")
+        elif _TEXT_PACKAGE not in content[:4096]:
+            self.text = content
         else:
-            raise InvalidModel(self.path, "", "is no .slx file: not a zip, or one that was cut off")
+            pieces = _TEXT_PART.split(content.replace(b"\r\n", b"\n"))
+            for name, part in zip(pieces[1::2], pieces[2::2], strict=True):
+                whole = part.partition(b"__MWOPC_PACKAGE_END__")[0].strip()
+                self._keep(name.split()[0].decode("ascii", "replace"), partial(io.BytesIO, whole))
 
     def _read_zip(self, content: bytes) -> None:
         try:
@@ -82,32 +84,29 @@ class Package:
                 if len(entries) > MOST_PARTS:
                     raise InvalidModel(self.path, "", f"has {len(entries)} parts; at most {MOST_PARTS} are read")
                 for entry in entries:
-                    name = entry.filename.lstrip("/")
-                    if (name.startswith("simulink/") and name.endswith(".xml")) or name == _STORED:
-                        with archive.open(entry) as part:
-                            self._keep(name, part.read(LARGEST_PART + 1))
+                    self._keep(entry.filename, partial(archive.open, entry))
+        except InvalidModel:
+            raise
         except _DAMAGE as problem:
-            if isinstance(problem, InvalidModel):
-                raise
             raise InvalidModel(self.path, "", f"is a damaged zip: {problem}") from problem
 
-    def _read_text(self, content: bytes) -> None:
-        if _TEXT_PACKAGE not in content[:4096]:
-            self.text = content
+    def _keep(self, written: str, opened: Callable[[], IO[bytes]]) -> None:
+        name = written.lstrip("/")
+        if not (name.startswith("simulink/") and name.endswith(".xml")) and name != _STORED:
             return
-        content = content.replace(b"\r\n", b"\n")
-        pieces = _TEXT_PART.split(content)
-        for name, part in zip(pieces[1::2], pieces[2::2], strict=True):
-            clean = name.split()[0].decode("ascii", "replace").lstrip("/")
-            if clean.startswith("simulink/") and clean.endswith(".xml"):
-                self._keep(clean, part.partition(b"__MWOPC_PACKAGE_END__")[0].strip())
-
-    def _keep(self, name: str, content: bytes) -> None:
-        if len(content) > LARGEST_PART:
+        with opened() as part:
+            self[name] = part.read(LARGEST_PART + 1)
+        if len(self[name]) > LARGEST_PART:
             raise InvalidModel(self.path, name, f"is larger than {LARGEST_PART // 2**20} MB")
-        self.parts[name] = content
-        if sum(map(len, self.parts.values())) > LARGEST_MODEL:
+        if sum(map(len, self.values())) > LARGEST_MODEL:
             raise InvalidModel(self.path, "", f"unpacks to more than {LARGEST_MODEL // 2**20} MB")
+
+    def element(self, name: str) -> Element:
+        """Return the outermost element of a part (raises InvalidModel: it is missing, or no XML)."""
+        if name not in self:
+            raise InvalidModel(self.path, name, "is missing; the file is damaged, or no Simulink model")
+        with _readable(self.path, name):
+            return parse_part(self[name])
 
 
 SUFFIXES = (".slx", ".mdl", ".slxp", ".mdlp")
@@ -123,78 +122,56 @@ _CALLBACK = re.compile(r"(PreLoad|PostLoad|Init|Start)Fcn")
 def read_model(path: Path) -> Model:
     """Return the graph of a model file.
 
-    Raises:
-        InvalidModel: it is missing, damaged, protected, or holds no block diagram.
+    Raises InvalidModel: it is missing, damaged, protected, or holds no block diagram.
     """
-    package = Package(path)
-    diagram = _parsed(path, "", parse_mdl, package.text) if package.text else _element(package, _DIAGRAM)
+    parts = _Parts(path)
+    with _readable(path):
+        diagram = parse_mdl(parts.text) if parts.text else parts.element(_DIAGRAM)
     top = next((child for child in diagram if child.tag in _KINDS), None)
     inner = None if top is None else top.find("System")
     if top is None or inner is None:
-        raise InvalidModel(
-            path, _DIAGRAM, "holds no model, library or subsystem; a newer format than this reader knows?"
-        )
-    written = _element(package, _DEFAULTS) if _DEFAULTS in package.parts else top
+        message = "holds no model, library or subsystem; a newer format than this reader knows?"
+        raise InvalidModel(path, _DIAGRAM, message)
+    written = parts.element(_DEFAULTS) if _DEFAULTS in parts else top
     defaults = read_defaults(written.find("BlockParameterDefaults"))
-    reader = SystemReader(lambda name: _element(package, f"simulink/systems/{name}.xml"), defaults)
-    system = _parsed(path, "", reader.system, inner)
-    _add_scripts(package, system)
-    workspace = top.find("ModelWorkspace")
+    reader = SystemReader(lambda name: parts.element(f"simulink/systems/{name}.xml"), defaults)
+    with _readable(path):
+        system = reader.system(inner)
+    _add_scripts(parts, system)
     texts = {parameter.get("Name", ""): parameter.text or "" for parameter in top.iterfind("P")}
-    return Model(
-        path=path,
-        kind=top.tag,
-        system=system,
-        mask=read_mask(_element(package, _MASK)) if _MASK in package.parts else None,
-        code="" if workspace is None else _workspace_code(workspace),
-        stored=package.parts.get(_STORED, b""),
-        stop_time=_stop_time(package, texts),
-        callbacks={name: text for name, text in texts.items() if _CALLBACK.fullmatch(name) and text.strip()},
-    )
+    callbacks = {name: text for name, text in texts.items() if _CALLBACK.fullmatch(name) and text.strip()}
+    mask = read_mask(parts.element(_MASK)) if _MASK in parts else None
+    stored, code = parts.get(_STORED, b""), _workspace_code(top)
+    return Model(path, top.tag, system, mask, code, stored, callbacks, _stop_time(parts, texts))
 
 
-def _workspace_code(workspace: Element) -> str:
+def _workspace_code(top: Element) -> str:
     """Return the code of a model's workspace, or what takes its variables from the file in which they are."""
-    texts = {parameter.get("Name", ""): parameter.text or "" for parameter in workspace.iterfind("P")}
+    texts = {parameter.get("Name", ""): parameter.text or "" for parameter in top.iterfind("ModelWorkspace/P")}
     command = {"MATLAB File": "run", "MAT-File": "load"}.get(texts.get("WSDataSource", ""))
     return f"{command}('{texts.get('WSSourceFileName', '')}')" if command else texts.get("WSMATLABCode", "")
 
 
-def _add_scripts(package: Package, system: System) -> None:
-    for name in package.parts:
-        for chart in _element(package, name).iter("chart") if name.startswith("simulink/stateflow") else ():
-            parts = (parameter for parameter in chart.iter("P") if parameter.get("Name") == "script")
-            code = next((part.text for part in parts if part.text), "")
-            here: System | None = system
-            block = None
-            for step in (chart.findtext("P[@Name='name']") or "").replace("//", "\0").split("/"):
-                called = one_line(step.replace("\0", "/"))
-                block = next((one for one in here.blocks.values() if one.name == called), None) if here else None
-                here = block.system if block else None
-            if block is not None and code:
+def _add_scripts(parts: _Parts, system: System) -> None:
+    for name in parts:
+        for chart in parts.element(name).iter("chart") if name.startswith("simulink/stateflow") else ():
+            scripts = (one.text for one in chart.iter("P") if one.get("Name") == "script")
+            code = next(filter(None, scripts), "")
+            if code and (block := system.find(chart.findtext("P[@Name='name']") or "")) is not None:
                 block.parameters[SCRIPT] = code
 
 
-def _stop_time(package: Package, texts: dict[str, str]) -> str:
+def _stop_time(parts: _Parts, texts: dict[str, str]) -> str:
     """Return when a run of the model ends: it stands in the configuration, or in an old file on top."""
-    found = (_STOP_TIME.search(package.parts[name]) for name in sorted(package.parts) if "configSet" in name)
+    found = (_STOP_TIME.search(parts[name]) for name in sorted(parts) if "configSet" in name)
     written = next((match[1].decode("utf-8", "replace") for match in found if match), texts.get("StopTime", ""))
     return written.strip() or "10"
 
 
-_Content = TypeVar("_Content")
-_Found = TypeVar("_Found")
-
-
-def _element(package: Package, name: str) -> Element:
-    if name not in package.parts:
-        raise InvalidModel(package.path, name, "is missing; the file is damaged, or no Simulink model")
-    return _parsed(package.path, name, parse_part, package.parts[name])
-
-
-def _parsed(path: Path, name: str, parse: Callable[[_Content], _Found], content: _Content) -> _Found:
+@contextmanager
+def _readable(path: Path, name: str = "") -> Iterator[None]:
     try:
-        return parse(content)
+        yield
     except Unreadable as problem:
         raise InvalidModel(path, name, str(problem)) from problem
 
@@ -254,17 +231,11 @@ class Libraries:
     def block(self, place: str) -> SimulinkBlock | None:
         """Return the block of a library at ``file/system/block``, or None where there is none.
 
-        Raises:
-            InvalidModel: the library cannot be read.
+        Raises InvalidModel: the library cannot be read.
         """
-        name, *way = (part.replace("\0", "/") for part in place.replace("//", "\0").split("/"))
+        name, slash, way = place.partition("/")
         model = self.model(name)
-        system: System | None = model.system if model else None
-        found: SimulinkBlock | None = None
-        for step in way:
-            found = next((block for block in system.blocks.values() if block.name == step), None) if system else None
-            system = found.system if found else None
-        return found
+        return model.system.find(way) if model and slash else None
 
     def script(self, name: str, suffix: str = ".m") -> str:
         """Return the text of a function's, script's or component's own file; empty where it lies in no folder."""

@@ -16,19 +16,19 @@ from simrob_drake.simulink.signals.forms import (
     PARTS,
     Form,
     Primitive,
+    Rule,
     Signal,
     Term,
+    Tracer,
     Value,
     computed,
     evaluated,
     fitted,
     flat,
     mapped,
-    scaled,
     signal,
     widened,
 )
-from simrob_drake.simulink.signals.tracing import Rule, Tracer
 from simrob_drake.simulink.values.evaluate import INTEGERS
 
 MOST_INPUTS = 1000
@@ -95,7 +95,7 @@ def inputs_of(reader: Tracer, node: Node, default: str = "2") -> list[Signal]:
     elif "," in text and "[" not in text:  # names of signals
         number = text.count(",") + 1
     else:
-        sizes = node.numbers("Inputs" if "Inputs" in node.block.parameters else "NumInputs", default)
+        sizes = node.numbers(node.named("Inputs", "NumInputs"), default)
         number = int(sizes[0]) if sizes.size == 1 else sizes.size
     return [reader.input(node, place + 1) for place in range(min(number, MOST_INPUTS))]
 
@@ -110,15 +110,15 @@ def _signed(reader: Tracer, node: Node, default: str, letters: str) -> list[tupl
 
 
 def _gain(reader: Tracer, node: Node, _: int) -> Signal:
-    gain, values = node.matrix("Gain" if "Gain" in node.block.parameters else "gain", "1"), reader.input(node)
+    gain, values = node.matrix(node.named("Gain", "gain"), "1"), reader.input(node)
     if gain.size == 1:
-        return scaled(values, float(gain[0, 0]))
+        return np.asarray(float(gain[0, 0]) * values)
     mode = node.text("Multiplication", "Element-wise(K.*u)")
     if mode.startswith("Element-wise"):
         if values.size not in (1, gain.size):
             raise node.refusal(f"Gain has {gain.size} numbers for a signal of {values.size}")
         factors = gain.reshape(-1, order="F") if 1 in gain.shape and values.ndim == 1 else gain
-        return mapped(lambda k, one: k * one, *fitted(node, factors.astype(object), values))
+        return np.asarray(np.multiply(*fitted(node, factors.astype(object), values)))
     if mode.startswith("Matrix(u*K)"):
         return _times(node, values.reshape(1, -1) if values.ndim == 1 else values, gain.astype(object)).reshape(-1)
     return _times(node, gain.astype(object), values)
@@ -130,7 +130,7 @@ def _times(node: Node, left: Signal, right: Signal) -> Signal:
     if rows.shape[1] != 1:
         right = widened(right, rows.shape[1])
     if 1 in (left.size, right.size):
-        return mapped(lambda one, other: one * other, left, right)
+        return np.asarray(left * right)
     if len(right) != rows.shape[1] == right.size:
         right = right.reshape(-1, 1)
     if len(right) != rows.shape[1]:
@@ -139,7 +139,7 @@ def _times(node: Node, left: Signal, right: Signal) -> Signal:
 
 
 def _sum(reader: Tracer, node: Node, _: int) -> Signal:
-    total = [scaled(one, 1.0 if sign == "+" else -1.0) for sign, one in _signed(reader, node, "++", "+-")]
+    total = [(1.0 if sign == "+" else -1.0) * one for sign, one in _signed(reader, node, "++", "+-")]
     if len(total) == 1:
         return signal([sum(flat(total[0]), start=0.0)])
     return mapped(lambda *values: sum(values[1:], start=values[0]), *fitted(node, *total))
@@ -261,22 +261,19 @@ def _extreme(reader: Tracer, node: Node, _: int) -> Signal:
 
 def looked_up(value: Value, points: Any, values: Any, *, clip: bool) -> Value:
     """Return what a table, whose points rise, holds at a value; beyond its ends what they are, or go on to be."""
-    columns = {name: np.asarray(column, dtype=float).reshape(-1).tolist() for name, column in
-               (("points", points), ("values", values))}  # fmt: skip
+    x, y = (np.asarray(column, dtype=float).reshape(-1).tolist() for column in (points, values))
     if clip and not isinstance(value, Form):
-        return float(np.interp(value, columns["points"], columns["values"]))
-    return computed("lookup", value, **columns, **({"clip": True} if clip else {}))
+        return float(np.interp(value, x, y))
+    return computed("lookup", value, points=x, values=y, **({"clip": True} if clip else {}))
 
 
 def _lookup(reader: Tracer, node: Node, _: int) -> Signal | None:
     if node.text("NumberOfTableDimensions", "1") != "1":
         return None
-    points = "BreakpointsForDimension1" if "BreakpointsForDimension1" in node.block.parameters else "InputValues"
-    values = "Table" if "Table" in node.block.parameters else "OutputValues"
-    heights = node.numbers(values, "tanh([-5:5])")
+    heights = node.numbers(node.named("Table", "OutputValues"), "tanh([-5:5])")
     clip = "Clip" in node.text("ExtrapMethod") or "Use End Values" in node.text("LookUpMeth")
     if node.text("BreakpointsSpecification", "Explicit values") == "Explicit values":
-        places = node.numbers(points, "[-5:5]")
+        places = node.numbers(node.named("BreakpointsForDimension1", "InputValues"), "[-5:5]")
     else:
         first, step = (node.number(f"BreakpointsForDimension1{what}", "1") for what in ("FirstPoint", "Spacing"))
         places = np.asarray(first + step * np.arange(heights.size))

@@ -12,24 +12,28 @@ import numpy as np
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import (
+    LAG,
     ONE,
     PARTS,
     Form,
     Primitive,
+    Rule,
     Signal,
     Term,
     TermKind,
+    Tracer,
     Value,
     added,
+    computed,
     early,
     fitted,
     flat,
+    late,
     mapped,
-    scaled,
+    of_time,
     signal,
     terms_of,
 )
-from simrob_drake.simulink.signals.tracing import LAG, Rule, Tracer
 
 Parameters = dict[str, Any]
 _FOLLOWING: dict[TermKind, TermKind] = {"q": "w", "w": "a"}
@@ -42,24 +46,13 @@ _MOST_SAMPLES = 2000
 def blocks(reader: Tracer, node: Node, kind: str, *parameters: Parameters, at_once: bool = False) -> Signal:
     """Return a block, element by element; its inputs are followed later, unless its outputs depend on them at once."""
     shape = reader.input(node).shape if at_once else reader.shape(node)
-    size = max(len(parameters), math.prod(shape))
-
-    def made(index: int) -> Value:
-        def inputs() -> list[Value]:
-            values = flat(reader.input(node))
-            return [values[min(index, len(values) - 1)]]
-
-        own = parameters[min(index, len(parameters) - 1)]
-        return Primitive(kind, own, inputs, node, place=index if size > 1 else None).outputs[0]
-
-    found = signal(made(index) for index in range(size))
-    return found.reshape(shape, order="F") if size == math.prod(shape) else found
+    return late(kind, parameters, partial(reader.input, node), node, shape)
 
 
-def filtered(node: Node | None, value: Value, numerator: Iterable[float], denominator: Iterable[float]) -> Value:
+def filtered(value: Value, numerator: Iterable[float], denominator: Iterable[float]) -> Value:
     """Return a transfer function of a value that is known."""
-    parameters = {"numerator": [float(one) for one in numerator], "denominator": [float(one) for one in denominator]}
-    return Primitive("transfer_function", parameters, lambda: [value], node).outputs[0]
+    above, below = ([float(one) for one in factors] for factors in (numerator, denominator))
+    return computed("transfer_function", value, numerator=above, denominator=below)
 
 
 def rate_of(node: Node, value: Value) -> Value:
@@ -79,9 +72,11 @@ def rate_of(node: Node, value: Value) -> Value:
     found = added((1.0, Form(rate)))
     if rest:
         node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
-        inputs = cache(lambda: [Form(rest) - (early(Form(rest)) or 0.0)])  # once all is traced
+        inputs = cache(
+            lambda: [Form(rest) - ((of_time(Form(rest)) and early(Form(rest))) or 0.0)]
+        )  # once all is traced
         parameters = {"numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
-        found = Primitive("transfer_function", parameters, inputs, node).outputs[0] + found
+        found = Primitive("transfer_function", parameters, inputs).outputs[0] + found
     return found
 
 
@@ -127,10 +122,8 @@ def _integrator(reader: Tracer, node: Node, _: int) -> Signal:
 
 
 def _limits(node: Node) -> Parameters:
-    if not node.is_on("LimitOutput"):
-        return {}
-    sides = {"lower": ("LowerSaturationLimit", "-inf"), "upper": ("UpperSaturationLimit", "inf")}
-    bounds = {name: float(node.matrix(*side).reshape(-1)[0]) for name, side in sides.items()}
+    sides = (("Lower", "-inf"), ("Upper", "inf")) if node.is_on("LimitOutput") else ()
+    bounds = {end.lower(): float(node.matrix(f"{end}SaturationLimit", none).reshape(-1)[0]) for end, none in sides}
     return {name: bound for name, bound in bounds.items() if math.isfinite(bound)}
 
 
@@ -141,13 +134,12 @@ def _discrete_integrator(reader: Tracer, node: Node, _: int) -> Signal:
     method, gain = node.text("IntegratorMethod", "Integration: Forward Euler"), node.number("gainval", "1")
     if method.startswith("Accumulation"):
         gain /= period
-    starts = node.numbers("InitialCondition", "0")
+    starts, limits = node.numbers("InitialCondition", "0"), {name: one / gain for name, one in _limits(node).items()}
     if "Forward" in method or node.is_on("LimitOutput"):
         if "Forward" not in method:
             node.note("approximated", "as forward Euler, with its limits")
-        limits = {name: one / gain for name, one in _limits(node).items()}
         parameters = [{"initial": float(one) / gain, **limits, **sampled} for one in starts]
-        return scaled(blocks(reader, node, "integrator", *parameters), gain)
+        return np.asarray(gain * blocks(reader, node, "integrator", *parameters))
     through = gain * period * (0.5 if "Trapezoidal" in method else 1.0)
     matrices: Parameters = {"A": [[1.0]], "B": [[gain * period]], "C": [[1.0]], "D": [[through]], **sampled}
     return blocks(reader, node, "state_space", *(matrices | {"initial": [float(one)]} for one in starts), at_once=True)
@@ -158,18 +150,18 @@ def _transfer_function(reader: Tracer, node: Node, _: int) -> Signal | None:
         return None
     sampled = _sampled(reader, node) if "Discrete" in node.kind else {}
     if "ZeroPole" in node.kind:
-        zeros, poles = (node.numbers(name, default) for name, default in (("Zeros", "[]"), ("Poles", "[]")))
-        numerator, denominator = node.number("Gain", "1") * np.atleast_1d(np.poly(zeros)), np.atleast_1d(np.poly(poles))
+        zeros, poles = (np.atleast_1d(np.poly(node.numbers(name, "[]"))) for name in ("Zeros", "Poles"))
+        numerator, denominator = node.number("Gain", "1") * zeros, poles
     elif node.kind == "Discrete Derivative":
         gain = node.number("gainval", "1") / sampled["period"]
         numerator, denominator = np.array([gain, -gain]), np.array([1.0, 0.0])
+    elif node.kind == "DiscreteFir":
+        numerator, denominator = node.numbers("Coefficients", "[0.5 0.5]"), np.array([1.0])
     else:
         numerator, denominator = node.numbers("Numerator", "[1]"), node.numbers("Denominator", "[1 1]")
-        if node.kind == "DiscreteFir":
-            numerator, denominator = node.numbers("Coefficients", "[0.5 0.5]"), np.array([1.0])
-        if node.kind in ("DiscreteFilter", "DiscreteFir"):  # powers of 1/z
-            size = max(numerator.size, denominator.size)
-            numerator, denominator = (np.append(one, np.zeros(size - one.size)) for one in (numerator, denominator))
+    if node.kind in ("DiscreteFilter", "DiscreteFir"):  # powers of 1/z
+        size = max(numerator.size, denominator.size)
+        numerator, denominator = (np.append(one, np.zeros(size - one.size)) for one in (numerator, denominator))
     return _rational(reader, node, numerator, denominator, sampled)
 
 
@@ -199,13 +191,13 @@ def _begun_transfer_function(reader: Tracer, node: Node, _: int) -> Signal | Non
         node.note("approximated", "begins at its output without what its states are beside it")
     parameters = {"numerator": numerator.tolist(), "denominator": denominator.tolist()}
     values = blocks(reader, node, "transfer_function", parameters)
-    rest = mapped(lambda u: filtered(node, u, numerator, denominator), begun.astype(object))
+    rest = mapped(lambda u: filtered(u, numerator, denominator), begun.astype(object))
     return mapped(lambda one, y, other: one + y - other, *fitted(node, values, output.astype(object), rest))
 
 
 def _state_space(reader: Tracer, node: Node, _: int) -> Signal:
     parameters: Parameters = {name: node.matrix(name, "1").tolist() for name in "ABCD"}
-    start = node.numbers("X0" if "X0" in node.block.parameters else "InitialCondition", "0")
+    start = node.numbers(node.named("X0", "InitialCondition"), "0")
     if start.any():
         parameters["initial"] = (np.resize(start, len(parameters["A"])) if start.size == 1 else start).tolist()
     return _states(reader, node, parameters | (_sampled(reader, node) if "Discrete" in node.kind else {}))
@@ -219,19 +211,15 @@ def _states(reader: Tracer, node: Node, parameters: Parameters) -> Signal:
 
 
 def _delay(reader: Tracer, node: Node, _: int) -> Signal:
-    period, steps = period_of(reader, node), 1
-    if node.kind == "Delay":
-        known = node.text("DelayLengthSource", "Dialog") == "Dialog"
-        steps = int(node.number("DelayLength", "2")) if known else 1
+    known = node.kind == "Delay" and node.text("DelayLengthSource", "Dialog") == "Dialog"
+    period, steps = period_of(reader, node), int(node.number("DelayLength", "2")) if known else 1
     if period is None or node.kind == "Memory" or steps < 1:
         if steps >= 1:
             node.note("approximated", "its delay of one step of the solver is left out")
         return reader.input(node)
-    name = next((name for name in ("InitialCondition", "vinit", "X0") if name in node.block.parameters), "")
-    starts = node.numbers(name, "0") if name else np.zeros(1)
+    starts = node.numbers(node.named("InitialCondition", "vinit", "X0"), "0")
     shared = {"period": period, **({"steps": steps} if steps > 1 else {})}
-    parameters = [shared | {"initial": float(one)} for one in starts]
-    return blocks(reader, node, "delay", *parameters)
+    return blocks(reader, node, "delay", *(shared | {"initial": float(one)} for one in starts))
 
 
 def _hold(reader: Tracer, node: Node, _: int) -> Signal:
@@ -249,12 +237,10 @@ def _transport_delay(reader: Tracer, node: Node, _: int) -> Signal:
 
 
 def _rate_limiter(reader: Tracer, node: Node, _: int) -> Signal:
-    rising, falling = (
-        node.quantity(f"{side.lower()}SlewLimit", f"{side}SlewLimit", default=default)
-        for side, default in (("Rising", "1"), ("Falling", "-1"))
-    )
-    parameters = {"rising": rising, "falling": -falling, "initial": node.number("InitialCondition", "0")}
+    rising = node.quantity("risingSlewLimit", "RisingSlewLimit", default="1")
+    falling = -node.quantity("fallingSlewLimit", "FallingSlewLimit", default="-1")
     node.note("approximated", f"is late by {LAG:g} s where it follows")
+    parameters = {"rising": rising, "falling": falling, "initial": node.number("InitialCondition", "0")}
     return blocks(reader, node, "rate_limiter", parameters)
 
 
@@ -278,12 +264,11 @@ def _pid(reader: Tracer, node: Node, _: int) -> Signal:
         if node.text("Form", "Parallel") != "Parallel":
             own |= {name: own[name] * own.get("p", 1.0) for name in ("i", "d") if name in own}
         extra: Value = 0.0
-        block_parameters = parameters | own
         if "d" in own and node.text("UseFilter", "on") == "off" and not parameters.get("period"):
             extra, rest = _unfiltered(node, parts[-1], own["d"], parameters)
-            block_parameters |= rest
+            own |= rest
         place = index if errors[0].size > 1 else None
-        made = Primitive("pid", block_parameters, partial(tuple[Value, ...], parts), node, place=place).outputs[0]
+        made = Primitive("pid", parameters | own, partial(tuple[Value, ...], parts), node, place=place).outputs[0]
         found.append(made + extra)
     return signal(found).reshape(errors[0].shape, order="F")
 
@@ -291,8 +276,7 @@ def _pid(reader: Tracer, node: Node, _: int) -> Signal:
 def _gains(reader: Tracer, node: Node, letters: str, both: bool) -> dict[str, Vector]:
     """Return a controller's gains, and N where inputs have them.
 
-    Raises:
-        InvalidModel: these change, or weight a setpoint.
+    Raises InvalidModel: these change, or weight a setpoint.
     """
     names = [name for name in "PID" if name in letters]
     if node.text("ControllerParametersSource", "internal") == "internal":
@@ -325,12 +309,11 @@ def _pid_parameters(reader: Tracer, node: Node, letters: str, rate: Vector | Non
             parameters |= {f"{key}_initial": start} if start else {}
             method = _METHODS.get(node.text(f"{name}Method", "Forward Euler"), 0.0)
             parameters |= {f"{key}_weight": method} if discrete and method else {}
-    if node.is_on("LimitOutput"):
-        parameters |= _limits(node)
-        mode = node.text("AntiWindupMode", "none")
-        if "I" in letters and mode != "none":
-            parameters["anti_windup"] = "clamping" if mode == "clamping" else "back_calculation"
-            parameters |= {"back_calculation": node.number("Kb", "1")} if mode != "clamping" else {}
+    parameters |= _limits(node)
+    mode = node.text("AntiWindupMode", "none")
+    if node.is_on("LimitOutput") and "I" in letters and mode != "none":
+        parameters |= {"anti_windup": "clamping"} if mode == "clamping" else {
+            "anti_windup": "back_calculation", "back_calculation": node.number("Kb", "1")}  # fmt: skip
     return parameters
 
 

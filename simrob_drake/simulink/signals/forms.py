@@ -6,18 +6,20 @@ What no sum can tell (a saturation, an integral, a product of two signals) is a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import TypeAdapter
 
-from simrob_drake.errors import SimrobError
+from simrob_drake.errors import InvalidModel, SimrobError
 from simrob_drake.parts.controllers.flow_blocks import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.simulink.mechanics.joints import Freedom
+from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
 
 TermKind = Literal["one", "time", "q", "w", "a", "t", "distance", "sensed", "input", "open", "block"]
@@ -91,34 +93,6 @@ class Form:
         return computed("product", other, self, divides=[1])
 
 
-class Complex(Form):
-    """A complex number of signals; what is computed with it must become real again."""
-
-    def __init__(self, real: Value, imag: Value = 0.0) -> None:
-        super().__init__({})
-        self.real, self.imag = real, imag
-
-    def __add__(self, other: Value) -> Value:
-        other = other if isinstance(other, Complex) else Complex(other)
-        return Complex(self.real + other.real, self.imag + other.imag)
-
-    def __neg__(self) -> Value:
-        return Complex(-self.real, -self.imag)
-
-    def __mul__(self, other: Value) -> Value:
-        other = other if isinstance(other, Complex) else Complex(other)
-        real, imag = self.real * other.real - self.imag * other.imag, self.real * other.imag + self.imag * other.real
-        return Complex(real, imag)
-
-    def __truediv__(self, other: Value) -> Value:
-        return other.__rtruediv__(self) if isinstance(other, Complex) else Complex(self.real / other, self.imag / other)
-
-    def __rtruediv__(self, other: Value) -> Value:
-        return other * Complex(self.real, -self.imag) / (self.real * self.real + self.imag * self.imag)
-
-    __radd__, __rmul__ = __add__, __mul__
-
-
 Value: TypeAlias = Form | float  # an element of a signal
 Signal: TypeAlias = np.ndarray[Any, np.dtype[np.object_]]  # values in an array of shape (n,), or (r, c) of a matrix
 
@@ -151,15 +125,8 @@ def added(*parts: tuple[float, Value]) -> Value:
 def evaluated(value: Value, leaf: Callable[[Term], float | None], known: dict[Term, float], time: float = 0.0) -> float:
     """Return what a value is at a time [s], of blocks in the states at their start.
 
-    Args:
-        value: the value.
-        leaf: gives a term; None of a block that is to be computed.
-        known: terms that are known, to which others are added.
-        time: when [s].
-
-    Raises:
-        RecursionError: a loop.
-        ArithmeticError, ValueError: what cannot be computed.
+    ``leaf`` gives a term, or None of a block that is to be computed; ``known`` are terms, to which others are added.
+    Raises RecursionError: a loop; ArithmeticError, ValueError: what cannot be computed.
     """
     total = 0.0
     for term, factor in terms_of(value).items():
@@ -181,17 +148,19 @@ def of_time(value: Value) -> bool:
 
 
 def early(value: Value, time: float = 0.0) -> float | None:
-    """Return a value of time alone, at a time [s] so early that its states are as at the start; None of others."""
+    """Return a value of time alone, at a time [s] so early that its states are as at the start; None of none."""
+
+    def leaf(term: Term) -> float | None:
+        return None if isinstance(term.of, Primitive) else time if term.kind == "time" else 1.0
+
     with suppress(SimrobError, ValueError, ArithmeticError, RecursionError):  # it is told where it is written
-        if of_time(value):
-            known = {Term("time"): time}
-            return evaluated(value, lambda term: None if isinstance(term.of, Primitive) else 1.0, known, time)
+        return evaluated(value, leaf, {}, time)
     return None
 
 
 def computed(kind: str, *inputs: Value, **parameters: Any) -> Value:
     """Return what a block of one output makes of its inputs (raises ValueError: complex ones)."""
-    if any(isinstance(one, Complex) for one in inputs):
+    if any(isinstance(one, Form) and type(one) is not Form for one in inputs):
         raise ValueError(f"complex numbers in a {kind}")
     return Primitive(kind, parameters, lambda: inputs).outputs[0]
 
@@ -212,9 +181,22 @@ def mapped(function: Callable[..., Value], *signals: Signal) -> Signal:
     return np.asarray(np.frompyfunc(function, len(signals), 1)(*signals), dtype=object)
 
 
-def scaled(values: Signal, factor: float) -> Signal:
-    """Return a signal times a number."""
-    return mapped(lambda value: factor * value, values)
+def late(
+    kind: str, parameters: Sequence[dict[str, Any]], give: Callable[[], Signal], node: Node, shape: tuple[int, ...]
+) -> Signal:
+    """Return a block for each element of a signal that is followed later, with parameters of its own or the last."""
+    size = max(len(parameters), math.prod(shape))
+
+    def made(index: int) -> Value:
+        def inputs() -> list[Value]:
+            values = flat(give())
+            return [values[min(index, len(values) - 1)]]
+
+        own = parameters[min(index, len(parameters) - 1)]
+        return Primitive(kind, own, inputs, node, place=index if size > 1 else None).outputs[0]
+
+    found = signal(map(made, range(size)))
+    return found.reshape(shape, order="F") if size == math.prod(shape) else found
 
 
 def blocks_in(values: Iterable[Value]) -> Iterator[Primitive]:
@@ -225,10 +207,9 @@ def blocks_in(values: Iterable[Value]) -> Iterator[Primitive]:
 
 def name_after(node: Node, values: Iterable[Value]) -> None:
     """Let blocks without a node, and those that they take, be parts of a block of the model."""
-    waiting = [block for block in blocks_in(values) if block.node is None]
+    waiting = list(blocks_in(values))
     while waiting:
-        block = waiting.pop()
-        if block.node is None:
+        if (block := waiting.pop()).node is None:
             block.node = node
             waiting += blocks_in(block.inputs())
 
@@ -260,11 +241,153 @@ def widened(values: Signal, size: int) -> Signal:
         return values
     (value,) = values.ravel()
     ((term, factor), *others) = terms_of(value).items() or [(ONE, 0.0)]
-    node = term.of
-    if not others and isinstance(node, Node) and _has_no_width(term.kind, node):
+    node, grows = term.of, term.kind == "open"
+    if term.kind == "input" and isinstance(node, Node):
+        grows = node.text("PortDimensions", "-1") in ("-1", "")
+    if not others and isinstance(node, Node) and grows:
         return signal(Form({Term(term.kind, node, term.index + index): factor}) for index in range(size))
     return signal([value] * size)
 
 
-def _has_no_width(kind: TermKind, node: Node) -> bool:
-    return kind == "open" or (kind == "input" and node.text("PortDimensions", "-1") in ("-1", ""))
+LAG = 1e-3
+"""Time constant [s] of what stands for a derivative of something that is not measured, or breaks an algebraic loop."""
+_MOST_GUESSES = 5
+_Shapes: TypeAlias = dict[Node, tuple[int, ...]]
+
+
+class Tracer:
+    """Knows what each output of a model is made of, by the rules of its blocks.
+
+    Attributes:
+        network: the connections.
+        opened: blocks that are left open, in the order they were met, and what is wrong with their parameters.
+        own: rules of blocks that have one of their own.
+    """
+
+    def __init__(self, network: Connections, rules: Mapping[str, Rule]) -> None:
+        self.network, self._rules = network, rules
+        self.opened: dict[Node, str] = {}
+        self.own: dict[Node, Rule] = {}
+        self._known: dict[tuple[Node, int], Signal] = {}
+        self._made: dict[Node, list[Signal]] = {}
+        self._under_way: list[tuple[Node, int]] = []
+        self._shapes: _Shapes = {}
+        self._guesses: _Shapes | None = None
+        self._physical: dict[Place, Callable[[], Signal]] = {}
+
+    def offer(self, node: Node, number: int, give: Callable[[], Signal], side: str = "rconn") -> None:
+        """Take note of what gives the physical signal at a port."""
+        self._physical[self.network.net(node, side, number)] = give
+
+    def physical(self, node: Node, side: str, number: int) -> Signal | None:
+        """Return the physical signal at a port, in SI; None where nothing drives it."""
+        source = self._physical.get(self.network.net(node, side, number))
+        return None if source is None else source()
+
+    def followed(self, node: Node) -> bool:
+        """Tell whether anything that moves, or ends a run, depends on a block's output."""
+        return any(known is node for known, _ in self._known)
+
+    def input(self, node: Node, number: int = 1) -> Signal:
+        """Return the signal at an input; an unconnected one is 0, as in Simulink, and is noted."""
+        source = self.network.source(node, number)
+        found = self.physical(node, "lconn", number) if source is None else self.output(*source)
+        if found is None:
+            node.note("defaulted", f"input {number} is not connected: it is 0")
+            return signal([0.0])
+        return found
+
+    def inputs(self, node: Node) -> list[Signal]:
+        """Return the signals at the inputs of a block that is left open."""
+        return [self.output(*source) for source in self.network.sources(node)]
+
+    def once(self, node: Node, make: Callable[[], list[Signal]]) -> list[Signal]:
+        """Return all outputs of a block, which are made at the first of them."""
+        if self._guesses is not None:
+            return make()
+        if node not in self._made:
+            self._made[node] = make()
+        return self._made[node]
+
+    def shape(self, node: Node) -> tuple[int, ...]:
+        """Return the shape of what the first input takes, of a block through which loops go.
+
+        The loop is followed with a guess of the shape until it comes round to the same; what is found on the way is
+        forgotten.
+        """
+        if node in self._shapes:
+            return self._shapes[node]
+        if self._guesses is not None:  # within another search
+            if node not in self._guesses:
+                self._guesses[node] = (1,)
+                self._guesses[node] = self.input(node).shape
+            return self._guesses[node]
+        guesses: _Shapes = {node: (1,)}
+        for _ in range(_MOST_GUESSES):
+            with self._guessing(guesses) as guessed:
+                found = {one: self.input(one).shape for one in guesses}
+            found = guessed | found
+            if found == guesses:
+                break
+            guesses = found
+        self._shapes |= guesses
+        return self._shapes[node]
+
+    @contextmanager
+    def _guessing(self, guesses: _Shapes) -> Iterator[_Shapes]:
+        """Follow signals with guesses of shapes, to which others are added; else all that is found is forgotten."""
+        entries = self.network.expanded.findings.report.entries
+        kept = self._known, self._under_way, self.opened, entries.copy()
+        self._known, self._under_way, self.opened = dict(self._known), [], dict(self.opened)
+        self._guesses = dict(guesses)
+        try:
+            yield self._guesses
+        finally:
+            self._known, self._under_way, self.opened, entries[:] = kept
+            self._guesses = None
+
+    def output(self, node: Node, number: int = 1) -> Signal:
+        """Return the signal at an output."""
+        key = node, number
+        if key in self._known:
+            return self._known[key]
+        if key in self._under_way:
+            return self._broken(node, number)
+        self._under_way.append(key)
+        found = self._computed(node, number)
+        self._under_way.remove(key)
+        if found.size > MOST_ELEMENTS:
+            raise node.refusal(f"has a signal of more than {MOST_ELEMENTS} elements")
+        name_after(node, flat(found))
+        self._known[key] = found
+        return found
+
+    @np.errstate(all="ignore")  # as above
+    def _computed(self, node: Node, number: int) -> Signal:
+        rule, why = self.own.get(node) or self._rules.get(node.kind), ""
+        try:
+            found = rule(self, node, number) if rule is not None else None
+        except InvalidModel as problem:
+            found, why = None, problem.problem
+        return self._open(node, number, why) if found is None else found
+
+    def _open(self, node: Node, number: int, why: str = "") -> Signal:
+        self.opened.setdefault(node, why)
+        return signal([Form({Term("open", node, (number - 1) * MOST_ELEMENTS): 1.0})])
+
+    def _broken(self, node: Node, number: int) -> Signal:
+        """Return an output that depends on itself at once: late by a filter, for no net of blocks solves for it."""
+        if self._guesses is not None:
+            return signal([Form({Term("open", node): 1.0})])
+        way = [one.path for one, _ in self._under_way]
+        loop = " → ".join([*way[way.index(node.path) :], node.path])
+        node.note("approximated", f"an algebraic loop, late by {LAG:g} s: {loop}")
+        with self._guessing({}):
+            shape = self.output(node, number).shape
+
+        parameters = [{"numerator": [1.0], "denominator": [LAG, 1.0]} for _ in range(math.prod(shape))]
+        return late("transfer_function", parameters, lambda: self.output(node, number), node, shape)
+
+
+Rule: TypeAlias = Callable[[Tracer, Node, int], Signal | None]
+"""What a block gives at an output; None where it is not understood."""

@@ -1,7 +1,8 @@
 """What drives joints and acts on bodies: sums of signals, motion over time, contact; servos where the user asks."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain, count
 from math import inf
 
 import numpy as np
@@ -28,6 +29,7 @@ from simrob_drake.simulink.signals.forms import (
     Primitive,
     Signal,
     Term,
+    Tracer,
     Value,
     added,
     closure,
@@ -38,7 +40,6 @@ from simrob_drake.simulink.signals.forms import (
     widened,
 )
 from simrob_drake.simulink.signals.sources import orientation, part_of
-from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9
 _INSTANT = 1e-6
@@ -68,8 +69,7 @@ class Law:
 def read_laws(tracer: Tracer, joints: list[Joint], *, servos: bool = False) -> dict[Freedom, Law]:
     """Return the law of every driven degree of freedom; with ``servos`` those that come to one are servos.
 
-    Raises:
-        InvalidModel: vectors that do not fit.
+    Raises InvalidModel: vectors that do not fit.
     """
     laws: dict[Freedom, Law] = {}
     for joint in joints:
@@ -92,7 +92,7 @@ def read_laws(tracer: Tracer, joints: list[Joint], *, servos: bool = False) -> d
 def begin_on_motions(laws: dict[Freedom, Law]) -> None:
     """Let joints whose motion is given start on it, at its speed, before all that other joints ask for."""
     for freedom, law in laws.items():
-        if freedom.driven == "motion" and law.reference is not None:
+        if freedom.driven == "motion" and law.reference is not None and of_time(law.reference):
             before, after = (early(law.reference, time) for time in (0.0, _INSTANT))
             if before is not None and after is not None:
                 freedom.start, freedom.start_speed = before, (after - before) / _INSTANT
@@ -149,14 +149,13 @@ def _take(law: Law, terms: dict[Term, float], freedom: Freedom) -> bool:
     terms = _without_pid(law, terms)
     q, w = Term("q", freedom), Term("w", freedom)
     law.kp, law.kd = -terms.pop(q, 0.0), law.kd - terms.pop(w, 0.0)
-    integrals = [term for term in terms if isinstance(term.of, Primitive) and term.of.kind == "integrator"]
-    for term in integrals:
-        assert isinstance(term.of, Primitive)
-        (value,) = term.of.inputs()
-        inner = terms_of(value)
-        law.ki += -terms.pop(term) * inner.get(q, 0.0)
-        if {"lower", "upper", "period"} & term.of.parameters.keys() or not all(map(_asks, inner.keys() - {q})):
-            return False
+    for term, block in [(term, term.of) for term in terms]:
+        if isinstance(block, Primitive) and block.kind == "integrator":
+            (value,) = block.inputs()
+            inner = terms_of(value)
+            law.ki += -terms.pop(term) * inner.get(q, 0.0)
+            if {"lower", "upper", "period"} & block.parameters.keys() or not all(map(_asks, inner.keys() - {q})):
+                return False
     if min(law.kp, law.ki, law.kd) < 0 or not all(map(_asks, terms)) or (terms and not law.kp):
         return False
     if law.kp:
@@ -201,37 +200,37 @@ class ExternalForce:
     pose: RigidTransform  # of its frame in the first one of the body
     force: list[Value]  # along the axes of its frame, each of 3 [N, N·m]
     torque: list[Value]
-    senses: bool  # whether it acts along the axes of the world, so that the orientation of its frame is measured
+    senses: bool = True  # whether it acts along the axes of the world, so that the orientation of its frame is measured
     ends: tuple[Node, Node] | None = None
     """The blocks on whose frames what it senses is, and from where that is seen; its own unless given."""
 
     @property
+    def terms(self) -> Iterator[Term]:
+        """All that it depends on, followed as it is asked for."""
+        return (term for terms in closure([*self.force, *self.torque]) for term in terms)
+
+    @property
     def jumps(self) -> bool:
         """Whether it depends on how a body is, and on a choice or a sign, as where contact is drawn of signals."""
-        terms = {term for terms in closure([*self.force, *self.torque]) for term in terms}
-        blocks = [term.of for term in terms if isinstance(term.of, Primitive)]
+        blocks = [term.of for term in self.terms if isinstance(term.of, Primitive)]
         chooses = any(one.kind in ("switch", "compare") or one.parameters.get("function") == "sign" for one in blocks)
-        return chooses and any(term.kind in ("q", "w", "sensed") for term in terms)
+        return chooses and any(term.kind in ("q", "w", "sensed") for term in self.terms)
 
 
 def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
     """Return what blocks apply from signals; those that inputs of the model drive alone stay ports of the station."""
     pushes = []
     for body in bodies.bodies:
-        for node, pose in [mark for mark in body.marks if mark[0].kind == PUSH]:
-            push = _push(tracer, node, body, pose)
-            if any(term.kind != "input" for terms in closure([*push.force, *push.torque]) for term in terms):
+        for mark in [mark for mark in body.marks if mark[0].kind == PUSH]:
+            push = _push(tracer, mark[0], body, mark[1])
+            if any(term.kind != "input" for term in push.terms):
                 pushes.append(push)
-                body.marks.remove((node, pose))
+                body.marks.remove(mark)
             else:
-                node.note("read", "it is the port external_force or external_torque of the station, at this frame")
-    for coupling in bodies.couplings:
-        if coupling.node.kind == BETWEEN:
-            pushes += _apart(tracer, coupling)
-    for link in bodies.links:
-        if link.joint.pulls:
-            pushes += _pulled(tracer, link)
-    return pushes
+                push.node.note("read", "it is the port external_force or external_torque of the station, at this frame")
+    between = (_apart(tracer, coupling) for coupling in bodies.couplings if coupling.node.kind == BETWEEN)
+    floating = (_pulled(tracer, link) for link in bodies.links if link.joint.pulls)
+    return [*pushes, *chain(*between, *floating)]
 
 
 def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
@@ -251,41 +250,37 @@ def _pulled(tracer: Tracer, link: Link) -> list[ExternalForce]:
             wrench[pull.place] += way * stiffness * applied("max", 0.0, way * (bound - place))
     force, torque = wrench[:_PLACES], wrench[_PLACES:]
     turn = orientation(node).T
-    pushes = [ExternalForce(node, link.follower, link.in_follower, list(turn.dot(force)), list(turn.dot(torque)), True)]
+    pushes = [ExternalForce(node, link.follower, link.in_follower, list(turn.dot(force)), list(turn.dot(torque)))]
     if not link.base.grounded:
         arm = [part_of(node, index) for index in range(_PLACES)]
         moment = [torque[i] + arm[i - 2] * force[i - 1] - arm[i - 1] * force[i - 2] for i in range(_PLACES)]
-        pushes.append(ExternalForce(node, link.base, link.in_base, list(-1.0 * force), [-one for one in moment], True))
+        pushes.append(ExternalForce(node, link.base, link.in_base, list(-1.0 * force), [-one for one in moment]))
     return pushes
 
 
 def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
     """Return what pushes two bodies apart along the line between them, on the follower and on the base."""
     node = coupling.node
-    values = tracer.physical(node, "lconn", 2)
-    if values is None:
-        values = tracer.physical(node, "rconn", 2)
-    if values is None:
+    sides = (tracer.physical(node, side, 2) for side in ("lconn", "rconn"))
+    if (values := next((one for one in sides if one is not None), None)) is None:
         node.note("lost", "its force input is not connected: nothing drives it")
         return []
     line = [part_of(node, index) for index in range(_PLACES)]
     length = applied("sqrt", sum((part * part for part in line), start=0.0))
     pull: Signal = signal([values.ravel()[0] * (part / length) for part in line])
-    ends = (coupling.base, coupling.in_base, -1.0 * pull), (
-        coupling.follower, coupling.in_follower, orientation(node).T.dot(pull))  # fmt: skip
-    return [ExternalForce(node, body, pose, list(force), [0.0] * 3, True) for body, pose, force in ends]
+    return [
+        ExternalForce(node, coupling.base, coupling.in_base, list(-1.0 * pull), [0.0] * 3),
+        ExternalForce(node, coupling.follower, coupling.in_follower, list(orientation(node).T.dot(pull)), [0.0] * 3),
+    ]
 
 
 def _push(tracer: Tracer, node: Node, body: RigidPart, pose: RigidTransform) -> ExternalForce:
     """Read the ports of one block, of the force and then of the torque: for each axis that is on, then a vector."""
-    port, senses, parts = 0, False, []
+    ports, senses, parts = count(1), False, []
     for what in ("Force", "Torque"):
         vector: Signal = np.zeros(3).astype(object)
-        for axis in ("X", "Y", "Z", ""):
-            if not node.is_on(f"Enable{what}{axis}"):
-                continue
-            port += 1
-            values = tracer.physical(node, "lconn", port)
+        for axis in (axis for axis in ("X", "Y", "Z", "") if node.is_on(f"Enable{what}{axis}")):
+            values = tracer.physical(node, "lconn", next(ports))
             if values is not None and axis:
                 vector["XYZ".index(axis)] += values.ravel()[0]
             elif values is not None and values.size in (1, _PLACES):
@@ -316,13 +311,13 @@ def forces_of_contacts(contacts: Iterable[ContactPair], bodies: Bodies) -> dict[
         bodies_of = {solid.node: (body, solid) for body in bodies.bodies for solid in body.solids}
         plane, sphere = sorted(contact.pair, key=lambda node: node in bodies_of)
         body, solid = bodies_of.get(sphere, (None, None))
-        stands = plane.kind == "Infinite Plane" and plane in bodies.standing
-        if body is None or solid is None or not stands or body.grounded or contact.senses_distance:
+        stands = plane in bodies.standing and not contact.senses_distance
+        if body is None or solid is None or solid.shape is None or body.grounded or not stands:
             continue
-        if solid.shape is None or solid.shape.kind != "sphere":
+        if solid.shape.kind != "sphere":
             continue
         force, torque = _wrench(contact.node, contact.surface, solid.shape.size[0])
-        found[contact] = ExternalForce(contact.node, body, solid.pose, force, torque, True, (sphere, plane))
+        found[contact] = ExternalForce(contact.node, body, solid.pose, force, torque, ends=(sphere, plane))
         contact.node.note("read", "by its own law, as forces on the sphere")
     return found
 
@@ -339,17 +334,12 @@ def _wrench(node: Node, surface: ContactParameters, radius: float) -> tuple[list
     speed = applied("sqrt", sliding[0] * sliding[0] + sliding[1] * sliding[1])
     across: list[Value] = [0.0, 0.0]
     if surface.static:
-        coefficient = _friction(surface, speed)
+        part = np.linspace(0.0, 1.0, 11)
+        smooth, speeds = part * part * (3.0 - 2.0 * part), surface.speed * np.append(part, 1.0 + 0.5 * part[1:])
+        falling = surface.static + (surface.dynamic - surface.static) * smooth[1:]
+        coefficient = looked_up(speed, speeds, np.append(surface.static * smooth, falling), clip=True)
         grip = coefficient * normal / applied("max", speed, _SLOWEST)
         across = [-1.0 * (grip * one) for one in sliding]
     turn = orientation(node).T
     force, torque = signal([*across, normal]), signal([radius * across[1], -radius * across[0], 0.0])
     return list(turn.dot(force)), list(turn.dot(torque))
-
-
-def _friction(surface: ContactParameters, speed: Value) -> Value:
-    part = np.linspace(0.0, 1.0, 11)
-    smooth = part * part * (3.0 - 2.0 * part)
-    speeds = surface.speed * np.concatenate([part, 1.0 + 0.5 * part[1:]])
-    values = [surface.static * smooth, surface.static + (surface.dynamic - surface.static) * smooth[1:]]
-    return looked_up(speed, speeds, np.concatenate(values), clip=True)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any, NamedTuple
@@ -24,12 +25,11 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, limited, looked_up
 from simrob_drake.simulink.signals.descriptors import AT_ONCE, Reduced, reduced, without_fast
 from simrob_drake.simulink.signals.dynamics import rate_of
-from simrob_drake.simulink.signals.forms import Primitive, Signal, Value, added, flat, signal
-from simrob_drake.simulink.signals.tracing import Rule, Tracer
+from simrob_drake.simulink.signals.forms import Primitive, Rule, Signal, Tracer, Value, added, flat, signal
 from simrob_drake.simulink.signals.translation import Translation
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import undefined
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate, matrix
+from simrob_drake.simulink.values.evaluate import NUMBERS, Evaluator, UndefinedVariable, matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
 
@@ -61,9 +61,7 @@ def ports_of(node: Node) -> dict[str, tuple[str, int]]:
     """Return side and number of each port of an element by name: as the file tells, or as the block is by default."""
     try:
         written = json.loads(node.text("InternalSimscapePortConfiguration", "{}"))
-        listed = {
-            side: [port["id"] for port in written[name]] for side, name in (("lconn", "Left"), ("rconn", "Right"))
-        }
+        listed = {f"{side[0].lower()}conn": [port["id"] for port in written[side]] for side in ("Left", "Right")}
     except (ValueError, KeyError, TypeError):
         left, right = elements()[node.kind].ports.split("|")
         listed = {"lconn": left.split(), "rconn": right.split()}
@@ -112,7 +110,9 @@ class _Equations:
         """Add what an element says."""
         element, ports = elements()[node.kind], ports_of(node)
         known = self._branches(node, element, {name: reader.network.net(node, *port) for name, port in ports.items()})
-        drivers = {name: reader.physical(node, *port) for name, port in ports.items() if name in _driving(element)}
+        sums = [part for part in element.equations.split(";") if "=" not in part]
+        driving = re.findall(r"\w+", " ".join([*sums, element.law]))
+        drivers = {name: reader.physical(node, *port) for name, port in ports.items() if name in driving}
         driven: dict[str, Value] = {name: flat(one)[0] for name, one in drivers.items() if one is not None and one.size}
         if element.law:
             words = re.findall(r"\w+", element.law)
@@ -152,21 +152,15 @@ class _Equations:
     def matrices(self) -> tuple[Vector, Vector, Vector, Vector]:
         """Return E, A, B and C of E x' = A x + B u and y = C x."""
         rows: list[Factors] = [*self.rows, *(({}, row, {}) for row in self.flows.values())]
-        size = len(self.unknowns)
-        found = [np.zeros((len(rows), width)) for width in (size, size, len(self.signals))]
-        for number, parts in enumerate(rows):
-            for whole, part, sign in zip(found, parts, (-1.0, 1.0, 1.0), strict=True):
-                whole[number, list(part)] = [sign * value for value in part.values()]
         asked = [*self.outputs, *(part for law in self.laws for part in law.takes.values())]
-        outputs = np.zeros((len(asked), size))
-        for number, part in enumerate(asked):
-            outputs[number, list(part)] = list(part.values())
-        return found[0], found[1], found[2], outputs
+        e, a, b = zip(*rows, strict=True)
+        size = len(self.unknowns)
+        return -_dense(e, size), _dense(a, size), _dense(b, len(self.signals)), _dense(asked, size)
 
 
-def _driving(element: NetworkBlock) -> list[str]:
-    sums = [part for part in element.equations.split(";") if "=" not in part]
-    return re.findall(r"\w+", " ".join([*sums, element.law]))
+def _dense(rows: Sequence[dict[int, float]], size: int) -> Vector:
+    """Return rows of factors by their places as a matrix."""
+    return np.array([[row.get(place, 0.0) for place in range(size)] for row in rows]).reshape(len(rows), size)
 
 
 def _factors(node: Node, text: str, known: Known) -> Factors:
@@ -179,7 +173,7 @@ def _factors(node: Node, text: str, known: Known) -> Factors:
                 parameters[name] = _figure(node, name)
             return matrix(parameters.get(name, float(name == asked)))
 
-        return float(evaluate(parse(text), lookup)[0, 0])
+        return float(Evaluator(lookup, NUMBERS).evaluated(parse(text))[0, 0])
 
     constant = value("")
     found: Factors = ({}, {}, {0: constant})
@@ -239,9 +233,9 @@ def _solved(reader: Tracer, members: list[Node]) -> list[Signal]:
             raise law.refusal(f"a {law.kind} in a network: nothing beside it keeps its speed; an inertia would")
         return [signal([one]) for one in _outputs(members[0], found, equations)]
     except (InvalidModel, NotUnderstood, ArithmeticError) as problem:
-        file = f"{members[0].findings.report.source}: "
+        why = str(problem).removeprefix(f"{members[0].findings.report.source}: ")
         for node in members:
-            node.note("lost", f"its network is not read: {str(problem).removeprefix(file)}")
+            node.note("lost", f"its network is not read: {why}")
         return []
 
 
@@ -284,10 +278,8 @@ def _within(node: Node, torque: Value, speed: Value) -> Value:
     """Return what a motor gives of a torque at a speed: by a table, or by its greatest torque and power."""
     speed = applied("abs", speed)
     if node.text("torque_speed_param", "tabulated").rpartition(".")[2] in ("tabulated", "1"):
-        speeds, most = (
-            node.numbers(name, default) * node.in_si(node.text(f"{name}_unit", unit), name)
-            for name, default, unit in (("w_t", "[0 3750 7500 8000]", "rpm"), ("T_t", "[.09 .08 .07 0]", "N*m"))
-        )
+        speeds = node.numbers("w_t", "[0 3750 7500 8000]") * node.in_si(node.text("w_t_unit", "rpm"), "w_t")
+        most = node.numbers("T_t", "[.09 .08 .07 0]") * node.in_si(node.text("T_t_unit", "N*m"), "T_t")
         bound = looked_up(speed, speeds, most, clip=True)
     else:
         power = node.quantity("power_max", default="30")

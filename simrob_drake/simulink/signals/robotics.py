@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
+from functools import reduce
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,8 +14,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, joined, limited, looked_up
 from simrob_drake.simulink.signals.dynamics import period_of
-from simrob_drake.simulink.signals.forms import Form, Primitive, Signal, Value, added, flat, signal
-from simrob_drake.simulink.signals.tracing import Rule, Tracer
+from simrob_drake.simulink.signals.forms import Form, Primitive, Rule, Signal, Tracer, Value, added, flat, signal
 
 _Change: TypeAlias = tuple[float, int, float]
 """Where a derivative jumps: when [s], which one, and by how much."""
@@ -30,9 +31,7 @@ def _of_changes(time: Value, start: float, changes: list[_Change], derivative: i
         power = order - derivative
         if jump and power >= 0:
             since = compared(">=", time, when) if power == 0 else limited(added((1.0, time), (-when, 1.0)), 0.0, np.inf)
-            value = since
-            for _ in range(power - 1):
-                value = value * since
+            value = reduce(operator.mul, [since] * max(power, 1))
             parts.append((jump / math.factorial(power), value))
     return added(*parts)
 
@@ -59,20 +58,14 @@ def _trapezoids(node: Node, points: Vector) -> list[list[_Change]]:
     shaped = {choice: _as_wide(node, sides[choice], steps) for choice in choices}
     if len(choices) < 2:
         node.note("approximated", "its figures leave a choice: its speed rises for a third of the time")
-    found = []
-    for row, along in enumerate(steps):
-        now, changes = 0.0, []
-        for place, way in enumerate(along):
-            lasts, rising = _profile(
-                node, abs(float(way)), {name: float(one[row, place]) for name, one in shaped.items()}
-            )
-            rate = way / (lasts - rising) / rising  # of the speed
-            changes += [
-                (now + late, 2, sign * rate)
-                for late, sign in ((0.0, 1), (rising, -1), (lasts - rising, -1), (lasts, 1))
-            ]
-            now += lasts
-        found.append(changes)
+    now, found = np.zeros(len(points)), [list[_Change]() for _ in points]
+    for (row, place), way in np.ndenumerate(steps):
+        known = {name: float(one[row, place]) for name, one in shaped.items()}
+        lasts, rising = _profile(node, abs(float(way)), known)
+        rate = way / (lasts - rising) / rising  # of the speed
+        for late, sign in ((0.0, 1), (rising, -1), (lasts - rising, -1), (lasts, 1)):
+            found[row].append((float(now[row]) + late, 2, sign * rate))
+        now[row] += lasts
     return found
 
 
@@ -132,19 +125,17 @@ def _polynomials(node: Node, points: Vector) -> list[list[_Change]]:
 
     found = []
     for row in range(len(points)):
-        before, changes = np.zeros(len(orders)), []
+        before, jumps = np.zeros(len(orders)), []
         for place, lasts in enumerate(np.diff(times)):
             known = [end[row, place + side] for side in (0, 1) for end in ends]
             begun, ended = at(0.0), at(float(lasts))
             coefficients = np.linalg.solve(np.vstack([begun[: len(ends)], ended[: len(ends)]]), known)
-            changes += _jumps(times[place], begun @ coefficients - before)
+            jumps.append(begun @ coefficients - before)
             before = ended @ coefficients
-        found.append([*changes, *_jumps(times[-1], -before)])
+        jumps.append(-before)
+        found.append([(float(when), order, float(jump)) for when, by in zip(times, jumps, strict=True)
+                      for order, jump in enumerate(by) if order])  # fmt: skip
     return found
-
-
-def _jumps(when: float, by: Vector) -> list[_Change]:
-    return [(float(when), order, float(jump)) for order, jump in enumerate(by) if order]
 
 
 def _pure_pursuit(reader: Tracer, node: Node, number: int) -> Signal | None:
@@ -182,12 +173,7 @@ def _nearest(
 ) -> Value:
     """Return how far along the path the nearest point is: at first of all of it, then ahead of where it was before.
 
-    Args:
-        reader: follows signals.
-        node: the block.
-        place: x and y.
-        path: waypoints [m], and how far along it each is [m].
-        ahead: how far a pursuer looks [m].
+    The place is x and y, the path waypoints and how far along it each is, ``ahead`` how far a pursuer looks [m].
     """
     period = period_of(reader, node) or _LOOKS
     node.note("approximated", f"looks for the nearest point of its path each {period:g} s, and only ahead")

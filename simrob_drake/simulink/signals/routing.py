@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -13,8 +15,10 @@ from simrob_drake.simulink.signals.arithmetic import MOST_INPUTS, chosen, compar
 from simrob_drake.simulink.signals.forms import (
     MOST_ELEMENTS,
     Form,
+    Rule,
     Signal,
     Term,
+    Tracer,
     Value,
     fitted,
     flat,
@@ -22,10 +26,8 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     widened,
 )
-from simrob_drake.simulink.signals.matlab import condition_on
-from simrob_drake.simulink.signals.tracing import Rule, Tracer
-from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
-from simrob_drake.simulink.values.syntax import NotUnderstood
+from simrob_drake.simulink.signals.sources import condition_on
+from simrob_drake.simulink.values.evaluate import matrix
 
 _BETWEEN = re.compile(r",(?![^\[]*\])")  # the commas between the indices of a matrix, and not those within brackets
 
@@ -34,8 +36,7 @@ def _inport(reader: Tracer, node: Node, _: int) -> Signal:
     bus = reader.network.bus_of(node)
     if bus is not None:
         return _of_bus(reader, node, bus, [node.text(ELEMENT)])
-    dimensions = node.numbers("PortDimensions", "-1")
-    size = int(abs(np.prod(dimensions))) if dimensions.size else 1
+    size = int(abs(np.prod(node.numbers("PortDimensions", "-1"))))  # 1 of none
     return signal(Form({Term("input", node, index): 1.0}) for index in range(max(1, min(size, MOST_ELEMENTS))))
 
 
@@ -51,8 +52,7 @@ def _concatenated(reader: Tracer, node: Node, _: int) -> Signal:
 
 
 def _demux(reader: Tracer, node: Node, number: int) -> Signal:
-    sizes = node.numbers("Outputs", "2")
-    values = reader.input(node).ravel(order="F")
+    sizes, values = node.numbers("Outputs", "2"), reader.input(node).ravel(order="F")
     if sizes.size == 1:
         count = int(sizes[0])
         values = widened(values, count)
@@ -94,34 +94,30 @@ def _selector(reader: Tracer, node: Node, _: int) -> Signal | None:
         if places.size and places.max() >= len(values):
             raise node.refusal(f"selects element {places.max() + first} of a signal of {len(values)}")
         return None if not places.size or np.any(places < 0) else values[places]
-    options = node.text("IndexOptions").split(",")
-    parts = _BETWEEN.split(node.text("Indices"))
+    options, parts = node.text("IndexOptions").split(","), _BETWEEN.split(node.text("Indices"))
     if values.ndim != 2 or len(parts) != 2:
         return None
-    try:
-        chosen = [
-            np.arange(values.shape[axis])
-            if "all" in "".join(options[axis : axis + 1]).lower()
-            else matrix(node.workspace.value(part)).astype(int).reshape(-1) - first
-            for axis, part in enumerate(parts)
-        ]
-    except (UndefinedVariable, NotUnderstood, ValueError, TypeError, IndexError):
-        return None
-    if any(not 0 <= index < size for one, size in zip(chosen, values.shape, strict=True) for index in one):
-        return None
-    return np.asarray(values[np.ix_(*chosen)], dtype=object)
+    taken = []
+    for size, option, part in zip(values.shape, [*options, "", ""], parts, strict=False):
+        try:
+            whole = "all" in option.lower()
+            own: Any = range(size) if whole else matrix(node.workspace.value(part)).astype(int).reshape(-1) - first
+        except (LookupError, ValueError, TypeError):
+            return None
+        if any(not 0 <= index < size for index in own):
+            return None
+        taken.append(own)
+    return np.asarray(values[np.ix_(*taken)], dtype=object)
 
 
 def _reshape(reader: Tracer, node: Node, _: int) -> Signal:
-    values = reader.input(node)
-    mode = node.text("OutputDimensionality", "1-D array")
+    values, mode = reader.input(node), node.text("OutputDimensionality", "1-D array")
+    column, row = mode.startswith("Column"), mode.startswith("Row")
+    shape: tuple[int, ...] = (values.size, 1) if column else (1, values.size) if row else (values.size,)
     if mode.startswith("Customize"):
-        size = node.numbers("OutputDimensions", "[1,1]").astype(int)
-        shape: tuple[int, ...] = tuple(int(one) for one in size)
-    else:
-        shape = {"C": (values.size, 1), "R": (1, values.size)}.get(mode[:1], (values.size,))
-    values = widened(values.ravel(order="F"), int(np.prod(shape)))
-    if int(np.prod(shape)) != values.size:
+        shape = tuple(map(int, node.numbers("OutputDimensions", "[1,1]")))
+    values = widened(values.ravel(order="F"), math.prod(shape))
+    if math.prod(shape) != values.size:
         raise node.refusal(f"makes {shape} of a signal of {values.size} elements")
     return values.reshape(shape, order="F")
 
@@ -187,19 +183,19 @@ def _in_bus(reader: Tracer, bus: Node, output: int, name: str) -> tuple[Node, in
 
 def _stored(reader: Tracer, node: Node, number: int) -> Signal | None:
     """Return what is written to a data store or an element of it, or what it begins with where nothing writes."""
-    name, nodes = node.text("DataStoreName", "A"), reader.network.expanded.nodes
-    same = {kind: [one for one in nodes if one.kind == kind and one.text("DataStoreName", "A") == name] for kind in
-            ("DataStoreWrite", "DataStoreMemory")}  # fmt: skip
+    name = node.text("DataStoreName", "A")
+    same = [one for one in reader.network.expanded.nodes if one.text("DataStoreName", "A") == name]
     asked = _elements_of(node)[number - 1]
-    written = [(one, element, place) for one in same["DataStoreWrite"] for place, element in
+    written = [(one, element, place) for one in same if one.kind == "DataStoreWrite" for place, element in
                enumerate(_elements_of(one), start=1) if f"{asked}.".startswith(f"{element}.")
                or element.startswith(f"{asked}.")]  # fmt: skip
     if [element for _, element, _ in written] == [asked]:
         node.note("approximated", f"the data store {asked} holds what is written at that time")
         return reader.input(written[0][0], written[0][2])
-    if written or not same["DataStoreMemory"]:
+    memory = next((one for one in same if one.kind == "DataStoreMemory"), None)
+    if written or memory is None:
         return None
-    value = same["DataStoreMemory"][0].value("InitialValue", "0")
+    value = memory.value("InitialValue", "0")
     for field in asked.split(".")[1:]:
         value = value.get(field) if isinstance(value, dict) else None
     return None if value is None or isinstance(value, dict) else signal(map(float, matrix(value).ravel(order="F")))
@@ -215,10 +211,10 @@ def _multiport_switch(reader: Tracer, node: Node, _: int) -> Signal | None:
         return None
     first = 0 if node.text("DataPortOrder", "One").startswith("Zero") else 1
     choices = [reader.input(node, 2 + place) for place in range(min(int(node.number("Inputs", "3")), MOST_INPUTS))]
-    chosen, index = choices[-1], reader.input(node)
+    found, index = choices[-1], reader.input(node)
     for place in reversed(range(len(choices) - 1)):
-        chosen = switched(node, choices[place], index, chosen, "<=", place + first)
-    return chosen
+        found = switched(node, choices[place], index, found, "<=", place + first)
+    return found
 
 
 PASSING = {
@@ -255,10 +251,7 @@ def _conditional(reader: Tracer, node: Node, number: int) -> Signal | None:
         return None
     values, port = reader.output(*inside), reader.network.outport(node, number)
     start = port.numbers("InitialOutput", "0") if port is not None and port.text("InitialOutput") != "[]" else None
-    if start is None or start.size not in (1, values.size):
-        other = signal([0.0])
-    else:
-        other = signal(float(one) for one in start)
+    other = signal([0.0] if start is None or start.size not in (1, values.size) else map(float, start))
     if port is not None and port.text("OutputWhenDisabled", "held") == "held":
         message = "while its condition fails its outputs are what they begin with, and not held; its states go on"
         node.note("approximated", message)
@@ -287,9 +280,9 @@ def _merge(reader: Tracer, node: Node, _: int) -> Signal | None:
     """Return what the subsystem gives that runs; the last one where none does."""
     merged: Signal | None = None
     for place in range(1, min(int(node.number("Inputs", "2")), _MOST_WAYS) + 1):
-        source = reader.network.source(node, place)
-        condition = None if source is None else _condition(reader, source[0])
-        inside = None if source is None else reader.network.inside(*source)
+        if (source := reader.network.source(node, place)) is None:
+            return None
+        condition, inside = _condition(reader, source[0]), reader.network.inside(*source)
         if condition is None or inside is None:
             return None
         values = reader.output(*inside)
@@ -299,10 +292,9 @@ def _merge(reader: Tracer, node: Node, _: int) -> Signal | None:
 
 def subsystem(reader: Tracer, node: Node, number: int) -> Signal | None:
     """Return an output of a subsystem that runs under a condition, or that is a bus of its own making."""
-    if not reader.network.elements(node, number):
-        return _conditional(reader, node, number) if reader.network.is_conditional(node) else None
-    ports = _elements(reader, node, number).values()
-    return signal(value for port in ports for value in flat(reader.input(port)))
+    if ports := _elements(reader, node, number).values():
+        return signal(value for port in ports for value in flat(reader.input(port)))
+    return _conditional(reader, node, number) if reader.network.is_conditional(node) else None
 
 
 ROUTING["Merge"] = _merge

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import partial, reduce
 from typing import Any, Self
 
 import numpy as np
@@ -20,7 +20,7 @@ from simrob_drake.simulink.signals.arithmetic import (
     looked_up,
     whole,
 )
-from simrob_drake.simulink.signals.forms import Complex, Form, Primitive, Signal, Value, computed, flat, mapped, signal
+from simrob_drake.simulink.signals.forms import Form, Primitive, Signal, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, count, matrix
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, Statement, lines_of
@@ -28,6 +28,34 @@ from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, State
 _ENDED = "return"  # where it is kept whether a function has returned
 _MOST_ROUNDS = 20  # of a loop that signals decide
 _PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number
+
+
+class Complex(Form):
+    """A complex number of signals; what is computed with it must become real again."""
+
+    def __init__(self, real: Value, imag: Value = 0.0) -> None:
+        super().__init__({})
+        self.real, self.imag = real, imag
+
+    def __add__(self, other: Value) -> Value:
+        other = other if isinstance(other, Complex) else Complex(other)
+        return Complex(self.real + other.real, self.imag + other.imag)
+
+    def __neg__(self) -> Value:
+        return Complex(-self.real, -self.imag)
+
+    def __mul__(self, other: Value) -> Value:
+        other = other if isinstance(other, Complex) else Complex(other)
+        real, imag = self.real * other.real - self.imag * other.imag, self.real * other.imag + self.imag * other.real
+        return Complex(real, imag)
+
+    def __truediv__(self, other: Value) -> Value:
+        return other.__rtruediv__(self) if isinstance(other, Complex) else Complex(self.real / other, self.imag / other)
+
+    def __rtruediv__(self, other: Value) -> Value:
+        return other * Complex(self.real, -self.imag) / (self.real * self.real + self.imag * self.imag)
+
+    __radd__, __rmul__ = __add__, __mul__
 
 
 class Translation(CodeRun):
@@ -40,13 +68,7 @@ class Translation(CodeRun):
     def __init__(
         self, *arguments: Any, period: float | None = None, own: Mapping[str, Callable[..., Value]] | None = None
     ) -> None:
-        """Take what :class:`CodeRun` takes, and more.
-
-        Args:
-            arguments: what that takes.
-            period: the time between samples [s]; None where nothing says it.
-            own: further functions, of values, by name.
-        """
+        """Take what :class:`CodeRun` takes, the time between samples [s] if there is one, and functions of values."""
         self.note: Callable[[str], None] = lambda _: None  # takes what it approximates
         self._guards: list[Value] = []
         self._period, self._within, self._own = period, False, own or {}
@@ -55,7 +77,8 @@ class Translation(CodeRun):
         super().__init__(*arguments)
         self._workspace = self._outside
 
-    def _base(self) -> Algebra:
+    def algebra(self) -> Algebra:
+        """Return what expressions are computed with, numbers or signals, before functions of files."""
         each: dict[str, Callable[..., Value]] = {
             "./": lambda a, b: a / self._guarded(b),
             **dict.fromkeys((".^", "power"), lambda a, b: _power(a, b, self._guarded)),
@@ -274,11 +297,12 @@ def _on_symbols(numeric: Callable[..., Any] | None, symbolic: Callable[..., Valu
 
 
 def _norm(array: Any, kind: Any = 2) -> Any:
-    if matrix(array).dtype != object:
+    values = matrix(array)
+    if values.dtype != object:
         return NUMBERS["norm"](array, kind)
     if count(kind) != 2:
         raise NotUnderstood("a norm that is not the second")
-    return matrix(signal([applied("sqrt", sum((one * one for one in _elements(array)), start=0.0))]))
+    return matrix(signal([applied("sqrt", sum((one * one for one in flat(values.astype(object))), start=0.0))]))
 
 
 def _inverse(array: Any) -> Any:
@@ -290,20 +314,13 @@ def _inverse(array: Any) -> Any:
     return found
 
 
-def _elements(array: Any) -> list[Value]:
-    return flat(matrix(array).astype(object))
-
-
 def _extreme(name: str, first: Any, second: Any = None, axis: Any = None) -> Any:
     if second is not None and matrix(second).size:
         return mapped(partial(applied, name), matrix(first).astype(object), matrix(second).astype(object))
-    values = matrix(first)
+    values = matrix(first).astype(object)
     if axis is not None or 1 not in values.shape:
         raise NotUnderstood(f"{name} of a matrix")
-    found, *rest = _elements(values)
-    for one in rest:
-        found = applied(name, found, one)
-    return matrix(signal([found]))
+    return matrix(signal([reduce(partial(applied, name), flat(values))]))
 
 
 def _table(points: Any, values: Any, at: Any, method: Any = "linear", *_: Any) -> Any:

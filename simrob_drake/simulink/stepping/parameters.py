@@ -51,14 +51,10 @@ def legal(name: str) -> str:
         if part.isdecimal() and parts:
             parts = f"{parts.removesuffix(']')}{',' if parts.endswith(']') else '['}{int(part) + 1}]"
         else:
-            parts += f"{'.' if parts else ''}{_part(part)}"
+            plain = re.fullmatch(r"[A-Za-z_]\w*", part, re.ASCII)
+            own = part if plain else f"'{re.sub(_ODD, lambda found: f'u{ord(found[0]):x}', part)}'"
+            parts += f"{'.' if parts else ''}{own}"
     return parts
-
-
-def _part(part: str) -> str:
-    if re.fullmatch(r"[A-Za-z_]\w*", part, re.ASCII):
-        return part
-    return f"'{re.sub(_ODD, lambda found: f'u{ord(found[0]):x}', part)}'"
 
 
 def elements(ports: StationPorts) -> tuple[dict[str, Element], dict[str, Element]]:
@@ -80,22 +76,18 @@ def _declared(ports: StationPorts) -> dict[str, dict[int, tuple[str, str]]]:
         places = signal.entries or range(len(names))
         found.setdefault(port, {}).update(zip(places, zip(names, signal.units, strict=True), strict=True))
     for robot in ports.plant.robots.values():
-        for suffix, units in (
-            ("reference_velocity", [f"{unit.si}/s" for unit in robot.model.units]),
-            ("feedforward", [unit.effort for unit in robot.model.units]),
-        ):
-            port = f"{robot.prefix}{suffix}"
-            names = [f"{port}.{axis}" for axis in robot.axes]
-            found[port] = dict(enumerate(zip(names, units, strict=True)))
+        for suffix, text in (("reference_velocity", "{0.si}/s"), ("feedforward", "{0.effort}")):
+            port, units = f"{robot.prefix}{suffix}", map(text.format, robot.model.units)
+            found[port] = dict(enumerate(zip((f"{port}.{axis}" for axis in robot.axes), units, strict=True)))
     return found
 
 
 def _of_ports(ports: Mapping[str, Any], named: Mapping[str, Mapping[int, tuple[str, str]]]) -> dict[str, Element]:
-    found = {}
-    for port, own in ports.items():
-        for place, (name, unit) in (named.get(port) or _undeclared(port, own.size())).items():
-            found[legal(name)] = Element(legal(name), port, place, unit)
-    return found
+    return {
+        legal(name): Element(legal(name), port, place, unit)
+        for port, own in ports.items()
+        for place, (name, unit) in (named.get(port) or _undeclared(port, own.size())).items()
+    }
 
 
 def _undeclared(port: str, size: int) -> dict[int, tuple[str, str]]:
@@ -141,21 +133,17 @@ def parameters_of(config: StationConfig) -> dict[str, Parameter]:
 def with_parameters(config: StationConfig, values: Mapping[Parameter, float]) -> StationConfig:
     """Return a station with other values of some parameters (raises InvalidConfig: a value that cannot be)."""
     settings: dict[str, Any] = {}
+    prefix = "" if list(config.robots) == [ONLY_ROBOT] else "robots."
     for parameter, value in values.items():
         match parameter.way:
             case "robots", robot, "servo", gain, axis:
-                servo = settings.setdefault(_key(config, robot, "servo"), _servo_by_axis(config, robot))
+                servo = settings.setdefault(f"{prefix}{robot}.servo", _servo_by_axis(config, robot))
                 servo[gain][axis] = value
             case "robots", robot, "mass_factors", link:
-                settings.setdefault(_key(config, robot, "mass_factors"), {})[link] = value
+                settings.setdefault(f"{prefix}{robot}.mass_factors", {})[link] = value
             case way:
                 settings[".".join(way)] = value
     return with_settings(config, settings, "parameters")
-
-
-def _key(config: StationConfig, robot: str, section: str) -> str:
-    only = list(config.robots) == [ONLY_ROBOT]
-    return f"{ONLY_ROBOT}.{section}" if only else f"robots.{robot}.{section}"
 
 
 def _units(config: StationConfig, robot: str) -> Mapping[str, str]:

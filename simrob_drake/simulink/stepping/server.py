@@ -42,54 +42,43 @@ class Request(Strict):
     """How far to go [s]."""
 
 
-class ServedStation:
-    """The station of one client."""
-
-    def __init__(self, config: StationConfig) -> None:
-        self._station = SteppedStation(config)
-
-    def answer(self, line: bytes) -> dict[str, Any]:
-        """Return what is answered to a line, which may be an error in words."""
-        try:
-            request = validated(Request, parse_json(line.decode(), "request"), "request")
-            return getattr(self, f"_{request.do}")(request)  # type: ignore[no-any-return]  # a name of a Literal
-        except (SimrobError, StepFailed, UnicodeDecodeError) as problem:
-            return {"error": " ".join(str(problem).split())}
-
-    def _describe(self, _: Request) -> dict[str, Any]:
-        station = self._station
-
-        def listed(entries: Any) -> list[dict[str, Any]]:
-            return [{"name": one.name, "unit": one.unit, "value": station.get(one.name)} for one in entries.values()]
-
-        return {
-            "station": station.config.name,
-            "duration": station.config.duration,
-            "inputs": listed(station.inputs),
-            "outputs": listed(station.outputs),
-            "parameters": listed(station.parameters),
-        }
-
-    def _reset(self, request: Request) -> dict[str, Any]:
-        self._station.reset(dict(request.parameters))
-        return self._outputs()
-
-    def _step(self, request: Request) -> dict[str, Any]:
-        if request.dt is None:
-            raise InvalidParameter("request: dt", None, "a time [s]")
-        if request.inputs is not None:
-            values = request.inputs if isinstance(request.inputs, list) else [request.inputs]
-            if len(values) != len(self._station.inputs):
-                raise InvalidParameter("request: inputs", f"{len(values)} numbers", f"{len(self._station.inputs)}")
-            for name, value in zip(self._station.inputs, values, strict=True):
-                self._station.set(name, value)
-        self._station.advance(self._station.time + request.dt)
-        return self._outputs()
-
-    def _outputs(self) -> dict[str, Any]:
-        outputs = [self._station.get(name) for name in self._station.outputs]
+def answer(station: SteppedStation, line: bytes) -> dict[str, Any]:
+    """Return what is answered to a line of a client, which may be an error in words."""
+    try:
+        request = validated(Request, parse_json(line.decode(), "request"), "request")
+        if request.do == "describe":
+            return _described(station)
+        if request.do == "reset":
+            station.reset(dict(request.parameters))
+        else:
+            _step(station, request)
+        outputs = [station.get(name) for name in station.outputs]
         values = [value if math.isfinite(value) else None for value in outputs]
-        return {"time": self._station.time, "outputs": values, "stopped": self._station.stopped}
+        return {"time": station.time, "outputs": values, "stopped": station.stopped}
+    except (SimrobError, StepFailed, UnicodeDecodeError) as problem:
+        return {"error": " ".join(str(problem).split())}
+
+
+def _described(station: SteppedStation) -> dict[str, Any]:
+    return {"station": station.config.name, "duration": station.config.duration} | {
+        part: [
+            {"name": one.name, "unit": one.unit, "value": station.get(one.name)}
+            for one in getattr(station, part).values()
+        ]
+        for part in ("inputs", "outputs", "parameters")
+    }
+
+
+def _step(station: SteppedStation, request: Request) -> None:
+    if request.dt is None:
+        raise InvalidParameter("request: dt", None, "a time [s]")
+    if request.inputs is not None:
+        values = request.inputs if isinstance(request.inputs, list) else [request.inputs]
+        if len(values) != len(station.inputs):
+            raise InvalidParameter("request: inputs", f"{len(values)} numbers", f"{len(station.inputs)}")
+        for name, value in zip(station.inputs, values, strict=True):
+            station.set(name, value)
+    station.advance(station.time + request.dt)
 
 
 class _Handler(socketserver.StreamRequestHandler):
@@ -109,18 +98,19 @@ class _Handler(socketserver.StreamRequestHandler):
                 try:
                     self.connection.settimeout(None)
                     with server.building:
-                        session = ServedStation(server.config)
-                    self._talk(session)
+                        station = SteppedStation(server.config)
+                    self._talk(station)
                 finally:
                     server.free.release()
 
-    def _talk(self, session: ServedStation) -> None:
-        self._tell(session.answer(b'{"do": "describe"}'))
-        while line := self.rfile.readline(_LONGEST):
+    def _talk(self, station: SteppedStation) -> None:
+        line = b'{"do": "describe"}\n'
+        while line:
             if not line.endswith(b"\n"):
                 self._tell({"error": f"the line is longer than {_LONGEST} bytes, or ends without a line feed"})
                 return
-            self._tell(session.answer(line))
+            self._tell(answer(station, line))
+            line = self.rfile.readline(_LONGEST)
 
     def _tell(self, answer: dict[str, Any]) -> None:
         self.wfile.write(json.dumps(answer, ensure_ascii=False).encode() + b"\n")

@@ -5,12 +5,10 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.analysis import Simulator, SimulatorStatus
-from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake import add_station, apply_solver
+from simrob_drake import apply_solver, build_station
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.lifetime import built
 from simrob_drake.results.record.state import State
 from simrob_drake.simulink.stepping.parameters import elements, parameters_of, with_parameters
 from simrob_drake.stations.config import StationConfig
@@ -64,14 +62,9 @@ class SteppedStation:
         return with_parameters(self.config, {self.parameters[name]: value for name, value in parameters.items()})
 
     def _build(self, config: StationConfig) -> None:
-        builder = DiagramBuilder()
-        ports = add_station(builder, config)
-        for name, port in ports.inputs.items():
-            builder.ExportInput(port, name)
-        for name, output in ports.outputs.items():
-            builder.ExportOutput(output, name)
+        self._diagram = build_station(config)
+        ports = self._diagram.ports
         self.inputs, self.outputs = elements(ports)
-        self._diagram = built(builder)
         self._simulator = Simulator(self._diagram)
         apply_solver(self._simulator, config)
         self._context = self._simulator.get_mutable_context()
@@ -218,9 +211,8 @@ def with_fixed_steps(config: StationConfig, step: float) -> StationConfig:
         raise InvalidParameter("--step", step, "a time of at most 0.1 s")
     servos = [config.servo_of(robot) for robot in config.robots]
     if any(servo.admittance_gain or servo.law != "pid" for servo in servos):
-        raise InvalidParameter(
-            "--step", step, "left out with servos that yield or are no PID: they need their own blocks"
-        )
+        expected = "left out with servos that yield or are no PID: they need their own blocks"
+        raise InvalidParameter("--step", step, expected)
     solver = ContinuousSolver(kind="continuous", scheme="cenic", max_step=step, error_control=False)
     implicit = {"realization": "implicit"}
     robots = {

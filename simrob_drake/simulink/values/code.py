@@ -13,7 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from simrob_drake.simulink.values.evaluate import NUMBERS, SEVERAL, Algebra, UndefinedVariable, evaluate, matrix
+from simrob_drake.simulink.values.evaluate import NUMBERS, SEVERAL, Algebra, Evaluator, UndefinedVariable, matrix
 from simrob_drake.simulink.values.mat import Files
 from simrob_drake.simulink.values.syntax import (
     KEYWORD,
@@ -45,7 +45,7 @@ def undefined(name: str) -> Any:
     raise UndefinedVariable(name)
 
 
-class CodeRun:
+class CodeRun(Evaluator):
     """One run of a piece of code.
 
     Attributes:
@@ -65,31 +65,28 @@ class CodeRun:
         functions: dict[str, ScriptFunction] | None = None,
         texts: Mapping[str, str] | None = None,
     ) -> None:
-        """Take what it begins with.
+        """Take variables and functions that are known already, and what looks others up; files hold further ones.
 
-        Args:
-            variables: by name.
-            lookup: looks others up.
-            files: where functions and scripts are found.
-            functions: that are known already.
-            texts: of the parameters of the block whose mask this is, as they are written.
+        The texts are those of the parameters of the block whose mask this is, as they are written.
         """
         self.variables = variables
         self.unknown, self.incomplete, self.absent = set[str](), set[str](), set[str]()
         self.settings: dict[str, dict[str, str]] = {}
         self.unset = False
-        self._outside, self._files, self._texts = lookup, files, texts or {}
+        self._files, self._texts = files, texts or {}
         self.functions = {} if functions is None else functions
         self.shared: dict[str, Any] = {}  # by ``global``, over all functions
         self._declared: set[str] = set()  # names of those here
         self._steps = self.depth = 0
-        known = {name: partial(self._first_of, name) for name in self.functions}
         text = self._parameter
-        own: dict[str, Callable[..., Any]] = {"exist": self._exists, "gcb": lambda: _HERE, "get_param": text}
-        own["Simulink"] = lambda: {"Mask": {"get": lambda of: {"getParameter": lambda name: {"Value": text(of, name)}}}}
-        self._algebra: dict[str, Callable[..., Any]] = {**self._base(), **own, **known}
+        own: dict[str, Callable[..., Any]] = {
+            **{"exist": self._exists, "gcb": lambda: _HERE, "get_param": self._parameter},
+            "Simulink": lambda: {"Mask": {"get": lambda of: {"getParameter": lambda name: {"Value": text(of, name)}}}},
+            **{name: partial(self._first_of, name) for name in self.functions},
+        }
+        super().__init__(lookup, {**self.algebra(), **own})
 
-    def _base(self) -> Algebra:
+    def algebra(self) -> Algebra:
         """Return what expressions are computed with, before functions of files."""
         return NUMBERS
 
@@ -101,39 +98,33 @@ class CodeRun:
     def _lookup(self, name: str) -> Any:
         if name in self.unknown:
             raise UndefinedVariable(name, "it is set by mask code outside the subset")
-        return self.variables[name] if name in self.variables else self._outside(name)
+        return self.variables[name] if name in self.variables else super()._lookup(name)
 
     def value(self, text: str) -> Any:
-        """Return the value of an expression (raises as `evaluate`)."""
-        return self._value(parse(text))
-
-    def _value(self, node: Expression, end: int | None = None) -> Any:
-        while True:
-            try:
-                return evaluate(node, self._lookup, self._algebra, end)
-            except UndefinedVariable as problem:
-                if problem.name in self.unknown or not self.find(problem.name):
-                    raise
+        """Return the value of an expression (raises as `evaluated`)."""
+        return self.evaluated(parse(text))
 
     def find(self, name: str) -> bool:
         """Take in a function of this name that is known, or that a file has, unless it is in use."""
-        if name in self._algebra:
+        if name in self._algebra or name in self.unknown:
             return False
         if name not in self.functions and self._files is not None and len(self.functions) <= _MOST_CALLS:
             self._learn(self._files.script(name))
         if name in self.functions:
-            self._algebra[name] = partial(self._first_of, name)
+            self._algebra = {**self._algebra, name: partial(self._first_of, name)}
         return name in self.functions
 
     def _learn(self, code: str) -> None:
-        self.functions |= {name: one for name, one in functions_of(code).items() if name not in self.functions}
+        for name, function in functions_of(code).items():
+            self.functions.setdefault(name, function)
+            self._algebra = {name: partial(self._first_of, name), **self._algebra}
 
     def _exists(self, name: Any, *_: Any) -> float:
-        if name in self.unknown:
-            raise UndefinedVariable(name)
         try:
             return float(self._lookup(name) is not None)
         except UndefinedVariable:
+            if name in self.unknown:
+                raise
             return 0.0
 
     def _parameter(self, block: Any, name: Any) -> Any:
@@ -161,8 +152,7 @@ class CodeRun:
     def called(self, name: str, arguments: list[Any]) -> list[Any]:
         """Return the outputs of a function; None in place of those that are not known.
 
-        Raises:
-            NotUnderstood: it calls itself.
+        Raises NotUnderstood: it calls itself.
         """
         function = self.functions[name]
         if self.depth > _MOST_CALLS:
@@ -184,7 +174,7 @@ class CodeRun:
         self._count()
         try:
             self._do(line)
-        except (NotUnderstood, UndefinedVariable, KeyError, IndexError, TypeError, ValueError) as problem:
+        except (LookupError, TypeError, ValueError) as problem:
             self._pass_over(line, problem)
 
     def _count(self) -> None:
@@ -220,10 +210,10 @@ class CodeRun:
                 if self.depth > _MOST_CALLS:
                     raise NotUnderstood("makes code that makes code without end")
                 self.depth += 1
-                self._block(statements(str(self._value(code))))
+                self._block(statements(str(self.evaluated(code))))
                 self.depth -= 1
             case ("call", (("name", ("set_param",)), arguments)):
-                self._set(*map(self._value, arguments))
+                self._set(*map(self.evaluated, arguments))
 
     def _share(self, names: list[str]) -> None:
         self._declared.update(names)
@@ -283,7 +273,7 @@ class CodeRun:
     def _outputs(self, call: Expression) -> list[Any]:
         """Return all outputs of a function that is called; None in place of those that are not known."""
         target, arguments = call.parts if call.kind == "call" else (call, ())
-        name, values = target.parts[0], [self._value(argument) for argument in arguments]
+        name, values = target.parts[0], [self.evaluated(argument) for argument in arguments]
         if name in self.functions or self.find(name):
             return self.called(name, values)
         if name not in SEVERAL:
@@ -307,15 +297,11 @@ class CodeRun:
 
     def _known(self, target: Expression, *, outside: bool = False) -> Any:
         """Return what is there already, of the variables outside only structures; None of nothing."""
-        match target:
-            case ("name", (name,)) if outside and name not in self.variables:
-                with suppress(UndefinedVariable):
-                    return self._lookup(name)
-            case ("name", (name,)):
-                return self.variables.get(name)
-            case _:
-                with suppress(NotUnderstood, UndefinedVariable):
-                    return self._value(target)
+        name = target.parts[0] if target.kind == "name" else None
+        if name is not None and (name in self.variables or not outside):
+            return self.variables.get(name)
+        with suppress(NotUnderstood, UndefinedVariable):
+            return self.evaluated(target) if name is None else self._lookup(name)
         return None
 
     def _changed(self, known: Any, index: tuple[Expression, ...], value: Any) -> Any:
@@ -347,15 +333,14 @@ class CodeRun:
     def _places(self, node: Expression, size: int) -> Any:
         if node.kind == "colon":
             return np.arange(size)
-        places = matrix(self._value(node, end=size)).reshape(-1).astype(int) - 1
+        places = self._at(node, size).reshape(-1).astype(int) - 1
         if places.size == 0 or places.min() < 0 or places.max() > _FARTHEST:
             raise NotUnderstood("has an index that no matrix has")
         return places
 
     def _switch(self, parts: list[tuple[str, list[Statement]]]) -> None:
         (head, _), *ways = parts
-        subject = head.removeprefix("switch").strip()
-        tests: list[tuple[str, list[Statement]]] = []
+        subject, tests = head.removeprefix("switch").strip(), []
         for words, body in ways:
             choices = words.removeprefix("case").strip().removeprefix("{").removesuffix("}").split(",")
             test = "if " + " || ".join(f"(({subject}) == ({choice}))" for choice in choices)
@@ -391,7 +376,7 @@ class CodeRun:
                 self.variables.pop(name, None)
 
     def _drop(self, known: Any, fields: list[str]) -> None:
-        if isinstance(known, dict) and len(fields) > 1:
-            self._drop(known.get(fields[0]), fields[1:])
-        elif isinstance(known, dict):
-            known.pop(fields[0], None)
+        for field in fields[:-1]:
+            known = known.get(field) if isinstance(known, dict) else None
+        if isinstance(known, dict):
+            known.pop(fields[-1], None)

@@ -53,35 +53,24 @@ def _shape(arguments: tuple[Any, ...]) -> tuple[int, int]:
     return rows, columns
 
 
-def _along(reduce: Callable[..., Vector], value: Any, axis: Any = None) -> Vector:
-    """Reduce a matrix down the columns, or along the only row, as MATLAB does."""
-    array = matrix(value)
-    chosen = count(axis) - 1 if axis is not None else _way(array)
-    return matrix(reduce(array, axis=chosen, keepdims=True))
+def _along(reduce: Callable[..., Vector], value: Any, axis: Any = None, **options: bool) -> Vector:
+    """Do something with a matrix down the columns, or along the only row, as MATLAB does."""
+    return matrix(reduce(matrix(value), axis=count(axis) - 1 if axis is not None else _way(value), **options))
 
 
 def _way(value: Any) -> int:
     return int(matrix(value).shape[0] == 1)
 
 
-def _on_way(function: Callable[..., Vector], value: Any) -> Vector:
-    return function(matrix(value), axis=_way(value))
-
-
 def _extreme(pairwise: np.ufunc, first: Any, second: Any = None) -> Vector:
-    return _along(pairwise.reduce, first) if second is None else matrix(pairwise(matrix(first), matrix(second)))
-
-
-def _diag(value: Any) -> Vector:
-    array = matrix(value)
-    return np.diag(array.reshape(-1)) if 1 in array.shape else matrix(np.diag(array)).T
+    if second is None:
+        return _along(pairwise.reduce, first, keepdims=True)
+    return matrix(pairwise(matrix(first), matrix(second)))
 
 
 def _repmat(value: Any, *times: Any) -> Vector:
-    rows, columns = _shape(times)
-    array = matrix(value)
-    if array.size * rows * columns > LARGEST:
-        raise NotUnderstood(f"makes a matrix of more than {LARGEST} elements")
+    (rows, columns), array = _shape(times), matrix(value)
+    _shape((array.size, rows * columns))  # which must not be too large
     return np.tile(array, (rows, columns))
 
 
@@ -119,9 +108,12 @@ _EACH: dict[str, Callable[..., Any]] = {
     **{f"{name}d": lambda u, name=name: getattr(np, name)(np.deg2rad(u)) for name in ("sin", "cos", "tan")},
     **{f"a{name}d": lambda *u, name=name: np.rad2deg(getattr(np, f"arc{name}")(*u)) for name in ("sin", "cos", "tan")},
     "atan2d": lambda y, x: np.rad2deg(np.arctan2(y, x)),
+    "hypot": np.hypot,
     "round": _rounded,
     **{name: lambda u, ends=ends: np.clip(_rounded(np.nan_to_num(u)), *ends) for name, ends in INTEGERS.items()},
-    **{"fix": np.trunc, "mod": np.mod, "rem": np.fmod, "hypot": np.hypot},
+    "fix": np.trunc,
+    "mod": np.mod,
+    "rem": np.fmod,
     **dict.fromkeys(("double", "single"), lambda value: value),
     "logical": lambda value: value != 0,
     "not": lambda value: value == 0,
@@ -139,11 +131,11 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "zeros": lambda *sizes: np.zeros(_shape(sizes)),
     "ones": lambda *sizes: np.ones(_shape(sizes)),
     "eye": lambda *sizes: np.eye(*_shape(sizes)),
-    "diag": _diag,
-    **{name: partial(_along, getattr(np, name)) for name in ("sum", "prod", "mean", "any", "all")},
+    "diag": lambda a: np.diag(matrix(a).reshape(-1)) if 1 in matrix(a).shape else matrix(np.diag(matrix(a))).T,
+    **{name: partial(_along, getattr(np, name), keepdims=True) for name in ("sum", "prod", "mean", "any", "all")},
     "min": partial(_extreme, np.minimum),
     "max": partial(_extreme, np.maximum),
-    **{name: partial(_on_way, getattr(np, name)) for name in ("diff", "unwrap", "cumsum", "flip")},
+    **{name: partial(_along, getattr(np, name)) for name in ("diff", "unwrap", "cumsum", "flip")},
     "circshift": lambda value, by: np.roll(matrix(value), int(matrix(by)[0, 0]), _way(value)),
     "polyval": lambda coefficients, at: np.polyval(matrix(coefficients).reshape(-1), matrix(at)),
     "norm": lambda u, p=2: np.linalg.norm(matrix(u).ravel() if 1 in matrix(u).shape else matrix(u), count(p) or None),
@@ -195,8 +187,6 @@ SEVERAL: dict[str, Callable[..., list[Any]]] = {
 }
 """Functions of several outputs."""
 Lookup = Callable[[str], Any]  # returns the value of a variable, or raises `UndefinedVariable`
-
-
 Algebra = Mapping[str, Callable[..., Any]]
 """What an expression is computed with: operators, elementwise on two matrices, and functions of matrices, by name."""
 
@@ -214,55 +204,56 @@ class UndefinedVariable(LookupError):
         self.name, self.why = name, why
 
 
-def evaluate(node: Expression, lookup: Lookup, algebra: Algebra | None = None, end: int | None = None) -> Any:
-    """Return the value of an expression's tree, of numbers unless another algebra is given; in an index, with its end.
+class Evaluator:
+    """Computes expressions of variables that are looked up, by an algebra."""
 
-    Raises:
-        UndefinedVariable: a name that is no variable, and no function here.
-        NotUnderstood: what cannot be computed.
-    """
-    try:
-        return _Evaluation(lookup, algebra or NUMBERS, end).value(node)
-    except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
-        raised = problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
-        raise raised from problem
+    def __init__(self, lookup: Lookup, algebra: Algebra) -> None:
+        self._outside, self._algebra = lookup, algebra
+        self._ends: list[int] = []  # what `end` is in the indices around
 
+    def evaluated(self, node: Expression) -> Any:
+        """Return the value of an expression's tree.
 
-class _Evaluation:
-    def __init__(self, lookup: Lookup, algebra: Algebra, end: int | None) -> None:
-        self._lookup, self._algebra = lookup, algebra
-        self._ends = [] if end is None else [end]  # what `end` is in the indices around
+        Raises:
+            UndefinedVariable: a name that is no variable, and no function here.
+            NotUnderstood: what cannot be computed.
+        """
+        try:
+            return self._of(node)
+        except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
+            raised = problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
+            raise raised from problem
 
-    def value(self, node: Expression) -> Any:
+    def find(self, _: str) -> bool:
+        """Tell whether there is a further function of this name, from now on in the algebra."""
+        return False
+
+    def _lookup(self, name: str) -> Any:
+        return self._outside(name)
+
+    def _of(self, node: Expression) -> Any:
+        match node:
+            case ("number", (number,)):
+                return matrix(number)
+            case ("imaginary", (number,)):
+                return matrix(number * self._named("1i", ()))
+            case ("text" | "string", (text,)):
+                return text
+            case ("name", (name,)):
+                return self._named(name, ())
+            case ("end", ()) if self._ends:
+                return matrix(self._ends[-1])
+            case ("end" | "colon", ()):
+                raise NotUnderstood("has an 'end' or a ':' outside an index")
         return getattr(self, f"_{node.kind}")(*node.parts)
-
-    def _number(self, value: float) -> Vector:
-        return matrix(value)
-
-    def _imaginary(self, value: float) -> Vector:
-        return matrix(value * self._named("1i", ()))
-
-    def _text(self, value: str) -> str:
-        return value
-
-    _string = _text
-
-    def _name(self, name: str) -> Any:
-        return self._named(name, ())
-
-    def _end(self) -> Vector:
-        return matrix(self._ends[-1]) if self._ends else self._colon()
-
-    def _colon(self) -> Vector:
-        raise NotUnderstood("has an 'end' or a ':' outside an index")
 
     def _named(self, name: str, arguments: tuple[Expression, ...]) -> Any:
         try:
             return self._lookup(name)
         except UndefinedVariable:
-            if name not in self._algebra:
+            if name not in self._algebra and not self.find(name):
                 raise
-        values = [self.value(argument) for argument in arguments]
+        values = [self._of(argument) for argument in arguments]
         try:
             found = self._algebra[name](*values)
         except TypeError as problem:
@@ -272,17 +263,16 @@ class _Evaluation:
         return found if isinstance(found, str | dict | list) else matrix(found)
 
     def _call(self, target: Expression, arguments: tuple[Expression, ...]) -> Any:
-        if target.kind == "name":
-            try:
-                value = self._lookup(target.parts[0])
-            except UndefinedVariable:
-                return self._named(target.parts[0], arguments)
-        else:
-            value = self.value(target)
+        try:
+            value = self._lookup(target.parts[0]) if target.kind == "name" else self._of(target)
+        except UndefinedVariable:
+            if target.kind != "name":
+                raise
+            return self._named(target.parts[0], arguments)
         if isinstance(value, str):
             return value
         if callable(value):  # a method of an object
-            return value(*map(self.value, arguments))
+            return value(*map(self._of, arguments))
         if isinstance(value, dict | list):
             several: list[Any] = value if isinstance(value, list) else [value]
             if len(arguments) == 2 and isinstance(several[0], list):
@@ -300,25 +290,30 @@ class _Evaluation:
             row = (1, -1) if array.shape[0] == 1 else (-1, 1)
             shape = index.shape if 1 not in array.shape or array.size == 1 else row
             return np.asarray(flat[index.reshape(-1, order="F")].reshape(shape, order="F"))
-        if len(arguments) == 2:
-            rows = self._index(arguments[0], array.shape[0]).reshape(-1)
-            columns = self._index(arguments[1], array.shape[1]).reshape(-1)
-            return np.asarray(array[np.ix_(rows, columns)])
-        raise NotUnderstood(f"has an index of {len(arguments)} dimensions")
+        if len(arguments) != 2:
+            raise NotUnderstood(f"has an index of {len(arguments)} dimensions")
+        places = (self._index(*one).reshape(-1) for one in zip(arguments, array.shape, strict=True))
+        return np.asarray(array[np.ix_(*places)])
 
     def _index(self, node: Expression, size: int) -> Any:
         if node.kind == "colon":
             return np.arange(size).reshape(1, -1)
-        self._ends.append(size)
-        index = matrix(self.value(node))
-        self._ends.pop()
+        index = self._at(node, size)
         if np.any(index != np.round(index)) or np.any(index < 1) or np.any(index > size):
             raise NotUnderstood(f"has the index {index.reshape(-1)[0]:g} of something that has {size} elements")
         return index.astype(int) - 1
 
+    def _at(self, node: Expression, size: int) -> Vector:
+        """Return the value of an index of something that has so many elements."""
+        self._ends.append(size)
+        try:
+            return matrix(self._of(node))
+        finally:
+            self._ends.pop()
+
     def _field(self, target: Expression, name: str) -> Any:
         try:
-            value = self.value(target)
+            value = self._of(target)
         except UndefinedVariable as problem:
             if problem.name not in self._algebra:
                 raise
@@ -330,8 +325,7 @@ class _Evaluation:
         return value[name]
 
     def _range(self, start: Expression, step: Expression | None, stop: Expression) -> Vector:
-        first, last = (float(matrix(self.value(end))[0, 0]) for end in (start, stop))
-        by = 1.0 if step is None else float(matrix(self.value(step))[0, 0])
+        first, last, by = (1.0 if end is None else float(matrix(self._of(end))[0, 0]) for end in (start, stop, step))
         steps = np.floor((last - first) / by * (1 + 1e-12) + 1e-9) if by else -1
         if not steps < LARGEST:
             raise NotUnderstood(f"makes a range of more than {LARGEST} elements")
@@ -340,7 +334,7 @@ class _Evaluation:
     def _matrix(self, rows: tuple[tuple[Expression, ...], ...]) -> Any:
         if not rows:
             return np.zeros((0, 0))
-        values = [[self.value(node) for node in row] for row in rows]
+        values = [[self._of(node) for node in row] for row in rows]
         texts = [value for row in values for value in row if isinstance(value, str)]
         if len(texts) == sum(map(len, values)):
             several = len(texts) > 1 and any(node.kind == "string" for row in rows for node in row)
@@ -350,11 +344,11 @@ class _Evaluation:
         return np.concatenate(lines, axis=0) if lines else np.zeros((0, 0))
 
     def _cell(self, rows: tuple[tuple[Expression, ...], ...]) -> list[Any]:
-        values = [[self.value(node) for node in row] for row in rows]
+        values = [[self._of(node) for node in row] for row in rows]
         return values if len(rows) > 1 and len(rows[0]) > 1 else [one for row in values for one in row]
 
     def _unary(self, operator: str, operand: Expression) -> Vector:
-        value = matrix(self.value(operand))
+        value = matrix(self._of(operand))
         if operator == "-":
             return -value
         if operator == "~":
@@ -362,33 +356,33 @@ class _Evaluation:
         return value.T if operator == "'" else value
 
     def _binary(self, operator: str, one: Expression, other: Expression) -> Vector:
-        left = self.value(one)
+        left = self._of(one)
         decided = operator in ("&&", "||") and matrix(left).dtype != object
         if decided and bool(np.all(left)) == (operator == "||"):
             return matrix(operator == "||")
-        right = self.value(other)
+        right = self._of(other)
         if operator in ("==", "~=") and (isinstance(left, str) or isinstance(right, str)):
             return matrix((left == right) == (operator == "=="))
         first, second, each = matrix(left), matrix(right), self._algebra
         lone = first.size == 1 or second.size == 1
         if operator == "*" and object in (first.dtype, second.dtype) and first.size * second.shape[1] > _MOST_PRODUCTS:
             raise NotUnderstood(f"multiplies matrices of signals by more than {_MOST_PRODUCTS} products")
+        if operator in ("/", "\\"):  # A \\ B is (B' / A')'
+            return self._quotient(first, second) if operator == "/" else self._quotient(second.T, first.T).T
         with np.errstate(all="ignore"):
             if operator in each:
                 return matrix(each[operator](first, second))
             if operator == "*":
                 return matrix(each[".*"](first, second) if lone else first @ second)
-            if operator == "^":
-                return matrix(each[".^"](first, second) if lone else np.linalg.matrix_power(first, int(second[0, 0])))
-            if operator == "\\":
-                first, second = second.T, first.T  # A \\ B is (B' / A')'
-            if second.size == 1:
-                quotient = matrix(each["./"](first, second))
-            elif object in (first.dtype, second.dtype):
-                quotient = matrix(first @ self._algebra["inv"](second))
-            else:
-                quotient = matrix(np.linalg.solve(second.T, first.T).T)
-        return quotient.T if operator == "\\" else quotient
+            return matrix(each[".^"](first, second) if lone else np.linalg.matrix_power(first, int(second[0, 0])))
+
+    @np.errstate(all="ignore")
+    def _quotient(self, first: Vector, second: Vector) -> Vector:
+        if second.size == 1:
+            return matrix(self._algebra["./"](first, second))
+        if object in (first.dtype, second.dtype):
+            return matrix(first @ self._algebra["inv"](second))
+        return matrix(np.linalg.solve(second.T, first.T).T)
 
 
 NUMBERS: Algebra = {

@@ -42,21 +42,13 @@ class UnboundedMat(Exception):
     """A file that asks for far more than it holds; the text says what."""
 
 
-def check_bounds(content: bytes) -> None:
-    """Check that a file asks for nothing beyond what it holds (raises UnboundedMat: it does)."""
-    mark = content[_HEADER - 2 : _HEADER]
-    if mark in _VERSION_5:
-        _Scan("<" if mark == _VERSION_5[0] else ">").check(memoryview(content)[_HEADER:])
-
-
 class _Scan:
-    """One look through one file, whose numbers are in an order of bytes."""
+    """One look through one file, to check that it asks for nothing beyond what it holds (raises UnboundedMat)."""
 
-    def __init__(self, order: str) -> None:
-        self._order, self._room, self._elements = order, LARGEST, _MOST_ELEMENTS
-
-    def check(self, data: memoryview) -> None:
-        for kind, content in self._elements_of(data):
+    def __init__(self, file: bytes) -> None:
+        mark = file[_HEADER - 2 : _HEADER]
+        self._order, self._room, self._elements = "<" if mark == _VERSION_5[0] else ">", LARGEST, _MOST_ELEMENTS
+        for kind, content in self._elements_of(memoryview(file)[_HEADER:]) if mark in _VERSION_5 else ():
             packed = self._elements_of(memoryview(self._inflated(content))) if kind == _COMPRESSED else ()
             for inner, variable in packed or ((kind, content),):
                 if inner == _MATRIX:
@@ -109,24 +101,20 @@ class _Scan:
 def contents_of_mat(file: Path, option: str) -> dict[str, Any]:
     """Return what a file holds by name, as SciPy has it: matrices, records, and objects that it cannot read.
 
-    Raises:
-        InvalidParameter: it cannot be read; the message names the option that asked for it.
+    Raises InvalidParameter: it cannot be read; the message names the option that asked for it.
     """
     try:
         return _contents(content_of(file, LARGEST))
+    except NotImplementedError as problem:
+        raise InvalidParameter(option, str(file), "saved with -v7: version 7.3 is not read") from problem
     except Exception as problem:  # readers of damaged files raise whatever they like
-        reason = (
-            "saved with -v7: version 7.3 is not read"
-            if isinstance(problem, NotImplementedError)
-            else f"readable: {problem}"
-        )
-        raise InvalidParameter(option, str(file), reason) from problem
+        raise InvalidParameter(option, str(file), f"readable: {problem}") from problem
 
 
 def _contents(data: bytes) -> dict[str, Any]:
     from scipy.io import loadmat
 
-    check_bounds(data)
+    _Scan(data)
     source: Any = io.BytesIO(data)  # which older stubs of scipy do not know of
     content = loadmat(source, squeeze_me=False, struct_as_record=True)
     return {name: value for name, value in content.items() if not name.startswith("__")}
@@ -134,8 +122,7 @@ def _contents(data: bytes) -> dict[str, Any]:
 
 def variables_of_mat(file: Path, option: str = "--variables") -> dict[str, Any]:
     """Return the variables of a file, by name; errors as of :func:`contents_of_mat`."""
-    content = contents_of_mat(file, option)
-    return {name: value for name, raw in content.items() if (value := _plain(raw)) is not None}
+    return {name: value for name, raw in contents_of_mat(file, option).items() if (value := _plain(raw)) is not None}
 
 
 _UNNAMED, _NAMED = slice(48, 56), struct.pack("<HHI", 1, 1, ord("w"))

@@ -112,15 +112,8 @@ def statements(code: str) -> list[Statement]:
             current = ""
         else:
             current += piece
-    return _nested([part for statement in found for part in _without_else(statement) if part])
-
-
-def _without_else(statement: str) -> list[str]:
-    """Split ``else x = 1``, which some write on one line."""
-    for keyword in ("else", "try", "otherwise"):
-        if statement.startswith(keyword + " "):
-            return [keyword, statement[len(keyword) :].strip()]
-    return [statement]
+    parted = (re.sub(r"^(else|try|otherwise) ", r"\1\n", one) for one in found)  # as some write on one line
+    return _nested([part.strip() for one in parted for part in one.split("\n") if part.strip()])
 
 
 DEEPEST = 60  # brackets in brackets
@@ -162,10 +155,6 @@ class _Token(NamedTuple):
     kind: str
     text: str
 
-    @property
-    def ends_value(self) -> bool:
-        return self.kind != "operator" or self.text in (")", "]", "}", "'", ".'")
-
 
 def _tokens_of(text: str) -> list[_Token]:
     """Return the pieces of an expression; between elements of a matrix that blanks part there is a comma."""
@@ -179,12 +168,12 @@ def _tokens_of(text: str) -> list[_Token]:
         if space or text[place] == "\n":
             place, spaced = space.end() if space else place + 1, True
             continue
-        after_value = bool(tokens) and tokens[-1].ends_value
+        after_value = bool(tokens) and (tokens[-1].kind != "operator" or tokens[-1].text in (*")]}'", ".'"))
         opens = text[place] == '"' or (text[place] == "'" and (spaced or not after_value))
         if (match := _QUOTED.match(text, place)) and opens:
-            string = match[1] is None
-            word = match[2].replace('""', '"') if string else match[1].replace("''", "'")
-            token = _Token("string" if string else "text", word)
+            text_of, string = match.groups()
+            token = _Token("text", text_of.replace("''", "'")) if string is None else _Token(
+                "string", string.replace('""', '"'))  # fmt: skip
         elif match := _TOKEN.match(text, place):
             token = _Token(str(match.lastgroup), match[0])
         else:
@@ -252,8 +241,8 @@ class _Parser:
         if self._depth > DEEPEST:
             raise NotUnderstood(f"nests brackets more than {DEEPEST} deep")
         if self._stands(*_SIGNS):
-            sign = self._next().text
-            node = Expression("unary", ("~" if sign == "!" else sign, self.expression(_BINDS["unary"])))
+            sign = self._next().text.replace("!", "~")
+            node = Expression("unary", (sign, self.expression(_BINDS["unary"])))
         else:
             node = self._atom()
             while self._stands("(", "'", ".'", ".") or (self._stands("{") and node.kind in ("name", "call", "field")):

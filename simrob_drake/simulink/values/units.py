@@ -58,15 +58,7 @@ def _unit(tree: Expression, *, counts: bool = False) -> Unit:
 
 
 def factor(text: str, like: str) -> float:
-    """Return what one unit is in SI.
-
-    Args:
-        text: the unit.
-        like: a unit of the dimension that is asked for, such as ``m``.
-
-    Raises:
-        UnknownUnit: it is no unit, or one of another dimension.
-    """
+    """Return what one unit is in SI, of the dimension of another, such as ``m`` (raises UnknownUnit: it is not)."""
     unit, target = parse_unit(text), parse_unit(like)
     if unit.dimension != target.dimension:
         raise UnknownUnit(f"the unit {text} does not fit; it must be one like {like}")

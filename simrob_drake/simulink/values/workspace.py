@@ -14,7 +14,7 @@ from typing import Any
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import content_of
-from simrob_drake.simulink.values.code import CodeRun
+from simrob_drake.simulink.values.code import CodeRun, undefined
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
 from simrob_drake.simulink.values.mat import Files, variables_of_mat
 from simrob_drake.simulink.values.syntax import NotUnderstood
@@ -40,8 +40,7 @@ Octave = Callable[[str, Callable[[str], Any]], dict[str, Any]]
 def find_octave(folders: Iterable[Path] = ()) -> Octave:
     """Return what runs code, with functions and scripts of these folders.
 
-    Raises:
-        InvalidParameter: GNU Octave is not installed.
+    Raises InvalidParameter: GNU Octave is not installed.
     """
     program = shutil.which("octave-cli") or shutil.which("octave")
     if program is None:
@@ -50,37 +49,27 @@ def find_octave(folders: Iterable[Path] = ()) -> Octave:
     paths = "".join(f"addpath('{str(folder.resolve()).replace(chr(39), 2 * chr(39))}');\n" for folder in folders)
 
     def run(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
+        from scipy.io import savemat
+
+        known = {"none_": 0.0}
+        for name in dict.fromkeys(_NAME.findall(code)):
+            with suppress(UndefinedVariable):  # a function, or a variable that the code sets
+                known[name] = lookup(name)
+        texts = {"code": _SCRIPT.format(code=paths + code), **{name: _NOTHING.format(name=name) for name in _IDLE}}
+        command, quiet = [program, "--no-gui", "--no-init-file", "--quiet", "code.m"], subprocess.DEVNULL
         with TemporaryDirectory() as folder:
-            return _run(program, paths + code, _names_needed(code, lookup), Path(folder))
+            savemat(Path(folder, "given.mat"), known)
+            for name, text in texts.items():
+                Path(folder, f"{name}.m").write_text(text, encoding="utf-8")
+            try:
+                subprocess.run(command, cwd=folder, stdin=quiet, capture_output=True, timeout=_PATIENCE, check=False)
+            except subprocess.TimeoutExpired as problem:
+                expected = f"quicker: code of a mask has not ended after {_PATIENCE:g} s"
+                raise InvalidParameter("--octave", code[:60], expected) from problem
+            found = Path(folder, "found.mat")
+            return variables_of_mat(found, "--octave") if found.is_file() else {}
 
     return run
-
-
-def _names_needed(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
-    known = {}
-    for name in dict.fromkeys(_NAME.findall(code)):
-        with suppress(UndefinedVariable):  # a function, or a variable that the code sets
-            known[name] = lookup(name)
-    return known
-
-
-def _run(program: str, code: str, variables: dict[str, Any], folder: Path) -> dict[str, Any]:
-    from scipy.io import savemat
-
-    savemat(folder / "given.mat", {"none_": 0.0, **variables})
-    (folder / "code.m").write_text(_SCRIPT.format(code=code), encoding="utf-8")
-    for name in _IDLE:
-        (folder / f"{name}.m").write_text(_NOTHING.format(name=name), encoding="utf-8")
-    command = [program, "--no-gui", "--no-init-file", "--quiet", "code.m"]
-    try:
-        subprocess.run(
-            command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=_PATIENCE, check=False
-        )
-    except subprocess.TimeoutExpired as problem:
-        expected = f"quicker: code of a mask has not ended after {_PATIENCE:g} s"
-        raise InvalidParameter("--octave", code[:60], expected) from problem
-    found = folder / "found.mat"
-    return variables_of_mat(found, "--octave") if found.is_file() else {}
 
 
 @dataclass
@@ -126,9 +115,8 @@ class Variables:
             raise UndefinedVariable(name, f"it is set by code of '{self.name}' that only MATLAB runs")
         if self.outer is None:
             missing = ", ".join(sorted(self.absent))
-            raise UndefinedVariable(
-                name, f"'{self.name}' takes variables from {missing}, which is not there" if missing else ""
-            )
+            why = f"'{self.name}' takes variables from {missing}, which is not there" if missing else ""
+            raise UndefinedVariable(name, why)
         return self.outer.lookup(name)
 
     def value(self, text: str) -> Any:
@@ -152,26 +140,16 @@ class Variables:
         self.settings, self.unset = run.settings, run.unset
         lacking = self.unknown | run.incomplete
         if lacking and self.octave is not None:
-            found = self.octave(code, self._lookup_before)
+            found = self.octave(code, lambda name: undefined(name) if name in self.unknown else self.lookup(name))
             self.variables |= {name: value for name, value in found.items() if name in lacking}
             self.unknown -= found.keys()
 
-    def _lookup_before(self, name: str) -> Any:
-        if name in self.unknown:
-            raise UndefinedVariable(name)
-        return self.lookup(name)
-
 
 def variables_of(settings: Mapping[str, str], files: list[Path], named: Files | None = None) -> dict[str, Any]:
-    """Return the variables that a user gives.
+    """Return the variables that a user gives, by expressions and files, which may name what others hold.
 
-    Args:
-        settings: expressions by name; ``tool.mass`` is a field of a structure.
-        files: `.mat` files, or `.m` scripts of assignments.
-        named: functions, scripts and variables that these may name.
-
-    Raises:
-        InvalidParameter: a file or an expression that cannot be read.
+    A name ``tool.mass`` is a field of a structure; files are `.mat`, or `.m` scripts of assignments. Raises
+    InvalidParameter: a file or an expression that cannot be read.
     """
     run = CodeRun({}, files=named)
     for file in files:
@@ -181,14 +159,12 @@ def variables_of(settings: Mapping[str, str], files: list[Path], named: Files | 
             try:
                 run.run(content_of(file).decode("utf-8", errors="replace"))
             except (OSError, NotUnderstood) as problem:
-                raise InvalidParameter(
-                    "--variables", str(file), f"a .mat file or a script of assignments: {problem}"
-                ) from problem
+                expected = f"a .mat file or a script of assignments: {problem}"
+                raise InvalidParameter("--variables", str(file), expected) from problem
     for name, text in settings.items():
         try:
             run.assign(f"{name}={text}")
         except (NotUnderstood, UndefinedVariable) as problem:
-            raise InvalidParameter(
-                f"--set {name}", text, f"an expression such as [0 0 1] or 30*pi/180: it {problem}"
-            ) from problem
+            expected = f"an expression such as [0 0 1] or 30*pi/180: it {problem}"
+            raise InvalidParameter(f"--set {name}", text, expected) from problem
     return run.variables

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
-from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
@@ -15,11 +14,21 @@ from simrob_drake.simulink.mechanics.bodies import PUSH, frame_place
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import AS_WRITTEN, PARTS, Form, Primitive, Term, Value, flat, signal, terms_of
+from simrob_drake.simulink.signals.forms import (
+    AS_WRITTEN,
+    LAG,
+    PARTS,
+    Form,
+    Primitive,
+    Term,
+    Tracer,
+    Value,
+    flat,
+    signal,
+    terms_of,
+)
 from simrob_drake.simulink.signals.laws import ExternalForce, Law
 from simrob_drake.simulink.signals.sources import SENSOR
-from simrob_drake.simulink.signals.tracing import LAG
-from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.touching import StationFiles
 from simrob_drake.simulink.writing.urdf import UniqueNames, plain, pose_list
 
@@ -40,14 +49,7 @@ class FlowWriter:
     def __init__(
         self, name: str, measured: Mapping[Term, Sum], laws: Mapping[Freedom, Law], report: ImportReport
     ) -> None:
-        """Take what the blocks are made of.
-
-        Args:
-            name: of the flow in its station.
-            measured: what no block computes, as sums of the station's signals.
-            laws: what drives each joint, for those that read the torque of others.
-            report: of the import.
-        """
+        """Take what no block computes, as sums of the station's signals, and joints' laws, for who reads a torque."""
         self.name, self._measured, self._laws, self._report = name, dict(measured), laws, report
         families = {one.partition(".")[0] for names in measured.values() for one in names}
         self._names = UniqueNames(("one", "time", "torque", *families))
@@ -79,11 +81,12 @@ class FlowWriter:
     def _derived(self, term: Term) -> Sum:
         """Return what a station does not measure: by what it does measure, or as an open input."""
         if term.kind == "a":
-            self._report.add(
-                "approximated", getattr(term.of, "name", ""), f"its acceleration is filtered, by {LAG:g} s"
-            )
-            parameters = {"kind": "transfer_function", "numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
-            return self._add(f"{getattr(term.of, 'name', 'joint')}_a", parameters, [Form({Term("w", term.of): 1.0})])
+            joint = getattr(term.of, "name", "")
+            self._report.add("approximated", joint, f"its acceleration is filtered, by {LAG:g} s")
+            name = self._names.give(f"{joint or 'joint'}_a")
+            self.blocks[name] = {"kind": "transfer_function", "numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
+            self.blocks[name]["of"] = [self.sum(Form({Term("w", term.of): 1.0}))]
+            return {name: 1.0}
         if term.kind == "t" and isinstance(term.of, Freedom) and term.of in self._laws:
             self._measured[term] = {}  # a torque that reads itself reads 0
             return self.sum(self._laws[term.of].net)
@@ -94,9 +97,9 @@ class FlowWriter:
         path = node.path if isinstance(node, Node) else f"{getattr(node, 'name', term.kind)}_{term.kind}"
         name = self._names.give(path if not term.index else f"{path}_{term.index + 1}")
         self.blocks[name] = {"kind": "input"}
-        message = f"it is the input {self.name}.{name} of the station, at 0 until something drives it"
         if isinstance(node, Node) and term.kind == "open":
             self.opened.setdefault(node, {})[term.index] = f"{self.name}.{name}"
+        message = f"it is the input {self.name}.{name} of the station, at 0 until something drives it"
         self._report.add("open", path, message)
         return {name: 1.0}
 
@@ -104,13 +107,17 @@ class FlowWriter:
         """Return a name that nothing else in the flow has, after a block of the model."""
         return self._names.give(node.path)
 
-    def take_inputs(self, node: Node, signals: list[list[Value]]) -> None:
-        """Add blocks that hold what an open block takes."""
-        for number, values in enumerate(signals, start=1):
-            name = self._names.give(f"{node.path}_in_{number}")
-            self.blocks[name] = {"kind": "sum"}
-            self.blocks[name]["of"] = [self.sum(value) for value in values]
-            self.shown.append(name)
+    def take_inputs(self, tracer: Tracer) -> None:
+        """Add blocks that hold what open blocks take, and those that are open in these."""
+        done = set[Node]()
+        while waiting := [node for node in self.opened if node not in done]:
+            done.update(waiting)
+            for node in waiting:
+                for number, values in enumerate(tracer.inputs(node), start=1):
+                    name = self._names.give(f"{node.path}_in_{number}")
+                    self.blocks[name] = {"kind": "sum"}
+                    self.blocks[name]["of"] = [self.sum(value) for value in flat(values)]
+                    self.shown.append(name)
 
     def _block(self, block: Primitive) -> list[str]:
         if block not in self._known:
@@ -137,11 +144,6 @@ class FlowWriter:
             self.shown.append(name)
         return name
 
-    def _add(self, path: str, parameters: dict[str, Any], values: list[Value]) -> Sum:
-        name = self._names.give(path)
-        self.blocks[name] = {**parameters, "of": [self.sum(value) for value in values]}
-        return {name: 1.0}
-
     @property
     def section(self) -> dict[str, Any]:
         """What a station's file says of the blocks."""
@@ -162,62 +164,53 @@ def _problem(name: str, block: dict[str, Any]) -> str | None:
     return None
 
 
-def _measured(model: SimulinkModel, files: StationFiles, sensors: Collection[str]) -> dict[Term, Sum]:
-    several = len(files.robots) > 1
+def _measured(files: StationFiles, sensors: Collection[str]) -> dict[Term, Sum]:
     found: dict[Term, Sum] = {}
     for name, robot in files.robots.items():
-        prefix = f"{name}." if several else ""
+        prefix = files.prefix(name)
         for freedom, axis in robot.axes.items():
             found[Term("q", freedom)] = {f"{prefix}q.{axis}": 1.0}
             found[Term("w", freedom)] = {f"{prefix}v.{axis}": 1.0}
-            law = model.laws.get(freedom)
-            form = terms_of(law.reference or 0.0) if law else {}
+            form = terms_of(files.model.law_of(freedom).reference or 0.0)
             for term, factor in form.items() if len(form) == 1 else ():
                 if term.kind == "input":
                     found[term] = {f"{prefix}q_ref.{axis}": 1.0 / factor}
-    for contact in model.contacts:
+    for contact in files.model.contacts:
         name = plain(contact.node.block.name)
         if name in sensors:
             found[Term("distance", contact.node)] = {f"distance.{name}": 1.0}
     return found
 
 
-def _net(model: SimulinkModel, freedom: Freedom) -> Value:
+def _net(law: Law, freedom: Freedom) -> Value:
     """Return what of a joint's torque no servo is: its law, and its spring where that is not all that drives it."""
-    law = model.laws.get(freedom, Law())
     if not freedom.stiffness or law.is_idle or freedom.driven == "motion":
         return law.net
     return law.net + freedom.stiffness * (freedom.rest - Form({Term("q", freedom): 1.0}))
 
 
-def flows_of(
-    model: SimulinkModel,
-    files: StationFiles,
-    sensors: Collection[str],
-    sensed: Mapping[Term, Sum],
-    turn: RigidTransform,
-) -> dict[str, Any]:
+def flows_of(files: StationFiles, sensors: Collection[str], sensed: Mapping[Term, Sum]) -> dict[str, Any]:
     """Return the controllers of a station, a signal flow for each robot with a law.
 
     Stops that no contact gives, and forces on bodies, are part of the first. Frame sensors are measured as ``sensed``
-    says; ``turn`` places the model's world in ours.
+    says.
     """
-    several = len(files.robots) > 1
-    measured = {**_measured(model, files, sensors), **sensed}
+    model, several = files.model, len(files.robots) > 1
+    measured = {**_measured(files, sensors), **sensed}
     flows: dict[str, Any] = {}
     stops, pushes = dict(model.stops), list(model.pushes)
     for name, robot in files.robots.items() or [("", None)]:
         called = f"law_{name}" if several else "law"
         writer = FlowWriter(called, measured, model.laws, model.report)
         axes = robot.axes.items() if robot is not None else ()
-        torque = {axis: made for freedom, axis in axes if (made := writer.sum(_net(model, freedom)))}
+        torque = {axis: made for one, axis in axes if (made := writer.sum(_net(model.law_of(one), one)))}
         ends = {f"{plain(node.block.name)}_end": writer.sum(value) for node, value in stops.items()}
-        forces = {writer.name_of(push.node): made for push in pushes if (made := _force(writer, push, files, turn))}
+        forces = {writer.name_of(push.node): made for push in pushes if (made := _force(writer, push, files))}
         if not (torque or ends or forces):
             continue
         stops.clear()
         pushes.clear()
-        _take_inputs(writer, model)
+        writer.take_inputs(model.tracer)
         section: dict[str, Any] = {"kind": "signal_flow", **({"robot": name} if several else {})}
         parts = {"torque": torque, "forces": forces, "stops": ends}
         flows[called] = section | writer.section | {key: part for key, part in parts.items() if part}
@@ -226,9 +219,9 @@ def flows_of(
     return flows
 
 
-def _force(writer: FlowWriter, push: ExternalForce, files: StationFiles, turn: RigidTransform) -> dict[str, Any]:
+def _force(writer: FlowWriter, push: ExternalForce, files: StationFiles) -> dict[str, Any]:
     """Return what a block applies, along the axes of the link or piece that it acts on; nothing of what cannot move."""
-    named = files.named(push.body, turn)
+    named = files.named(push.body)
     if named is None or push.body.grounded:
         push.node.note("dropped", "a force on what stands fixed")
         return {}
@@ -243,36 +236,22 @@ def _force(writer: FlowWriter, push: ExternalForce, files: StationFiles, turn: R
     return section
 
 
-def _take_inputs(writer: FlowWriter, model: SimulinkModel) -> None:
-    done: set[Node] = set()
-    while waiting := [node for node in writer.opened if node not in done]:
-        for node in waiting:
-            done.add(node)
-            writer.take_inputs(node, [flat(one) for one in model.tracer.inputs(node)])
-
-
 _AXES = {"World": "world", "Base": "base", "Follower": "frame"}
 _VECTORS = (0, 7, 10)  # where position, velocity and turning rate begin among the parts
 
 
-def frame_sensors(
-    model: SimulinkModel, files: StationFiles, turn: RigidTransform, names: UniqueNames
-) -> tuple[dict[str, dict[str, Any]], dict[Term, Sum]]:
-    """Return a model's Transform Sensors by name, and what their terms are in the station as sums of signals.
-
-    ``turn`` places the model's world in ours.
-    """
-    sections, measured = dict[str, dict[str, Any]](), dict[Term, Sum]()
+def frame_sensors(files: StationFiles) -> tuple[dict[str, dict[str, Any]], dict[Term, Sum]]:
+    """Return a model's Transform Sensors by name, and what their terms are in the station as sums of signals."""
+    sections, measured, model = dict[str, dict[str, Any]](), dict[Term, Sum](), files.model
     sensing = {push.node: push.ends for push in model.pushes if push.senses}
     sensing |= {link.joint.node: None for link in model.bodies.links if link.joint.senses or link.joint.pulls}
     for node in model.expanded.nodes:
         if (node.kind == SENSOR or node in sensing) and node.block.commented == "off":
             places = _ends(node, sensing.get(node), model.network)
-            if (section := _sensor(node, places, model, files, turn)) is None:
+            if (section := _sensor(node, places, files)) is None:
                 continue
-            name, rotation = names.give(node.path), np.eye(3)
-            if section["axes"] == "world":
-                rotation = turn.rotation().matrix()
+            name = files.names.give(node.path)
+            rotation = files.turn.rotation().matrix() if section["axes"] == "world" else np.eye(3)
             sections[name] = section
             measured |= {Term("sensed", node, index): _part(name, index, rotation) for index in range(len(PARTS))}
             node.note("read", f"{node.kind}: the sensor {name}, with the signals frame.{name}.*")
@@ -286,24 +265,21 @@ def _ends(node: Node, ends: tuple[Node, Node] | None, network: Connections) -> l
     return [network.net(node, side) for side in ("rconn", "lconn") if node.kind != PUSH or side == "rconn"]
 
 
-def _sensor(
-    node: Node, places: list[Place], model: SimulinkModel, files: StationFiles, turn: RigidTransform
-) -> dict[str, Any] | None:
+def _sensor(node: Node, places: list[Place], files: StationFiles) -> dict[str, Any] | None:
     poses = []
     for place, end in zip(places, ("follower", "base"), strict=False):
-        body = model.bodies.by_place[place]
-        named = files.named(body, turn)
+        body = files.model.bodies.by_place[place]
+        named = files.named(body)
         if named is None:
             node.note("dropped", f"{node.kind}: its {end} is on no robot or piece")
             return None
         poses.append((named[0], pose_list(named[1] @ body.frames[place])))
-    (frame, offset), (base, base_offset) = *poses, *([] if len(poses) > 1 else [(WORLD, pose_list(turn))])
+    (frame, offset), (base, base_offset), *_ = *poses, (WORLD, pose_list(files.turn))
     observer = node.text("MeasurementFrame", "World" if node.kind in (SENSOR, PUSH) else "Base")
     axes = _AXES.get(observer.removeprefix("NonRotating"), "world")
     ends = {"frame": frame, "offset": offset, "base": base, "base_offset": base_offset}
-    section: dict[str, Any] = {"kind": "frame", **ends}
-    section |= {"axes": axes, **({"turning": False} if observer.startswith("NonRotating") else {})}
-    return {key: value for key, value in section.items() if value != [0.0] * 6}
+    section = {"kind": "frame", **{key: value for key, value in ends.items() if value != [0.0] * 6}, "axes": axes}
+    return section | ({"turning": False} if observer.startswith("NonRotating") else {})
 
 
 def _part(name: str, index: int, rotation: Vector) -> dict[str, float]:

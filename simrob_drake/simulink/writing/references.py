@@ -1,5 +1,6 @@
 """What the joints of a station are asked to do, what holds them beside each other, and where it begins."""
 
+from collections import ChainMap
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -25,7 +26,7 @@ from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.flow import FlowWriter
 from simrob_drake.simulink.writing.touching import StationFiles
-from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, pose_list
+from simrob_drake.simulink.writing.urdf import RobotFile, pose_list
 from simrob_drake.stations.config import JointStops
 
 _CORNER = 2 * SHORTEST  # how long a step takes [s]: rows of a table must be a SHORTEST apart
@@ -37,12 +38,11 @@ _BENT, _FINER = 2e-3, 10  # of a range: by so much rows may bend, or there are s
 class JointMotions:
     """Where the joints of a robot are asked to be."""
 
+    files: StationFiles  # what is written
     axes: dict[Freedom, str]  # names by degree of freedom
     values: dict[Freedom, Value | None]  # positions [rad or m]; None of what nothing drives
     start: dict[str, float]  # where each axis is at the beginning, by name [rad or m]
-    duration: float  # of the run [s]
     table: Path  # the CSV file to write where positions change over time
-    report: ImportReport  # of the import, to tell what cannot be computed
 
     @property
     def moving(self) -> dict[Freedom, Form]:
@@ -63,8 +63,7 @@ class JointMotions:
 
     def prescribed(self) -> dict[str, dict[str, Any]]:
         """Return a reference for each joint, by its axis."""
-        moving = self.moving
-        if moving:
+        if moving := self.moving:
             self._sample({freedom: self.axes[freedom] for freedom in moving})
         follow = {"kind": "table", "file": self.table.name}  # by a cubic spline, for the sake of its acceleration
         return {
@@ -74,23 +73,20 @@ class JointMotions:
 
     def _sample(self, axes: dict[Freedom, str]) -> None:
         moving = self.moving
-        steps = {
-            block.parameters["time"] for terms in closure(moving.values()) for block in blocks_in([Form(terms)])
-            if block.kind == "step"
-        }  # fmt: skip
-        corners = [corner for corner in steps if 0 < corner < self.duration]
+        taken = (block for terms in closure(moving.values()) for block in blocks_in([Form(terms)]))
+        steps = {block.parameters["time"] for block in taken if block.kind == "step"}
+        duration = self.files.model.duration
+        corners = [corner for corner in steps if 0 < corner < duration]
         most = MOST_VALUES // (len(axes) + 1) - 2 * len(corners) - 1
-        even = np.linspace(0.0, self.duration, min(round(self.duration * RATE), most) + 1)
+        even = np.linspace(0.0, duration, min(round(duration * RATE), most) + 1)
         times = np.unique(np.concatenate([even, corners, np.array(corners) - _CORNER]))
         moved = self._computed(moving, times)
         if (finer := _finer(times, moved)).size and finer.size < most - times.size:
             times = np.union1d(times, finer)
             moved = self._computed(moving, times)
-        columns: dict[str, Vector] = {"time": times}
-        for freedom, name in axes.items():
-            columns[name] = moved.get(freedom, np.full_like(times, self._held(freedom)))
-        rows = np.column_stack(list(columns.values()))
-        np.savetxt(self.table, rows, fmt="%.12g", delimiter=",", header=",".join(columns), comments="")
+        rows = np.column_stack([times, *(moved.get(one, np.full_like(times, self._held(one))) for one in axes)])
+        header = ",".join(["time", *axes.values()])
+        np.savetxt(self.table, rows, fmt="%.12g", delimiter=",", header=header, comments="")
 
     def _computed(self, moving: Mapping[Freedom, Form], times: Vector) -> dict[Freedom, Vector]:
         """Return positions over times (t,), by what they are of; what cannot be computed is lost, and held."""
@@ -98,10 +94,9 @@ class JointMotions:
             return dict(zip(moving, over_time(list(moving.values()), times), strict=True))
         except (RuntimeError, ValueError, SimrobError) as problem:  # of one block
             if len(moving) > 1:
-                alone = (self._computed({freedom: value}, times) for freedom, value in moving.items())
-                return {freedom: values for one in alone for freedom, values in one.items()}
+                return dict(ChainMap(*(self._computed({one: value}, times) for one, value in moving.items())))
             (freedom,) = moving
-            self.report.add("lost", freedom.name, f"its motion is not there, it is held: {problem}")
+            self.files.report.add("lost", freedom.name, f"its motion is not there, it is held: {problem}")
             return {}
 
     def _held(self, freedom: Freedom) -> float:
@@ -128,30 +123,18 @@ def over_time(values: list[Value], times: Vector) -> Vector:
     return flow_over_time(writer.blocks, sums, times)
 
 
-def start_state(files: StationFiles, starts: Mapping[str, Mapping[str, float]], turn: RigidTransform) -> State | None:
-    """Return how a station begins; None where everything is at rest.
-
-    Args:
-        files: what is written of it.
-        starts: positions by robot and axis [rad or m].
-        turn: places the model's world in ours.
-    """
-    several = len(files.robots) > 1
-    trees = {name: robot.tree for name, robot in files.robots.items()}
-    speeds = {
-        name: np.array([freedom.start_speed or 0.0 for freedom in robot.axes]) for name, robot in files.robots.items()
-    }
-    joints = {
-        f"{name if several else 'robot'}::{name}/{files.robots[name].links[tree.root]}": _free(tree, turn)
-        for name, tree in trees.items()
-        if not tree.root.grounded
-    }
-    joints |= {f"{name}::{name}/{name}": _free(tree, turn) for tree, name in files.free.items()}
-    if not any(speed.any() for speed in (*speeds.values(), *(joint.velocity for joint in joints.values()))):
-        return None
-    called = {name: name if several else "robot" for name in trees}
-    positions = {called[name]: np.array(list(axes.values()), dtype=float) for name, axes in starts.items()}
-    return State(positions, {called[name]: speed for name, speed in speeds.items()}, positions, joints)
+def start_state(files: StationFiles, starts: Mapping[str, Mapping[str, float]]) -> State | None:
+    """Return how a station begins, of positions by robot and axis [rad or m]; None where everything is at rest."""
+    positions, speeds, joints = dict[str, Vector](), dict[str, Vector](), dict[str, JointState]()
+    for name, robot in files.robots.items():
+        called = name if len(files.robots) > 1 else "robot"
+        positions[called] = np.array(list(starts[name].values()), dtype=float)
+        speeds[called] = np.array([freedom.start_speed or 0.0 for freedom in robot.axes])
+        if not robot.tree.root.grounded:
+            joints[f"{called}::{name}/{robot.links[robot.tree.root]}"] = _free(robot.tree, files.turn)
+    joints |= {f"{name}::{name}/{name}": _free(tree, files.turn) for tree, name in files.free.items()}
+    moves = any(speed.any() for speed in (*speeds.values(), *(joint.velocity for joint in joints.values())))
+    return State(positions, speeds, positions, joints) if moves else None
 
 
 def _free(tree: Tree, turn: RigidTransform) -> JointState:
@@ -161,9 +144,7 @@ def _free(tree: Tree, turn: RigidTransform) -> JointState:
     return JointState(position, np.concatenate([rate, linear]))
 
 
-def coupling_sections(
-    model: SimulinkModel, files: StationFiles, turn: RigidTransform, names: UniqueNames, *, kinematic: bool
-) -> dict[str, Any]:
+def coupling_sections(files: StationFiles, *, kinematic: bool) -> dict[str, Any]:
     """Return the section ``couplings`` of a station; what it cannot have is told as lost."""
     sections: dict[str, Any] = {}
 
@@ -171,30 +152,30 @@ def coupling_sections(
         if kinematic:
             node.note("lost", "holds nothing in a station whose motion is given")
             return
-        name = names.give(node.path)
+        name = files.names.give(node.path)
         sections[name] = section
         node.note("read", f"it is the coupling {name}, of kind {section['kind']}")
 
     def tie(tied: Coupling, kind: str, **values: float) -> None:
-        ends = _ends(tied, files, turn, framed=kind in ("weld", "hinge"))
+        ends = _ends(tied, files, framed=kind in ("weld", "hinge"))
         if ends is None:
             tied.node.note("lost", "one of its ends is on nothing that moves here, or both are on one body")
         else:
             add(tied.node, {"kind": kind, **ends, **values})
 
     for name, robot in files.robots.items():
-        prefix = f"{name}." if len(files.robots) > 1 else ""
         for closing in robot.tree.closings:
             tie(closing, closing.kind, **closing.parameters)
         for node, ratios in robot.tree.gears.items():
-            add(node, {"kind": "gear", "ratios": robot.by_axis(ratios, prefix)})
+            by_axis = {f"{files.prefix(name)}{robot.axes[freedom]}": ratio for freedom, ratio in ratios.items()}
+            add(node, {"kind": "gear", "ratios": by_axis})
     units = {"length": ("NaturalLength", "m"), "stiffness": ("SpringStiffness", "N/m"),
              "damping": ("DampingCoefficient", "N*s/m")}  # fmt: skip
-    for coupling in model.bodies.couplings:
+    for coupling in files.model.bodies.couplings:
         if coupling.node.kind == SPRING:
             values = {key: coupling.node.number(name, unit=unit) for key, (name, unit) in units.items()}
             tie(coupling, "spring", **values)
-    _tell_of_loose(model)
+    _tell_of_loose(files.model)
     return {"couplings": sections} if sections else {}
 
 
@@ -205,9 +186,9 @@ def _tell_of_loose(model: SimulinkModel) -> None:
             coupling.node.note("lost", "couples mechanisms of which one is held by nothing")
 
 
-def _ends(held: Coupling, files: StationFiles, turn: RigidTransform, *, framed: bool) -> dict[str, Any] | None:
+def _ends(held: Coupling, files: StationFiles, *, framed: bool) -> dict[str, Any] | None:
     """Return the bodies of a coupling, and its frames or their origins there; None of what cannot move apart."""
-    base, follower = files.named(held.base, turn), files.named(held.follower, turn)
+    base, follower = files.named(held.base), files.named(held.follower)
     if base is None or follower is None or base[0] == follower[0]:
         return None
     what, size = ("pose", 6) if framed else ("point", 3)
@@ -217,15 +198,13 @@ def _ends(held: Coupling, files: StationFiles, turn: RigidTransform, *, framed: 
 
 def servo_section(robot: RobotFile, laws: Mapping[Freedom, Law]) -> dict[str, Any]:
     """Return the section `servo` of a robot, by the laws of its joints."""
-    section: dict[str, Any] = {}
-    for key in ("kp", "ki", "kd"):
-        values = {axis: float(f"{getattr(laws[freedom], key):.12g}") for freedom, axis in robot.axes.items()}
-        if key != "ki" or any(values.values()):
-            section[key] = _at_once(values)
+    gains = {
+        key: {axis: float(f"{getattr(laws[freedom], key):.12g}") for freedom, axis in robot.axes.items()}
+        for key in ("kp", "ki", "kd")
+    }
+    section = {key: _at_once(values) for key, values in gains.items() if key != "ki" or any(values.values())}
     limits = {axis: laws[freedom].limit for freedom, axis in robot.axes.items() if isfinite(laws[freedom].limit)}
-    if limits:
-        section["torque_limit"] = limits
-    return section
+    return section | ({"torque_limit": limits} if limits else {})
 
 
 def stop_section(robot: RobotFile) -> dict[str, Any]:
@@ -234,10 +213,9 @@ def stop_section(robot: RobotFile) -> dict[str, Any]:
     usual = tuple(JointStops().model_dump().values())
     if all(np.allclose(stop, usual, rtol=1e-3) for stop in found.values()):
         return {}
-    columns = zip(*found.values(), strict=True)
     return {
-        key: _at_once({axis: float(f"{value:.12g}") for axis, value in zip(found, values, strict=True)})
-        for key, values in zip(("stiffness", "damping"), columns, strict=True)
+        key: _at_once({axis: float(f"{stop[place]:.12g}") for axis, stop in found.items()})
+        for place, key in enumerate(("stiffness", "damping"))
     }
 
 

@@ -8,7 +8,6 @@ from typing import Any
 from xml.etree.ElementTree import ElementTree, indent
 
 import numpy as np
-import yaml
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
@@ -20,7 +19,7 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Form, Term, Value, closure, of_time, terms_of
+from simrob_drake.simulink.signals.forms import Form, Term, closure, of_time, terms_of
 from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.flow import Sum, flows_of, frame_sensors
@@ -31,8 +30,21 @@ from simrob_drake.simulink.writing.references import (
     start_state,
     stop_section,
 )
-from simrob_drake.simulink.writing.touching import ContactSections, StationFiles, feet_of, read_touching
-from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames, UrdfWriter, plain, pose_list, write_piece
+from simrob_drake.simulink.writing.touching import (
+    StationFiles,
+    contact_section,
+    distance_sensors,
+    feet_of,
+    read_touching,
+)
+from simrob_drake.simulink.writing.urdf import (
+    RobotFile,
+    UniqueNames,
+    UrdfWriter,
+    as_yaml,
+    plain,
+    pose_list,
+)
 
 _INSIDE = 1e-8  # how far within its limits a joint starts at least [rad or m]: files hold degrees and radians
 SOLVERS: dict[str, dict[str, Any]] = {
@@ -55,9 +67,9 @@ class StationWriter:
         self._model, self._folder = model, folder
         self._report: ImportReport = model.report
         self._names = UniqueNames(("world", "floor", "robot"))
-        self._turn, self._gravity = _upright(model)
-        self._touching = read_touching(model.contacts, model.bodies, model.network, self._turn)
-        self._files = StationFiles()
+        self._turn, gravity = _upright(model)
+        self._touching = read_touching(model, self._turn)
+        self._files = StationFiles(model, self._turn, gravity, self._names, self._touching)
         self._moved = False
 
     def write(self) -> StationFiles:
@@ -78,40 +90,36 @@ class StationWriter:
             return self._files
         self._files.content = self._station(name, pieces)
         header = f"# From the Simulink model {self._model.path.name}; report.json tells what became of each block.\n"
-        (self._folder / f"{name}.yaml").write_text(header + _as_yaml(self._files.content), encoding="utf-8")
+        (self._folder / f"{name}.yaml").write_text(header + as_yaml(self._files.content), encoding="utf-8")
         return self._files
 
     def _share_world(self, trees: list[Tree], homes: dict[Tree, str]) -> dict[Tree, list[SolidBody]]:
         """Return which solids of the world belong to a robot's base: those drawn in its subsystem."""
         shared: dict[Tree, list[SolidBody]] = {}
         world = self._model.world
+        grounded = [tree for tree in trees if tree.root is world and homes[tree]]
         for solid in world.solids if world else []:
-            for tree in trees:
-                home = homes[tree]
-                if tree.root is world and home and solid.node.path.startswith(home + "/"):
-                    if solid.node not in self._touching.colliding:
-                        shared.setdefault(tree, []).append(solid)
-                    break
+            owner = next((tree for tree in grounded if solid.node.path.startswith(f"{homes[tree]}/")), None)
+            if owner is not None and solid.node not in self._touching.colliding:
+                shared.setdefault(owner, []).append(solid)
         return shared
 
     def _pieces(self, base_solids: dict[Tree, list[SolidBody]]) -> dict[str, dict[str, Any]]:
         taken = {solid.node for solids in base_solids.values() for solid in solids}
         pieces: dict[str, dict[str, Any]] = {}
         groups: dict[str, list[SolidBody]] = {}
-        standing = [*(self._model.world.solids if self._model.world else []), *self._touching.slabs.values()]
-        for solid in standing:
+        for solid in [*(self._model.world.solids if self._model.world else []), *self._touching.slabs.values()]:
             if solid.node not in taken:
                 groups.setdefault(solid.node.path.partition("/")[0], []).append(solid)
         for group, solids in groups.items():
             entry = {"parent": "world", "pose": pose_list(self._turn)}
             self._files.groups[group] = self._piece(pieces, group, solids, entry)
         for tree in self._model.trees:
-            if tree.branches or tree.root.grounded or not tree.root.solids:
-                continue
-            path = tree.root.solids[0].node.path.partition("/")[0]
-            solids = [replace(solid, pose=tree.frame.inverse() @ solid.pose) for solid in tree.root.solids]
-            if name := self._piece(pieces, path, solids, {"free": True, "pose": pose_list(self._turn @ tree.base)}):
-                self._files.free[tree] = name
+            if not (tree.branches or tree.root.grounded) and tree.root.solids:
+                path = tree.root.solids[0].node.path.partition("/")[0]
+                solids = [replace(solid, pose=tree.frame.inverse() @ solid.pose) for solid in tree.root.solids]
+                if name := self._piece(pieces, path, solids, {"free": True, "pose": pose_list(self._turn @ tree.base)}):
+                    self._files.free[tree] = name
         return pieces
 
     def _piece(self, pieces: dict[str, Any], path: str, solids: list[SolidBody], entry: dict[str, Any]) -> str:
@@ -120,10 +128,8 @@ class StationWriter:
         if not fixed and sum(solid.weight.mass for solid in solids) <= 0:
             self._report.add("dropped", path, "is free and weighs nothing: it cannot move")
             return ""
-        folder = self._folder / name
-        writer = UrdfWriter(folder, self._report, self._names)
-        if not write_piece(folder, name, solids, self._touching.colliding, writer, weighs=not fixed):
-            folder.rmdir()
+        writer = UrdfWriter(self._folder / name, self._report, self._names)
+        if not writer.piece(name, solids, self._touching.colliding, weighs=not fixed):
             return ""
         pieces[name] = {"model": f"{name}/{PIECE_FILE}", **entry}
         self._files.pieces.append(name)
@@ -132,7 +138,6 @@ class StationWriter:
         return name
 
     def _station(self, name: str, pieces: dict[str, Any]) -> dict[str, Any]:
-        model = self._model
         kinematic = self._moved = self._kinematic()
         for piece, entry in pieces.items() if kinematic else ():
             if entry.pop("free", False):
@@ -150,39 +155,40 @@ class StationWriter:
             content["pieces"] = pieces
         if self._touching.floor:
             content["floor"] = {"size": 10, **self._terrain(name)}
+        sensors, monitors = dict[str, Any](), dict[str, Any]()
         if self._touching.ends and not kinematic:
-            sections = ContactSections(self._touching, self._files, self._model, self._gravity, self._names)
-            content |= {"contact": sections.contact(), **sections.sensors()}
-        seen, measured = frame_sensors(model, self._files, self._turn, self._names)
-        if seen:
-            content["sensors"] = {**content.get("sensors", {}), **seen}
-        content["gravity"] = self._gravity
+            content["contact"] = contact_section(self._files)
+            sensors, monitors = distance_sensors(self._files)
+        seen, measured = frame_sensors(self._files)
+        parts = {"sensors": sensors | seen, "monitors": monitors}
+        content |= {key: part for key, part in parts.items() if part}
+        content["gravity"] = self._files.gravity
         if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
             content["inputs"] = self._pushes()
         for push in self._model.pushes if kinematic else ():
             push.node.note("dropped", "a force, in a station without forces: what moves is prescribed")
-        content |= coupling_sections(model, self._files, self._turn, self._names, kinematic=kinematic)
-        content |= {} if kinematic else self._dynamics(content.get("sensors", {}), measured)
-        return {**content, "duration": model.duration}
+        content |= coupling_sections(self._files, kinematic=kinematic)
+        content |= {} if kinematic else self._dynamics(sensors | seen, measured)
+        return {**content, "duration": self._model.duration}
 
     def _terrain(self, name: str) -> dict[str, Any]:
-        if (terrain := self._touching.terrain) is None:
+        if self._touching.heights is None:
             return {}
         file = self._folder / f"{name}_terrain.csv"
-        np.savetxt(file, terrain.heights, fmt="%.6g", delimiter=",")
-        return {"terrain": {**terrain.section, "file": file.name}}
+        np.savetxt(file, self._touching.heights, fmt="%.6g", delimiter=",")
+        return {"terrain": {**self._touching.terrain, "file": file.name}}
 
     def _pushes(self) -> list[str]:
         """Return the ports of what External Force and Torque blocks apply; a force unless they tell."""
         driven = {push.node for push in self._model.pushes}
         pushes = [node for node in self._model.expanded.nodes if node.kind == PUSH and node not in driven]
-        turns = any(node.is_on(f"EnableTorque{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
-        pulls = any(node.is_on(f"EnableForce{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
-        return [*(["external_force"] if pulls or not turns else []), *(["external_torque"] if turns else [])]
+        kinds = [kind for kind in ("Force", "Torque") if
+                 any(node.is_on(f"Enable{kind}{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))]  # fmt: skip
+        return [f"external_{kind.lower()}" for kind in kinds or ["Force"]]
 
     def _dynamics(self, sensors: dict[str, Any], measured: dict[Term, Sum]) -> dict[str, Any]:
         """Return what only a station of torques has: its solver, laws that are no servos, and speeds at the start."""
-        flows = flows_of(self._model, self._files, sensors, measured, self._turn)
+        flows = flows_of(self._files, sensors, measured)
         content: dict[str, Any] = {"controllers": flows} if flows else {}
         solver = self._solver()
         if "accuracy" in solver and (flows or any(map(_is_moved, self._files.robots.values()))):
@@ -194,7 +200,7 @@ class StationWriter:
         if freedoms and all(kp == freedom.stiffness for freedom, kp in servos.items()):
             content["verdict"] = dict.fromkeys(_OF_SERVOS, "none")
         starts = {name: self._starts(robot) for name, robot in self._files.robots.items()}
-        if (state := start_state(self._files, starts, self._turn)) is not None:
+        if (state := start_state(self._files, starts)) is not None:
             file = self._folder / f"{plain(self._model.path.stem)}_start.json"
             file.write_text(state.to_json() + "\n", encoding="utf-8")
             content["start"] = file.name
@@ -239,13 +245,12 @@ class StationWriter:
             "base": "floating" if floating else "fixed",
             "root": robot.links[robot.tree.root],
             "axes": list(robot.axes.values()),
-            **self._drives(robot),
         }
-        if robot.tools:
-            described["tools"] = robot.tools
-        if feet := feet_of(robot, self._touching, self._gravity, self._report):
-            described["feet"] = feet
-        (folder / ROBOT_FILE).write_text(_as_yaml(described), encoding="utf-8")
+        rotors = {axis: float(f"{self._law(freedom).rotor:.12g}") for freedom, axis in robot.axes.items()}
+        drives = {"rotor_inertia": rotors} if any(rotors.values()) else {}
+        parts = {"drives": drives, "tools": robot.tools, "feet": feet_of(robot, self._files)}
+        described |= {key: part for key, part in parts.items() if part}
+        (folder / ROBOT_FILE).write_text(as_yaml(described), encoding="utf-8")
         start = self._starts(robot)
         entry: dict[str, Any] = {"model": f"{name}/{ROBOT_FILE}"}
         if robot.pushed:
@@ -263,44 +268,35 @@ class StationWriter:
             entry["servo"] = servo_section(robot, laws)
             entry |= {"joint_stops": stops} if (stops := stop_section(robot)) else {}
         forms = {freedom: law.reference for freedom, law in laws.items()}
-        entry["reference"] = self._motions(f"{name}_reference", robot.axes, forms, start).reference()
+        file = self._folder / f"{name}_reference.csv"
+        entry["reference"] = JointMotions(self._files, robot.axes, forms, start, file).reference()
         if kinematic and any(freedom.start_speed for freedom in robot.axes):
             self._report.add("dropped", name, "speeds at the start: what moves it is its reference")
         return entry
-
-    def _drives(self, robot: RobotFile) -> dict[str, Any]:
-        rotors = {axis: float(f"{self._law(freedom).rotor:.12g}") for freedom, axis in robot.axes.items()}
-        return {"drives": {"rotor_inertia": rotors}} if any(rotors.values()) else {}
 
     def _prescribed(self) -> dict[str, Any]:
         """Return the motions that are inputs of joints, beside which all else moves by forces."""
         sections: dict[str, Any] = {}
         for name, robot in self._files.robots.items():
             axes = {freedom: axis for freedom, axis in robot.axes.items() if freedom.driven == "motion"}
-            forms = {freedom: self._model.laws.get(freedom, Law()).reference for freedom in axes}
-            found = self._motions(f"{name}_prescribed", axes, forms, self._starts(robot)).prescribed()
-            prefix = f"{name}." if len(self._files.robots) > 1 else ""
-            sections |= {f"{prefix}{axis}": section for axis, section in found.items()}
+            forms = {freedom: self._model.law_of(freedom).reference for freedom in axes}
+            file = self._folder / f"{name}_prescribed.csv"
+            found = JointMotions(self._files, axes, forms, self._starts(robot), file).prescribed()
+            sections |= {f"{self._files.prefix(name)}{axis}": section for axis, section in found.items()}
         return sections
 
-    def _motions(
-        self, table: str, axes: dict[Freedom, str], values: dict[Freedom, Value | None], start: dict[str, float]
-    ) -> JointMotions:
-        file = self._folder / f"{table}.csv"
-        return JointMotions(axes, values, start, self._model.duration, file, self._report)
-
     def _starts(self, robot: RobotFile) -> dict[str, float]:
-        return {axis: self._start(freedom) for freedom, axis in robot.axes.items()}
-
-    def _start(self, freedom: Freedom) -> float:
-        desired = freedom.start or 0.0
-        taken = float(np.clip(desired, freedom.lower + _INSIDE, freedom.upper - _INSIDE))
-        if abs(taken - desired) > 2 * _INSIDE:
-            self._report.add("repaired", freedom.name, f"starts at {desired:.4g}, out of its limits: at {taken:.4g}")
-        return taken
+        starts = {}
+        for freedom, axis in robot.axes.items():
+            desired = freedom.start or 0.0
+            starts[axis] = taken = float(np.clip(desired, freedom.lower + _INSIDE, freedom.upper - _INSIDE))
+            if abs(taken - desired) > 2 * _INSIDE:
+                message = f"starts at {desired:.4g}, out of its limits: at {taken:.4g}"
+                self._report.add("repaired", freedom.name, message)
+        return starts
 
     def _law(self, freedom: Freedom) -> Law:
-        law = self._model.laws.get(freedom, Law())
+        law = self._model.law_of(freedom)
         if freedom.driven == "motion":
             return law if self._moved else Law()
         if freedom.stiffness and law.is_idle:
@@ -316,14 +312,14 @@ class StationWriter:
             drive = "driven by the blocks of its law"
         elif kinematic or freedom.driven == "motion":
             drive = "moved as its reference" if kinematic else "its motion is prescribed"
-            motion = self._model.laws.get(freedom, Law()).reference
+            motion = self._model.law_of(freedom).reference
             if isinstance(motion, Form) and of_time(motion):
                 drive += f" for {self._model.duration:g} s, and holds then"
         self._report.add("read", freedom.name, f"axis {axis} of {robot}: {drive}")
 
     def _place(self, freedom: Freedom) -> tuple[int, int]:
         """Return where a joint stands among the model's inputs; joints without one keep their order behind."""
-        law = self._model.laws.get(freedom, Law())
+        law = self._model.law_of(freedom)
         for terms in closure([law.reference or 0.0, law.net]):
             for term in terms:
                 if term.kind == "input" and isinstance(term.of, Node):
@@ -343,10 +339,6 @@ class StationWriter:
         if any(push.jumps for push in self._model.pushes):
             return SOLVERS["struck"]
         return SOLVERS["pieces" if not robots else "feet" if touches else "arm"]
-
-
-def _as_yaml(content: dict[str, Any]) -> str:
-    return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None))
 
 
 def _home(tree: Tree) -> str:
@@ -380,8 +372,7 @@ def _robot_sections(robots: dict[str, Any]) -> dict[str, Any]:
     if len(robots) != 1:
         return {"robots": robots} if robots else {}
     (robot,) = robots.values()
-    shared = {section: robot.pop(section) for section in ("servo", "joint_stops", "reference") if section in robot}
-    return {"robot": robot, **shared}
+    return {"robot": robot} | {key: robot.pop(key) for key in ("servo", "joint_stops", "reference") if key in robot}
 
 
 def _upright(model: SimulinkModel) -> tuple[RigidTransform, float]:

@@ -1,7 +1,7 @@
 """What touches what (feet, pieces, the floor), and the contact, sensors and monitors of a station."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -15,35 +15,25 @@ from simrob_drake.parts.terrain import MOST_BOXES
 from simrob_drake.simulink.mechanics.bodies import (
     CLOUD,
     GRID,
-    Bodies,
     ContactPair,
     ContactParameters,
     RigidPart,
-    dissipation,
     frame_place,
 )
 from simrob_drake.simulink.mechanics.shapes import NOTHING, Shape, positive
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
-from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.spheres import POINT, far_apart, spheres_of
 from simrob_drake.simulink.writing.urdf import RobotFile, UniqueNames
 
-_PLANE = "Infinite Plane"
+_PLANE, _GREY = "Infinite Plane", (0.5, 0.5, 0.5, 1.0)
 _MOST_POINTS = 100  # of a cloud that touch
 _TOUCHES = {"sphere": "a mesh that touches: nearly a ball, {}", "box": "a box that touches: {} in its corners",
             "cylinder": "a cylinder that touches: {} on its rims, on eight of which it stands",
             "mesh": "a mesh that touches: {} in corners of its convex hull"}  # fmt: skip
 MOST_DISSIPATION = 50.0  # s/m: a contact that damps more does not bounce either way, and is hard to integrate
-
-
-class HeightField(NamedTuple):
-    """A grid of heights as the terrain of a floor."""
-
-    section: dict[str, Any]  # of the terrain, without its file
-    heights: Vector  # of its tiles, shape (rows along the way, columns from the left) [m]
 
 
 @dataclass
@@ -53,19 +43,20 @@ class Touching:
     ends: list[tuple[ContactPair, tuple[RigidPart, Node], tuple[RigidPart, Node]]] = field(default_factory=list)
     """Bodies and solids of each contact."""
     floor: bool = False  # whether a plane at z = 0, or a grid of heights, is one of the ends
-    terrain: HeightField | None = None  # that grid
-    laid: Node | None = None  # its block
+    laid: Node | None = None  # the block of that grid
+    terrain: dict[str, Any] = field(default_factory=dict)  # its section, without its file
+    heights: Vector | None = None  # of its tiles, shape (rows along the way, columns from the left) [m]
     slabs: dict[Node, SolidBody] = field(default_factory=dict)
     """Other planes and disks of the world, as what is under them, in the model's world."""
     colliding: set[Node] = field(default_factory=set)  # solids that touch
     standing: set[Node] = field(default_factory=set)  # those of them that are feet of robots
 
 
-def read_touching(contacts: list[ContactPair], bodies: Bodies, network: Connections, turn: RigidTransform) -> Touching:
+def read_touching(model: SimulinkModel, turn: RigidTransform) -> Touching:
     """Sort contacts by what they connect; ``turn`` places the model's world in ours."""
-    touching = Touching()
-    for contact in contacts:
-        one, other = ((bodies.by_place[frame_place(network, node)], node) for node in contact.pair)
+    touching, network = Touching(), model.network
+    for contact in model.contacts:
+        one, other = ((model.bodies.by_place[frame_place(network, node)], node) for node in contact.pair)
         surface = contact.surface
         clouds = {node: body for body, node in (one, other) if node.kind == CLOUD}
         try:
@@ -73,8 +64,8 @@ def read_touching(contacts: list[ContactPair], bodies: Bodies, network: Connecti
             if not all(map(len, points.values())):
                 raise contact.node.refusal("its point cloud is empty")
         except (InvalidModel, ValueError) as problem:  # which have not three figures, or cannot be computed
-            file = contact.node.findings.report.source
-            contact.node.note("lost", f"its point cloud is not read: {str(problem).removeprefix(f'{file}: ')}")
+            why = str(problem).removeprefix(f"{model.report.source}: ")
+            contact.node.note("lost", f"its point cloud is not read: {why}")
             continue
         for node, body in clouds.items():
             if node not in touching.colliding:
@@ -97,9 +88,8 @@ def _stand(
     flat = bool(np.allclose(there.rotation().matrix()[:, 2], [0, 0, 1], atol=1e-6))
     if node.kind == "Disk" and not body.grounded:
         if all(solid.node is not node for solid in body.solids):
-            (radius,), grey = positive(node, "Radius", "1", 1), (0.5, 0.5, 0.5, 1.0)
-            thin = Shape("cylinder", (radius, 2 * POINT))
-            body.solids.append(SolidBody(node, NOTHING, thin, grey, visible=True, pose=pose))
+            thin = Shape("cylinder", (*positive(node, "Radius", "1", 1), 2 * POINT))
+            body.solids.append(SolidBody(node, NOTHING, thin, _GREY, pose=pose))
     elif not body.grounded:
         contact.note("lost", f"contact of {node.path}, a surface that moves")
     elif node.kind == GRID:
@@ -115,15 +105,14 @@ def _lay(touching: Touching, node: Node, pose: RigidTransform, *, flat: bool) ->
     try:
         if touching.laid not in (None, node) or not flat:
             raise node.refusal("is a second grid" if flat else "is tilted: only upright grids are read")
-        if touching.terrain is None:
-            touching.terrain = _field(node, pose)
+        if touching.laid is None:
+            touching.terrain, touching.heights = _field(node, pose)
+            touching.laid, touching.floor = node, True
     except InvalidModel as problem:
         node.lose(problem)
-        return
-    touching.laid, touching.floor = node, True
 
 
-def _field(node: Node, pose: RigidTransform) -> HeightField:
+def _field(node: Node, pose: RigidTransform) -> tuple[dict[str, Any], Vector]:
     """Return an upright grid as level tiles, as small as a terrain may have them; around it the ground is at z = 0."""
     from scipy.interpolate import RegularGridInterpolator
 
@@ -149,38 +138,33 @@ def _field(node: Node, pose: RigidTransform) -> HeightField:
     node.note("approximated", message)
     section = {"kind": "grid", "size": size, "start": float(x[0] + x0)}
     heading = float(np.rad2deg(np.arctan2(turn[1, 0], turn[0, 0])))
-    return HeightField(section | ({"heading_deg": heading} if heading else {}), tiles)
+    return section | ({"heading_deg": heading} if heading else {}), tiles
 
 
 def _slab(node: Node, pose: RigidTransform) -> SolidBody:
     """Return what is under a plane, 20 m wide, or under a disk."""
-    if node.kind == _PLANE:
-        shape, thick = Shape("box", (20.0, 20.0, 1.0)), 1.0
-    else:
-        (radius,), thick = positive(node, "Radius", "1", 1), 0.02
-        shape = Shape("cylinder", (radius, thick))
-    grey = (0.5, 0.5, 0.5, 1.0)
-    under = pose @ RigidTransform([0.0, 0.0, -thick / 2])
-    return SolidBody(node, NOTHING, shape, grey, visible=node.kind != _PLANE, pose=under)
+    plane = node.kind == _PLANE
+    size = (20.0, 20.0, 1.0) if plane else (*positive(node, "Radius", "1", 1), 0.02)
+    under = pose @ RigidTransform([0.0, 0.0, -size[-1] / 2])
+    return SolidBody(node, NOTHING, Shape("box" if plane else "cylinder", size), _GREY, visible=not plane, pose=under)
 
 
 def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
     """Return the points (n, 3) of a cloud as small spheres; of many, those that are farthest apart."""
     taken = far_apart(points, _MOST_POINTS)
     node.note("approximated", f"{len(taken)} of its {len(points)} points touch, as spheres of {POINT:g} m")
-    sphere, grey = Shape("sphere", (POINT,)), (0.5, 0.5, 0.5, 1.0)
-    places = [pose @ RigidTransform(points[place]) for place in taken]
-    return [SolidBody(node, NOTHING, sphere, grey, visible=False, pose=place) for place in places]
+    sphere, places = Shape("sphere", (POINT,)), [pose @ RigidTransform(points[place]) for place in taken]
+    return [SolidBody(node, NOTHING, sphere, _GREY, visible=False, pose=place) for place in places]
 
 
-def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: ImportReport) -> dict[str, Any] | None:
+def feet_of(robot: RobotFile, files: "StationFiles") -> dict[str, Any] | None:
     """Return the feet of a robot as its `robot.yaml` has them: spheres, or None.
 
     Of the small spheres in the corners of a box four share its spring and damper; of those of a cylinder a rim does.
     """
     points: dict[str, list[list[float]]] = {}
     by_link: dict[str, list[tuple[float, ContactParameters]]] = {}  # by link
-    seen: set[Node] = set()
+    touching, report, seen = files.touching, files.report, set[Node]()
     for contact, *ends in touching.ends:
         for body, node in ends:
             if body not in robot.links or body.grounded or node in seen:
@@ -206,7 +190,7 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
                 by_link.setdefault(robot.links[body], []).extend([(radius, shared)] * share)
     if not points:
         return None
-    weight = robot.mass * gravity / sum(map(len, by_link.values()))
+    weight = robot.mass * files.gravity / sum(map(len, by_link.values()))
     kind, others = _feet_surfaces(by_link, weight, report, robot.element.get("name", ""))
     return {"default": "spheres", "contacts": {"spheres": kind | {"points": points} | others}}
 
@@ -230,16 +214,18 @@ def _feet_surfaces(
 
 
 def bounded_dissipation(surface: ContactParameters, weight: float, report: ImportReport, where: str) -> float:
-    """Return the dissipation of a contact, and tell how it differs from the model's damper."""
-    exact = dissipation(surface, weight)
+    """Return Hunt and Crossley's d [s/m] for a contact with a damper beside its spring, and tell how it differs.
+
+    Simscape adds k x and b dx/dt; Drake multiplies, k x (1 + d dx/dt). They are equal at the depth b / (k d), which is
+    put to twice the depth at rest: as deep as a body sinks that is laid down, whose ``weight`` [N] presses on it.
+    """
+    depth, message = 2 * weight / surface.stiffness, "contact without damping"
+    exact = surface.damping / (surface.stiffness * max(depth, 1e-6))
     taken = float(f"{min(exact, MOST_DISSIPATION):.6g}")
-    depth = 2 * weight / surface.stiffness
-    message = (
-        f"contact damper {surface.damping:g} N·s/m beside the spring as dissipation {taken:g} s/m: "
-        f"equal at a depth of {surface.damping / surface.stiffness / taken:.2g} m"
-        if taken
-        else "contact without damping"
-    )
+    if taken:
+        equal = surface.damping / surface.stiffness / taken
+        message = f"contact damper {surface.damping:g} N·s/m beside the spring as dissipation {taken:g} s/m: "
+        message += f"equal at a depth of {equal:.2g} m"
     if exact > MOST_DISSIPATION:
         message += f" (for {depth:.2g} m it would be {exact:.3g}: neither bounces)"
     report.add("approximated", where, message)
@@ -248,8 +234,13 @@ def bounded_dissipation(surface: ContactParameters, weight: float, report: Impor
 
 @dataclass
 class StationFiles:
-    """What is written."""
+    """What is written of a model."""
 
+    model: SimulinkModel  # what was read
+    turn: RigidTransform  # places the model's world in ours
+    gravity: float  # downward there [m/s²]
+    names: UniqueNames  # those that are taken
+    touching: Touching  # the contacts
     robots: dict[str, RobotFile] = field(default_factory=dict)  # by name, with their `robot.yaml`
     pieces: list[str] = field(default_factory=list)  # names
     groups: dict[str, str] = field(default_factory=dict)
@@ -258,81 +249,71 @@ class StationFiles:
     content: dict[str, Any] = field(default_factory=dict)
     """Of the station's file; empty where nothing moves, and there is no station."""
 
-    def named(self, body: RigidPart, turn: RigidTransform) -> tuple[str, RigidTransform] | None:
-        """Return what a body is called in the station, and the pose of its first frame there; None if it is not in it.
+    @property
+    def report(self) -> ImportReport:
+        """What became of the blocks."""
+        return self.model.report
 
-        ``turn`` places the model's world in ours.
-        """
+    def prefix(self, robot: str) -> str:
+        """Return what stands before the names of a robot's axes and links, where there are several robots."""
+        return f"{robot}." if len(self.robots) > 1 else ""
+
+    def named(self, body: RigidPart) -> tuple[str, RigidTransform] | None:
+        """Return what a body is called in the station, and the pose of its first frame there; None if not in it."""
         if body.grounded:
-            return WORLD, turn
+            return WORLD, self.turn
         for name, robot in self.robots.items():
             if body in robot.links:
-                prefix = f"{name}." if len(self.robots) > 1 else ""
-                return prefix + robot.links[body], robot.frames[body].inverse()
+                return self.prefix(name) + robot.links[body], robot.frames[body].inverse()
         return next(((name, tree.frame.inverse()) for tree, name in self.free.items() if tree.root is body), None)
 
+    def is_of_robot(self, body: RigidPart) -> bool:
+        """Tell whether a body is a link of a robot, and moves."""
+        return not body.grounded and any(body in robot.links for robot in self.robots.values())
 
-@dataclass
-class ContactSections:
-    """The sections `contact`, `sensors` and `monitors` of a station."""
 
-    touching: Touching  # the contacts
-    files: StationFiles  # the robots and pieces that are written
-    model: SimulinkModel  # what was read
-    gravity: float  # [m/s²]
-    names: UniqueNames  # those that are given
+def contact_section(files: StationFiles) -> dict[str, Any]:
+    """Return the contact section: the figures of the first contact that no robot's feet tell."""
+    touching = files.touching
+    own = [(contact, ends) for contact, *ends in touching.ends if not any(files.is_of_robot(body) for body, _ in ends)]
+    if not own or not files.pieces:
+        return {"model": "point", "stiction_speed": touching.ends[0][0].surface.speed}
+    contact, ends = own[0]
+    surface = contact.surface
+    moving = next((body for body, _ in ends if not body.grounded), None)
+    weight = sum(solid.weight.mass for solid in moving.solids) * files.gravity if moving else 1.0
+    shared = sum(any(body is moving for body, _ in other) for _, other in own)
+    section = {
+        "model": "point",
+        "stiffness": surface.stiffness,
+        "dissipation": bounded_dissipation(surface, weight / shared, files.report, contact.node.path),
+        "friction": {"static": surface.static, "dynamic": surface.dynamic},
+        "stiction_speed": surface.speed,
+    }
+    if len({other.surface for other, _ in own}) > 1:
+        files.report.add("approximated", "contact", "contacts differ: all pieces get the figures of the first")
+    return section
 
-    def contact(self) -> dict[str, Any]:
-        """Return the contact section: the figures of the first contact that no robot's feet tell."""
-        section: dict[str, Any] = {"model": "point"}
-        robot_bodies = {body for robot in self.files.robots.values() for body in robot.links}
-        own = [
-            (contact, ends)
-            for contact, *ends in self.touching.ends
-            if not any(body in robot_bodies and not body.grounded for body, _ in ends)
-        ]
-        if own and self.files.pieces:
-            contact, ends = own[0]
-            surface = contact.surface
-            moving = next((body for body, _ in ends if not body.grounded), None)
-            weight = sum(solid.weight.mass for solid in moving.solids) * self.gravity if moving else 1.0
-            shared = sum(any(body is moving for body, _ in other) for _, other in own)
-            section |= {
-                "stiffness": surface.stiffness,
-                "dissipation": bounded_dissipation(surface, weight / shared, self.model.report, contact.node.path),
-                "friction": {"static": surface.static, "dynamic": surface.dynamic},
-                "stiction_speed": surface.speed,
-            }
-            if len({other.surface for other, _ in own}) > 1:
-                self.model.report.add(
-                    "approximated", "contact", "contacts differ: all pieces get the figures of the first"
-                )
-        elif self.touching.ends:
-            section["stiction_speed"] = self.touching.ends[0][0].surface.speed
-        return section
 
-    def sensors(self) -> dict[str, Any]:
-        """Return distance sensors for contacts that sense it, and monitors where it stops the simulation."""
-        sensors: dict[str, Any] = {}
-        monitors: dict[str, Any] = {}
-        for contact, *ends in self.touching.ends:
-            if not contact.senses_distance:
-                continue
-            names = [self._end_name(body, node) for body, node in ends]
-            if None in names:
-                continue
-            body, other = (names[1], names[0]) if names[0] == "floor" else (names[0], names[1])
-            name = self.names.give(contact.node.path)
-            sensors[name] = {"kind": "distance", "body": body, "other": other}
-            if contact.node in self.model.stopping:
-                monitors[f"{name}_stop"] = {"kind": "contact", "sensor": name}
-        return ({"sensors": sensors} if sensors else {}) | ({"monitors": monitors} if monitors else {})
+def distance_sensors(files: StationFiles) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return sensors for contacts that sense their distance, and monitors where it stops the simulation."""
+    sensors, monitors = dict[str, Any](), dict[str, Any]()
+    for contact, *ends in files.touching.ends:
+        names = [_end_name(files, body, node) for body, node in ends] if contact.senses_distance else [""]
+        if not all(names):
+            continue
+        body, other = reversed(names) if names[0] == "floor" else names
+        name = files.names.give(contact.node.path)
+        sensors[name] = {"kind": "distance", "body": body, "other": other}
+        if contact.node in files.model.stopping:
+            monitors[f"{name}_stop"] = {"kind": "contact", "sensor": name}
+    return sensors, monitors
 
-    def _end_name(self, body: RigidPart, node: Node) -> str | None:
-        if any(body in robot.links and not body.grounded for robot in self.files.robots.values()):
-            named = self.files.named(body, RigidTransform())
-            return named[0] if named and node in self.touching.standing else None
-        if node is self.touching.laid or (node.kind == _PLANE and node not in self.touching.slabs):
-            return "floor"
-        free = next((name for tree, name in self.files.free.items() if tree.root is body), None)
-        return free or self.files.groups.get(node.path.partition("/")[0]) or None
+
+def _end_name(files: StationFiles, body: RigidPart, node: Node) -> str:
+    touching, named = files.touching, files.named(body)
+    if files.is_of_robot(body):
+        return named[0] if named and node in touching.standing else ""
+    if node is touching.laid or (node.kind == _PLANE and node not in touching.slabs):
+        return "floor"
+    return named[0] if named and not body.grounded else files.groups.get(node.path.partition("/")[0], "")

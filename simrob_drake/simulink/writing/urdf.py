@@ -3,7 +3,6 @@
 import re
 import unicodedata
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -14,14 +13,15 @@ import yaml
 from pydrake.math import RigidTransform
 
 from simrob_drake.files import PIECE_FILE
-from simrob_drake.frames import Vector, pose_from_transform
+from simrob_drake.frames import pose_from_transform
 from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.parts import MeshPart
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.names import FreeNames
-from simrob_drake.robots.urdf import add_colour, add_joint, add_motor, place, set_inertia, text
+from simrob_drake.robots.urdf import add_colour, add_joint, add_motor, place, set_inertia, six_moments, text
 from simrob_drake.simulink.mechanics.bodies import PUSH, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
-from simrob_drake.simulink.mechanics.shapes import Weight, load_mesh, write_obj
+from simrob_drake.simulink.mechanics.shapes import load_mesh, write_obj
 from simrob_drake.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
 from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Tree
 from simrob_drake.simulink.model.nodes import Node
@@ -48,6 +48,7 @@ ROOT = "base"
 AMPLE = 1e6  # effort of a motor that the model does not limit [N·m or N]
 _FAR = 1e3  # m or rad: the limit of a joint that has none, or one only
 _TINY = 1e-9
+_SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}  # attributes of a URDF
 
 
 @dataclass
@@ -66,10 +67,6 @@ class RobotFile:
     """Links that move, and with what hangs on them have no mass, by body."""
     mass: float = 0.0  # of all that moves [kg]
 
-    def by_axis(self, values: Mapping[Freedom, float], prefix: str) -> dict[str, float]:
-        """Return values by the names of axes, each behind a prefix."""
-        return {f"{prefix}{self.axes[freedom]}": value for freedom, value in values.items()}
-
 
 class UrdfWriter:
     """Writes what is seen and weighed of one robot or piece, meshes into a folder of its own."""
@@ -78,7 +75,7 @@ class UrdfWriter:
         folder.mkdir(exist_ok=True)
         self._folder, self._report, self._names = folder, report, names
         self._meshes = UniqueNames()
-        self._copied: dict[tuple[Path, float], str | None] = {}
+        self._copied: dict[tuple[Path | None, float], tuple[str, str] | None] = {}
 
     def robot(self, name: str, tree: Tree, base_solids: list[SolidBody]) -> RobotFile:
         """Return a tree as a robot; ``base_solids`` of the world are seen as parts of its base."""
@@ -120,18 +117,14 @@ class UrdfWriter:
     def _joint(
         self, robot: ET.Element, name: str, freedom: Freedom, sign: float, ends: tuple[str, str, RigidTransform]
     ) -> None:
-        bounded = isfinite(freedom.lower) or isfinite(freedom.upper)
-        kind = ("revolute" if bounded else "continuous") if freedom.turns else "prismatic"
+        bounds = {"lower": freedom.lower, "upper": freedom.upper}
+        kind = ("revolute" if any(map(isfinite, bounds.values())) else "continuous") if freedom.turns else "prismatic"
         parent, child, origin = ends
         joint = add_joint(robot, name, parent=parent, child=child, pose=origin, kind=kind)
         ET.SubElement(joint, "axis", xyz=text((sign * freedom.axis).tolist()))
         limit = ET.SubElement(joint, "limit", effort=text([AMPLE]), velocity="1000")
-        if kind != "continuous":
-            lower, upper = (
-                bound if isfinite(bound) else np.sign(bound) * _FAR for bound in (freedom.lower, freedom.upper)
-            )
-            limit.set("lower", text([lower]))
-            limit.set("upper", text([upper]))
+        for end, bound in bounds.items() if kind != "continuous" else ():
+            limit.set(end, text([bound if isfinite(bound) else np.sign(bound) * _FAR]))
         ET.SubElement(joint, "dynamics", damping=text([freedom.damping]))
 
     def _link(self, robot: RobotFile, link: ET.Element, body: RigidPart, frame: RigidTransform) -> None:
@@ -150,53 +143,36 @@ class UrdfWriter:
             self._visual(link, solid, inverse @ solid.pose)
 
     def _visual(self, link: ET.Element, solid: SolidBody, pose: RigidTransform) -> None:
-        if not solid.visible or (solid.shape is None and solid.file is None):
-            return
-        geometry = self.geometry(solid)
-        if geometry is None:
+        if not solid.visible or (look := self._look(solid)) is None:
             return
         visual = ET.SubElement(link, "visual")
         place(visual, pose)
-        ET.SubElement(visual, "geometry").append(geometry)
+        shape, size = look
+        keys = _SIZES.get(shape, ("filename",))
+        texts = [size] if shape == "mesh" else map(text, np.split(np.array(size), len(keys)))
+        ET.SubElement(ET.SubElement(visual, "geometry"), shape, dict(zip(keys, texts, strict=True)))
         add_colour(visual, f"{link.get('name')}_{len(link)}", solid.colour)
 
-    def geometry(self, solid: SolidBody) -> ET.Element | None:
-        """Return what a solid looks like; None where its mesh cannot be read."""
-        shape = solid.shape
-        if shape is None or shape.mesh is not None:
-            mesh = self.mesh(solid)
-            return None if mesh is None else ET.Element("mesh", filename=mesh)
-        if shape.kind == "box":
-            return ET.Element("box", size=text(shape.size))
-        if shape.kind == "cylinder":
-            return ET.Element("cylinder", radius=text(shape.size[:1]), length=text(shape.size[1:]))
-        return ET.Element("sphere", radius=text(shape.size))
+    def _look(self, solid: SolidBody) -> tuple[str, Any] | None:
+        """Return shape and size of a solid, or ``mesh`` and its file, in metres; None where its mesh cannot be read."""
+        shape, key = solid.shape, (solid.file, solid.scale)
+        if shape is not None and shape.mesh is None:
+            return shape.kind, [float(value) for value in shape.size]
+        if shape is not None and shape.mesh is not None:
+            return "mesh", self._write(solid.node.path, shape.mesh)
+        if solid.file is not None and key not in self._copied:  # each file once
+            try:
+                mesh = load_mesh(solid.file).moved(np.diag([*[solid.scale] * 3, 1.0]))
+                self._copied[key] = "mesh", self._write(solid.file.stem, mesh)
+            except UnreadableMesh as problem:
+                solid.node.note("dropped", f"the mesh {solid.file.name} {problem}")
+                self._copied[key] = None
+        return self._copied.get(key)
 
-    def mesh(self, solid: SolidBody) -> str | None:
-        """Write a solid's mesh as OBJ in metres, once for each file, and return its name in the folder."""
-        folder = self._folder / "meshes"
-        if solid.shape is not None and solid.shape.mesh is not None:
-            folder.mkdir(exist_ok=True)
-            name = f"meshes/{self._meshes.give(solid.node.path)}.obj"
-            write_obj(solid.shape.mesh, self._folder / name)
-            return name
-        if solid.file is None:
-            return None
-        key = (solid.file, solid.scale)
-        if key not in self._copied:
-            self._copied[key] = self._copy(solid, folder)
-        return self._copied[key]
-
-    def _copy(self, solid: SolidBody, folder: Path) -> str | None:
-        assert solid.file is not None
-        try:
-            mesh = load_mesh(solid.file)
-        except UnreadableMesh as problem:
-            solid.node.note("dropped", f"the mesh {solid.file.name} {problem}")
-            return None
-        folder.mkdir(exist_ok=True)
-        name = f"meshes/{self._meshes.give(solid.file.stem)}.obj"
-        write_obj(mesh.moved(np.diag([*[solid.scale] * 3, 1.0])), self._folder / name)
+    def _write(self, path: str, mesh: MeshPart) -> str:
+        name = f"meshes/{self._meshes.give(path)}.obj"
+        (self._folder / name).parent.mkdir(exist_ok=True)
+        write_obj(mesh, self._folder / name)
         return name
 
     def _add_tools(self, robot: RobotFile) -> None:
@@ -219,66 +195,37 @@ class UrdfWriter:
             if node.kind == PUSH:
                 robot.pushed = robot.pushed or name
 
+    def piece(self, name: str, solids: list[SolidBody], colliding: set[Node], *, weighs: bool) -> bool:
+        """Write a piece's file of solids with their poses in its frame, and tell whether there is anything to it.
 
-def write_piece(
-    folder: Path, name: str, solids: list[SolidBody], colliding: set[Node], writer: UrdfWriter, *, weighs: bool = True
-) -> bool:
-    """Write a piece's file.
+        Those in ``colliding`` take part in contact; what stands fixed has no mass, and does not weigh.
+        """
+        shapes = [entry for solid in solids if (entry := self._shape(solid, solid.node in colliding)) is not None]
+        weight = together([moved(solid.weight, solid.pose) for solid in solids])
+        if not shapes and weight.mass <= 0:
+            self._folder.rmdir()
+            return False
+        content: dict[str, Any] = {"description": f"{name}, of a Simulink model"}
+        if weighs and weight.mass > 0:
+            inertia = possible_moments(name, weight, self._report)
+            moments = six_moments(inertia)
+            moments = moments if np.abs(moments[3:]).max() > 1e-9 * inertia.max() else moments[:3]
+            content |= {"mass": float(weight.mass), "com": weight.com.tolist(), "inertia": moments.tolist()}
+        (self._folder / PIECE_FILE).write_text(as_yaml({**content, "shapes": shapes}), encoding="utf-8")
+        return True
 
-    Args:
-        folder: of the piece.
-        name: of the piece.
-        solids: with their poses in the piece's frame.
-        colliding: those of them that take part in contact.
-        writer: of its meshes.
-        weighs: whether its mass matters; what stands fixed has none.
-
-    Returns:
-        whether there is anything to it.
-    """
-    shapes = [entry for solid in solids if (entry := _shape(solid, solid.node in colliding, writer)) is not None]
-    weight = together([moved(solid.weight, solid.pose) for solid in solids])
-    if not shapes and weight.mass <= 0:
-        return False
-    content: dict[str, Any] = {"description": f"{name}, of a Simulink model"}
-    if weighs and weight.mass > 0:
-        content |= _weight_keys(weight, possible_moments(name, weight, solids[0].node.findings.report))
-    content["shapes"] = shapes
-    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)
-    (folder / PIECE_FILE).write_text(text, encoding="utf-8")
-    return True
-
-
-def _weight_keys(weight: Weight, inertia: Vector) -> dict[str, Any]:
-    products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
-    moments = [*inertia.diagonal(), *(products if np.abs(products).max() > 1e-9 * inertia.max() else [])]
-    return {
-        "mass": float(weight.mass),
-        "com": [float(value) for value in weight.com],
-        "inertia": [float(value) for value in moments],
-    }
-
-
-def _shape(solid: SolidBody, collides: bool, writer: UrdfWriter) -> dict[str, Any] | None:
-    if not solid.visible and not collides:
-        return None
-    entry: dict[str, Any] = {}
-    shape = solid.shape
-    if shape is not None and shape.mesh is None and shape.kind != "plane":
-        size = [float(value) for value in shape.size]
-        entry[shape.kind] = size[0] if shape.kind == "sphere" else size
-    else:
-        mesh = writer.mesh(solid)
-        if mesh is None:
+    def _shape(self, solid: SolidBody, collides: bool) -> dict[str, Any] | None:
+        if not (solid.visible or collides) or (look := self._look(solid)) is None:
             return None
-        entry["mesh"] = mesh
-    entry["pose"] = pose_list(solid.pose)
-    entry["colour"] = [round(value, 4) for value in solid.colour]
-    if not collides:
-        entry["collides"] = False
-    if not solid.visible:
-        entry["visible"] = False
-    return entry
+        shape, size = look
+        entry = {shape: size[0] if shape == "sphere" else size, "pose": pose_list(solid.pose)}
+        entry["colour"] = [round(value, 4) for value in solid.colour]
+        return entry | {key: False for key, on in (("collides", collides), ("visible", solid.visible)) if not on}
+
+
+def as_yaml(content: dict[str, Any]) -> str:
+    """Return a file of a station, robot or piece."""
+    return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None))
 
 
 def pose_list(pose: RigidTransform) -> list[float]:
