@@ -76,7 +76,7 @@ def rate_of(node: Node, value: Value) -> Value:
             lambda: [Form(rest) - ((of_time(Form(rest)) and early(Form(rest))) or 0.0)]
         )  # once all is traced
         parameters = {"numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
-        found = Primitive("transfer_function", parameters, inputs).outputs[0] + found
+        found = Primitive("transfer_function", parameters, inputs, node).outputs[0] + found
     return found
 
 
