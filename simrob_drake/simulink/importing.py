@@ -241,7 +241,7 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
 _TRIED, _MOST_TRIED, _FEW, _LEAST_TRIED = 0.2, 2000, 60, 3
 """What is tried of a run [s], in how many steps with a few axes; the work of a step grows with the cube of these."""
 _BEGUN = 1e-4  # s of a run that only shows whether it begins
-_OPEN = 1e-3  # m or rad, what a coupling may be open then and not be noted
+_OPEN, _TORN = 1e-3, 0.1  # m or rad, what a coupling may be open then and not be noted, and be none any more
 
 
 def _try(station: Path, duration: float, axes: int) -> tuple[str, dict[str, float]]:
@@ -266,21 +266,26 @@ def _try(station: Path, duration: float, axes: int) -> tuple[str, dict[str, floa
 def _tell_of_run(stops: str, soft: dict[str, float], report: ImportReport) -> None:
     if stops:
         report.add("lost", "run", f"the station does not run as it is: {stops}")
+    elif max(soft.values(), default=0.0) > _TORN:
+        report.add("lost", "closed loop", f"it comes apart within {_TRIED:g} s")
     for name, gap in soft.items():
         message = f"its coupling holds less than what pulls at it: {1e3 * gap:.3g} mm (or mrad) open"
         report.add("approximated", name, f"{message} within {_TRIED:g} s")
 
 
 def _hold(station: Path, content: dict[str, Any], axes: int, report: ImportReport) -> None:
-    """Let couplings that are springs too soft for what they hold be constraints of a discrete solver, if that helps."""
+    """Let couplings too soft for what they hold be constraints of a discrete solver, or shorten its steps."""
     stops, soft = _try(station, _TRIED, axes)
-    if (stops or soft) and content["solver"]["kind"] == "continuous":
-        written, tied = content_of(station), SOLVERS["points"]
+    for kind, step, most in (("continuous", 1e-4, _OPEN), ("discrete", 1e-5, 10 * _OPEN)):
+        worst = max(soft.values(), default=0.0)
+        if content["solver"]["kind"] != kind or not (stops or worst > most):
+            continue
+        written, tied = content_of(station), {**SOLVERS["points"], "time_step": step}
         station.write_bytes(re.sub(rb"(?m)^solver: .*$", f"solver: {json.dumps(tied)}".encode(), written))
         why, still = _try(station, _TRIED, axes)
-        if not why and (stops or max(still.values(), default=0.0) < max(soft.values())):
+        if not why and (stops or max(still.values(), default=0.0) < worst):
             stops, soft, content["solver"] = "", still, tied
-            report.add("read", "solver", "a discrete one, whose couplings are constraints: springs were too soft")
+            report.add("read", "solver", f"a discrete one, steps of {step:g} s: couplings were too soft otherwise")
         else:
             station.write_bytes(written)
     _tell_of_run(stops, soft, report)

@@ -46,7 +46,7 @@ from simrob_drake.simulink.signals.laws import (
 from simrob_drake.simulink.signals.networks import NETWORKS, outputs_of
 from simrob_drake.simulink.signals.robotics import ROBOTICS
 from simrob_drake.simulink.signals.routing import ROUTING, subsystem
-from simrob_drake.simulink.signals.sources import PHYSICAL, SENSOR, SOURCES, out_of_physics, sensed
+from simrob_drake.simulink.signals.sources import PHYSICAL, SENSOR, SOURCES, offer_component, out_of_physics, sensed
 from simrob_drake.simulink.values.workspace import Variables, find_octave
 
 _LONGEST = 3600.0  # s
@@ -242,6 +242,8 @@ def tracer_of(network: Connections, joints: list[Joint], contacts: list[ContactP
                 tracer.offer(node, number, give)
         elif node.kind in PHYSICAL:
             tracer.offer(node, 1, partial(tracer.output, node))
+        elif node.kind not in NETWORKS:
+            offer_component(tracer, node)
         for number, (_, side, port) in enumerate(outputs_of(node) if node.kind in NETWORKS else (), start=1):
             tracer.offer(node, port, partial(tracer.output, node, number), side)
     return tracer

@@ -6,7 +6,7 @@ import pytest
 from simrob_drake.simulink.signals.arithmetic import applied, inverse
 from simrob_drake.simulink.signals.forms import TIME, Primitive, blocks_in, flat, mapped, signal
 from simrob_drake.simulink.signals.sources import orientation
-from simrob_drake.simulink.signals.translation import Translation
+from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.values.code import undefined
 from simrob_drake.simulink.values.syntax import NotUnderstood, functions_of
 from simrob_drake.simulink.writing.references import over_time
@@ -19,7 +19,17 @@ def translated(code):
     functions = functions_of(code)
     (main, *_) = functions.values()
     outputs = Translation({}, undefined, None, functions).called(main.name, [signal([TIME - 1.0]).reshape(1, 1)])
-    return over_time([value for output in outputs for value in flat(np.asarray(output, dtype=object))], TIMES)
+    return over_time([value for output in outputs for value in flat(as_signal(output))], TIMES)
+
+
+def bisected(square):
+    """The root of a number, from halves of the way between 0 and 2, and how many halves that took."""
+    low, high, rounds = 0.0, 2.0, 0
+    while True:
+        rounds, middle = rounds + 1, (low + high) / 2
+        low, high = (low, middle) if middle**2 > square else (middle, high)
+        if abs(middle**2 - square) <= 1e-3:
+            return middle, rounds
 
 
 @pytest.mark.parametrize(
@@ -52,6 +62,14 @@ def translated(code):
         ("function[y] = f(u)\nu;\nu.^2 / 2;\nz = [0; u];\ny = atan(3/z(1)) + z(2);", lambda u: [np.pi / 2 + u]),
         ("function y = f(u)\nn = 1;\nwhile n < 5\n n = 2*n;\nend\nfunction z = g(k)\n if k > 1\n  z = k;\n end\nend\n"
          "y = g(n)*u;\nend", lambda u: [8 * u]),  # a function among the statements of another
+        ("function y = f(u)\na = 0; b = 2; gap = 9; n = 0;\nwhile gap > 1e-3\n n = n + 1; c = (a + b)/2;\n"
+         " gap = abs(c^2 - 2 - u);\n if c^2 > 2 + u\n  b = c;\n else\n  a = c;\n end\nend\ny = [c; n];",
+         lambda u: np.transpose([bisected(2 + x) for x in u])),
+        ("function y = f(u)\nz = (u + 2i)*(3 - u*1i)/(1 + u*1e0i) - 2;\n"
+         "y = [real(z); imag(z); abs(z); real(u); imag(u) + abs(u); abs(2/z - z); real(2i*3i)];",
+         lambda u: [part(one) for z in [(u + 2j) * (3 - u * 1j) / (1 + u * 1j) - 2] for part, one in
+                    ((np.real, z), (np.imag, z), (np.abs, z), (np.real, u), (np.abs, u), (np.abs, 2 / z - z),
+                     (lambda z: 0 * z.real - 6, z))]),
         ("function y = f(u)\ny = mod(u, 0.31) + atan2(u, 2) + norm([u; 1], 2);",
          lambda u: [np.mod(u, 0.31) + np.arctan2(u, 2) + np.hypot(u, 1)]),
     ],
@@ -68,10 +86,11 @@ def test_code_is_what_it_computes(code, equation):
     ("code", "told"),
     [
         ("function y = f(u)\npersistent n\ny = u;", "persistent n, though nothing says its sample time"),
-        ("function y = f(u)\ny = 0;\nwhile y < u\n y = y + 1;\nend", "while"),
         ("function y = f(u)\ny = eval('system(1)');", "eval"),
         ("function y = f(u)\ny = f(u);", "calls itself"),
         ("function y = f(u)\nx = u;", "gives no y"),
+        ("function y = f(u)\ny = sin(u + 1i);", "complex numbers in a function"),
+        ("function y = f(u)\ny = u + 1i;", "a complex number"),
         ("function y = f(u)\n[n, m] = size(ones(40, 50));\nA = u*ones(n, m);\ny = A*A';", "more than 30000 products"),
         ("function y = f(u)\nif u > 0\n y = [1 2];\nelse\n y = 1;\nend", "size depends"),
     ],
@@ -79,6 +98,15 @@ def test_code_is_what_it_computes(code, equation):
 def test_what_is_more_than_arithmetic_is_not_understood(code, told):
     with pytest.raises(NotUnderstood, match=told):
         translated(code)
+
+
+def test_a_loop_that_signals_decide_ends_after_twenty_rounds_at_the_latest():
+    functions, told = functions_of("function y = f(u)\ny = 0;\nwhile y < u\n y = y + 1;\nend"), []
+    run = Translation({}, undefined, None, functions)
+    run.note = told.append
+    (found,) = run.called("f", [signal([30 * TIME]).reshape(1, 1)])
+    np.testing.assert_allclose(over_time(flat(found), TIMES), [np.minimum(np.ceil(30 * TIMES), 20)])
+    assert told == ["its loops by signals end after 20 rounds at the latest"]
 
 
 def test_a_rotation_is_inverted_by_its_transpose_and_a_matrix_that_only_starts_as_one_is_not():

@@ -123,6 +123,27 @@ def test_derivatives_of_what_is_not_measured_are_filtered(tmp_path):
     assert not report.of("repaired")
 
 
+def test_a_derivative_of_a_signal_of_time_begins_at_rest(tmp_path):
+    """A is pulled at its speed behind a turned cosine, that jumped by 2 / 1 ms at the start; B by a law with a NaN."""
+    (tmp_path / "law.m").write_text("function y = law(u)\nif u < 2\n y = 1 - u;\nelse\n y = nan;\nend\n")
+    plant = Plant()
+    wave = plant.chain("Sin", "Wave", Amplitude="2", Frequency="3", Phase="pi/2")
+    error = plant.chain("Sum", "e", wave, plant.positions[0], Inputs="+-")
+    law = plant.chain("MATLABFcn", "Law", plant.speeds[1], MATLABFcn="law")
+    plant.drive(plant.chain("Derivative", "Rate", error), law)
+    result, _, report = run(plant, tmp_path)
+
+    def motion(t, y):
+        _, wa, x = y
+        behind = (2 * np.cos(3 * t) - 2 - x) / 1e-3
+        return wa, behind - wa, behind
+
+    exact = solve_ivp(motion, (0, 2), np.zeros(3), method="Radau", rtol=1e-8, atol=1e-8, t_eval=result.times)
+    np.testing.assert_allclose(result["q.A"], exact.y[0], atol=2e-4)
+    np.testing.assert_allclose(result["v.B"], 1 - np.exp(-result.times), atol=2e-4)
+    assert not report.of("open")
+
+
 def test_springs_and_torques_that_no_position_commands_drive_joints(tmp_path):
     """A has a spring beside its servo, B a torque of time beside a damper: of inertias of 1 kg m²."""
     plant = Plant()

@@ -338,8 +338,9 @@ def test_a_motion_that_follows_what_is_measured_is_lost(tmp_path):
 
 
 def test_functions_of_files_beside_the_model_are_translated(tmp_path):
-    """An Interpreted MATLAB Function of a file, which calls another one: q = 2 sin(3 t)."""
-    (tmp_path / "wanted.m").write_text("function q = wanted(t)\nq = 2 * waving(t);\nend\n", encoding="utf-8")
+    """An Interpreted MATLAB Function of a file, which calls others, of which one calls one: q = 2 sin(3 t)."""
+    (tmp_path / "wanted.m").write_text("function q = wanted(t)\nq = much(t) - waving(t);\nend\n", encoding="utf-8")
+    (tmp_path / "much.m").write_text("function y = much(x)\ny = 3 * waving(x);\nend\n", encoding="utf-8")
     (tmp_path / "waving.m").write_text("function y = waving(x)\nw = 3;\ny = sin(w * x);\n", encoding="utf-8")
     level = Level()
     _, (joint, _) = hinges(level, {"MotionActuationMode": "InputMotion"}, {})

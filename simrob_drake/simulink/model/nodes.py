@@ -243,7 +243,8 @@ class Expanded:
             source = f"{home}/{rest}"
             found = self.libraries.block(source)
             if found is None:
-                self._note_missing(path, f"library block {source}", home, moves=moves)
+                if not self.libraries.script(block.parameters.get("ClassName", ""), ".ssc"):
+                    self._note_missing(path, f"library block {source}", home, moves=moves)
                 return replace(block, mask=None, system=None), home
             said = {name: text for name, text in written if name not in _OF_LINKS}
             own, mask = replace(found, parameters=found.parameters | said), mask or found.mask

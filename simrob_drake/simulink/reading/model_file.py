@@ -237,9 +237,9 @@ class Libraries:
         model = self.model(name)
         return model.system.find(way) if model and slash else None
 
-    def script(self, name: str) -> str:
-        """Return the text of a function's or script's own file, ``name.m``; empty where it lies in no folder."""
-        file = self._find(name, (".m",))
+    def script(self, name: str, suffix: str = ".m") -> str:
+        """Return the text of a function's, script's or component's own file; empty where it lies in no folder."""
+        file = self._find(name, (suffix,))
         try:
             return "" if file is None else content_of(file, LARGEST_PART).decode("utf-8", "replace")
         except NotRead:
@@ -313,7 +313,7 @@ class Libraries:
     @cached_property
     def _files(self) -> dict[str, Path]:
         """The files by name; of one name, that of the first folder."""
-        suffixes = (*_SUFFIXES, ".m", ".mat")
+        suffixes = (*_SUFFIXES, ".m", ".mat", ".ssc")
         files = [file for folder in self.folders for file in folder.iterdir() if file.suffix in suffixes]
         return {file.name: file for file in reversed(files) if file.is_file()}
 

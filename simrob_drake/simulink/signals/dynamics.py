@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -23,11 +23,14 @@ from simrob_drake.simulink.signals.forms import (
     TermKind,
     Tracer,
     Value,
+    added,
     computed,
+    early,
     fitted,
     flat,
     late,
     mapped,
+    of_time,
     signal,
     terms_of,
 )
@@ -53,8 +56,9 @@ def filtered(value: Value, numerator: Iterable[float], denominator: Iterable[flo
 
 
 def rate_of(node: Node, value: Value) -> Value:
-    """Return how fast a value changes: as it is measured, or else by a filter of time constant ``LAG``."""
+    """Return how fast a value changes: as it is measured, and of the rest by a filter of time constant ``LAG``."""
     rate: dict[Term, float] = {}
+    rest: dict[Term, float] = {}
     for term, factor in terms_of(value).items():
         still = isinstance(term.of, Node) and term.of.text("MeasurementFrame").startswith("NonRotating")
         if term.kind == "time":
@@ -64,9 +68,16 @@ def rate_of(node: Node, value: Value) -> Value:
         elif term.kind == "sensed" and term.index < _PLACES and not still:
             rate[Term("sensed", term.of, term.index + PARTS.index("vx"))] = factor
         elif term.kind != "one":
-            node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
-            return filtered(value, [1.0, 0.0], [LAG, 1.0])
-    return Form(rate) if rate.keys() - {ONE} else rate.get(ONE, 0.0)
+            rest[term] = factor
+    found = added((1.0, Form(rate)))
+    if rest:
+        node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
+        inputs = cache(
+            lambda: [Form(rest) - ((of_time(Form(rest)) and early(Form(rest))) or 0.0)]
+        )  # once all is traced
+        parameters = {"numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
+        found = Primitive("transfer_function", parameters, inputs, node).outputs[0] + found
+    return found
 
 
 def period_of(reader: Tracer, node: Node) -> float | None:

@@ -73,10 +73,10 @@ class Form:
         return added((-1.0, self))
 
     def __sub__(self, other: Value) -> Value:
-        return added((1.0, self), (-1.0, other))
+        return self + (-other)
 
     def __rsub__(self, other: Value) -> Value:
-        return added((1.0, other), (-1.0, self))
+        return -self + other
 
     def __mul__(self, other: Value) -> Value:
         """Return the product: a sum where the other is a number, else a block."""
@@ -159,7 +159,9 @@ def early(value: Value, time: float = 0.0) -> float | None:
 
 
 def computed(kind: str, *inputs: Value, **parameters: Any) -> Value:
-    """Return what a block of one output makes of its inputs."""
+    """Return what a block of one output makes of its inputs (raises ValueError: complex ones)."""
+    if any(isinstance(one, Form) and type(one) is not Form for one in inputs):
+        raise ValueError(f"complex numbers in a {kind}")
     return Primitive(kind, parameters, lambda: inputs).outputs[0]
 
 
@@ -259,11 +261,13 @@ class Tracer:
     Attributes:
         network: the connections.
         opened: blocks that are left open, in the order they were met, and what is wrong with their parameters.
+        own: rules of blocks that have one of their own.
     """
 
     def __init__(self, network: Connections, rules: Mapping[str, Rule]) -> None:
         self.network, self._rules = network, rules
         self.opened: dict[Node, str] = {}
+        self.own: dict[Node, Rule] = {}
         self._known: dict[tuple[Node, int], Signal] = {}
         self._made: dict[Node, list[Signal]] = {}
         self._under_way: list[tuple[Node, int]] = []
@@ -360,7 +364,7 @@ class Tracer:
 
     @np.errstate(all="ignore")  # as above
     def _computed(self, node: Node, number: int) -> Signal:
-        rule, why = self._rules.get(node.kind), ""
+        rule, why = self.own.get(node) or self._rules.get(node.kind), ""
         try:
             found = rule(self, node, number) if rule is not None else None
         except InvalidModel as problem:

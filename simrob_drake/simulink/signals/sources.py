@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,7 +38,15 @@ from simrob_drake.simulink.signals.translation import Translation, as_signal
 from simrob_drake.simulink.tables import table
 from simrob_drake.simulink.values.code import undefined
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
-from simrob_drake.simulink.values.syntax import NotUnderstood, functions_of
+from simrob_drake.simulink.values.syntax import (
+    NotUnderstood,
+    ScriptFunction,
+    Section,
+    Statement,
+    functions_of,
+    lines_of,
+    statements,
+)
 
 _LATE = 0.02  # how long a filter takes to forget its start where that is told [s]
 
@@ -204,6 +212,7 @@ def _matlab_function(reader: Tracer, node: Node, number: int) -> Signal | None:
         arguments = [inputs[name] if name in ports else block.workspace.lookup(name) for name in main.inputs]
         files = reader.network.expanded.libraries
         run = Translation({}, undefined, files, functions, period=period_of(reader, block))
+        run.note = partial(block.note, "approximated")
         return [as_signal(value) for value in run.called(main.name, arguments)]
 
     outputs = _understood(block, lambda: reader.once(node, translated))
@@ -225,7 +234,80 @@ def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Valu
     Raises InvalidModel: what is not understood.
     """
     run = Translation({name: _columns(values) for name, values in variables.items()}, node.workspace.lookup)
+    run.note = partial(node.note, "approximated")
     return flat(_understood(node, lambda: [signal([run._condition(text)])])[0])[0]
+
+
+_SECTION = re.compile(
+    r"(?m)^[ \t]*(?:(component|inputs|outputs|parameters|equations|function)|nodes|variables|branches|components)\b(.*)"
+)
+_MEMBER = re.compile(r"^[ \t]*(\w+)[ \t]*=[ \t]*\{(.*)\}[^%\n]*(?:%[^\n]*?(?::[ \t]*(left|right))?[ \t]*)?$", re.M)
+_QUANTITY = re.compile(r"\{([^{},']*?)[\s,]*'([^']*)'\s*\}")
+
+
+class Component(NamedTuple):
+    """What a file of the language says."""
+
+    inputs: dict[str, tuple[str, int]]  # side and number of each port
+    outputs: dict[str, tuple[str, int]]
+    parameters: dict[str, str]  # what each is by default
+    body: list[Statement]  # private parameters and equations
+
+
+def component(text: str) -> Component | None:
+    """Return what a component computes of physical signals; None of one that has nodes, states or parts."""
+    _, *parts = _SECTION.split(text)
+    if not parts or None in parts[::3]:
+        return None
+    found, counts = Component({}, {}, {}, []), {"left": 0, "right": 0}
+    for kind, head, lines in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
+        if kind == "equations" or "private" in head.lower():
+            found.body.extend(statements(lines))
+        elif kind == "parameters":
+            found.parameters.update({name: f"{{{value}}}" for name, value, _ in _MEMBER.findall(lines)})
+        elif kind in ("inputs", "outputs"):
+            for name, _, written in _MEMBER.findall(lines):
+                side = written or ("left" if kind == "inputs" else "right")
+                counts[side] += 1
+                getattr(found, kind)[name] = f"{side[0]}conn", counts[side]
+    return found
+
+
+def offer_component(tracer: Tracer, node: Node) -> None:
+    """Let a block of a component in the folders give its physical signals."""
+    found = component(tracer.network.expanded.libraries.script(node.text("ClassName"), ".ssc"))
+    if found is not None:
+        tracer.own[node] = partial(_output, found)
+        for number, (side, port) in enumerate(found.outputs.values(), start=1):
+            tracer.offer(node, port, partial(tracer.output, node, number), side)
+
+
+def _output(found: Component, reader: Tracer, node: Node, number: int) -> Signal:
+    def translated() -> list[Signal]:
+        reached = [reader.physical(node, *port) for port in found.inputs.values()]
+        known: list[Any] = [_columns(signal([0.0]) if one is None else one) for one in reached]
+        for name, default in found.parameters.items():
+            known.append(node.matrix(name, _in_si(node, default)) * node.in_si(node.text(f"{name}_unit", "1"), name))
+        body = [_assigned(node, line) for line in found.body if not next(lines_of(line)).startswith("assert")]
+        law = ScriptFunction("law", [*found.inputs, *found.parameters], [*found.outputs], body)
+        run = Translation({}, undefined, reader.network.expanded.libraries, {"law": law})
+        run.note = partial(node.note, "approximated")
+        return [as_signal(value) for value in run.called("law", known)]
+
+    return _understood(node, lambda: reader.once(node, translated))[number - 1]
+
+
+def _in_si(node: Node, text: str) -> str:
+    """Return text with quantities such as ``{2, 'cm'}`` as numbers in SI."""
+    return _QUANTITY.sub(lambda one: f"(({one[1]})*{node.in_si(one[2], 'unit'):.17g})", text)
+
+
+def _assigned(node: Node, line: Statement) -> Statement:
+    """Return a statement whose equations are assignments."""
+    if isinstance(line, str):
+        return re.sub(r"^(\w+)\s*==", r"\1 =", _in_si(node, line))
+    return Section(line.keyword, [(_in_si(node, head), [_assigned(node, one) for one in body])
+                                  for head, body in line.parts])  # fmt: skip
 
 
 _OF_C = {"sgn": "sign", "ln": "log", "fabs": "abs", "pow": "power"}  # functions that a Fcn has in place of MATLAB's
@@ -240,6 +322,7 @@ def _expression(reader: Tracer, node: Node, _: int) -> Signal | None:
         text = _BARE.sub("u(1)", text.replace("[", "(").replace("]", ")"))
         text = re.sub(r"\b(sgn|ln|fabs|pow)\b", lambda found: _OF_C[found[1]], text)
     run = Translation({"u": _columns(values)}, node.workspace.lookup, reader.network.expanded.libraries)
+    run.note = partial(node.note, "approximated")
     if text in FUNCTIONS or (text.isidentifier() and run.find(text)):
         text = f"{text}(u)"
     return _understood(node, lambda: [as_signal(run.value(text))])[0] if text else None

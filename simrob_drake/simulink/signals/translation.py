@@ -26,7 +26,36 @@ from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, co
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, Statement, lines_of
 
 _ENDED = "return"  # where it is kept whether a function has returned
+_MOST_ROUNDS = 20  # of a loop that signals decide
 _PARTIAL = ("sqrt", "log", "asin", "acos", "pow")  # functions that are not there for every number
+
+
+class Complex(Form):
+    """A complex number of signals; what is computed with it must become real again."""
+
+    def __init__(self, real: Value, imag: Value = 0.0) -> None:
+        super().__init__({})
+        self.real, self.imag = real, imag
+
+    def __add__(self, other: Value) -> Value:
+        other = other if isinstance(other, Complex) else Complex(other)
+        return Complex(self.real + other.real, self.imag + other.imag)
+
+    def __neg__(self) -> Value:
+        return Complex(-self.real, -self.imag)
+
+    def __mul__(self, other: Value) -> Value:
+        other = other if isinstance(other, Complex) else Complex(other)
+        real, imag = self.real * other.real - self.imag * other.imag, self.real * other.imag + self.imag * other.real
+        return Complex(real, imag)
+
+    def __truediv__(self, other: Value) -> Value:
+        return other.__rtruediv__(self) if isinstance(other, Complex) else Complex(self.real / other, self.imag / other)
+
+    def __rtruediv__(self, other: Value) -> Value:
+        return other * Complex(self.real, -self.imag) / (self.real * self.real + self.imag * self.imag)
+
+    __radd__, __rmul__ = __add__, __mul__
 
 
 class Translation(CodeRun):
@@ -40,6 +69,7 @@ class Translation(CodeRun):
         self, *arguments: Any, period: float | None = None, own: Mapping[str, Callable[..., Value]] | None = None
     ) -> None:
         """Take what :class:`CodeRun` takes, the time between samples [s] if there is one, and functions of values."""
+        self.note: Callable[[str], None] = lambda _: None  # takes what it approximates
         self._guards: list[Value] = []
         self._period, self._within, self._own = period, False, own or {}
         self._kept: dict[str, Any] = {}  # persistent variables as they are at a sample; None before they have begun
@@ -51,7 +81,7 @@ class Translation(CodeRun):
         """Return what expressions are computed with, numbers or signals, before functions of files."""
         each: dict[str, Callable[..., Value]] = {
             "./": lambda a, b: a / self._guarded(b),
-            **dict.fromkeys((".^", "power"), lambda a, b: _power(self._guarded(a), b)),
+            **dict.fromkeys((".^", "power"), lambda a, b: _power(a, b, self._guarded)),
             **dict.fromkeys(("&", "&&"), partial(_both, "and")),
             **dict.fromkeys(("|", "||"), partial(_both, "or")),
             **{sign: partial(compared, flow) for sign, flow in OPERATORS.items()},
@@ -60,6 +90,9 @@ class Translation(CodeRun):
             **{f"{name}d": (lambda u, name=name: applied(name, u * (np.pi / 180))) for name in ("sin", "cos", "tan")},
             "not": lambda u: joined("not", u),
             "isnan": lambda u: 0.0,
+            "real": lambda u: u.real if isinstance(u, Complex) else u,
+            "imag": lambda u: u.imag if isinstance(u, Complex) else 0.0,
+            "abs": lambda u: MATH["hypot"](u.real, u.imag) if isinstance(u, Complex) else applied("abs", u),
             **dict.fromkeys(("double", "single", "logical", "boolean"), lambda u: u),
             **{name: partial(whole, name) for name in INTEGERS},
             **self._own,
@@ -68,7 +101,7 @@ class Translation(CodeRun):
             **NUMBERS,
             **{name: _on_symbols(NUMBERS.get(name), one) for name, one in each.items()},
             **{name: partial(_extreme, name) for name in ("min", "max")},
-            "norm": _norm, "inv": _inverse, "interp1": _table,
+            "norm": _norm, "inv": _inverse, "interp1": _table, "1i": lambda: signal([Complex(0.0, 1.0)]),
         }  # fmt: skip
 
     def _guarded(self, value: Value) -> Value:
@@ -157,7 +190,7 @@ class Translation(CodeRun):
     def _inner(self, variables: dict[str, Any]) -> Self:
         inner = super()._inner(variables)
         inner._guards, inner._period, self._last = self._guards, self._period, inner
-        inner._workspace = self._workspace
+        inner._workspace, inner.note = self._workspace, self.note
         return inner
 
     def called(self, name: str, arguments: list[Any]) -> list[Any]:
@@ -183,6 +216,24 @@ class Translation(CodeRun):
         for one in flat(np.asarray(matrix(self.value(text)), dtype=object)):
             condition = _both("and", condition, one)
         return condition
+
+    def _loop(self, keyword: str, line: str, body: list[Statement], left: int = _MOST_ROUNDS) -> None:
+        """Run a loop; of one whose end signals decide all rounds are translated, one in the other."""
+        if keyword == "for":
+            super()._loop(keyword, line, body)
+            return
+        while (condition := self._condition(line.removeprefix("while"))) and not isinstance(condition, Form):
+            self._block(body)
+            self._count()
+        if isinstance(condition, Form) and not left:
+            self.note(f"its loops by signals end after {_MOST_ROUNDS} rounds at the latest")
+        elif isinstance(condition, Form):
+
+            def further() -> None:
+                self._block(body)
+                self._loop(keyword, line, body, left - 1)
+
+            self._split_by(condition, further, lambda: None)
 
     def _split_by(self, condition: Value, yes: Callable[[], None], no: Callable[[], None]) -> None:
         """Run one of two ways, or by a condition of the model both, and leave what a switch takes of them."""
@@ -210,6 +261,8 @@ class Translation(CodeRun):
 def as_signal(value: Any) -> Signal:
     """Return a matrix as a signal: a column is a vector."""
     array = matrix(value).astype(object)
+    if any(isinstance(one, Complex) for one in array.flat):
+        raise NotUnderstood("a complex number")
     return array.reshape(-1, order="F") if array.shape[1] == 1 else array
 
 
@@ -222,9 +275,9 @@ def _both(operator: str, first: Value, second: Value) -> Value:
     return joined(operator, first, second)
 
 
-def _power(base: Value, exponent: Value) -> Value:
+def _power(base: Value, exponent: Value, guarded: Callable[[Value], Value]) -> Value:
     if isinstance(exponent, Form) or not isinstance(base, Form) or exponent not in (1, 2, 3, 4):
-        return applied("pow", base, exponent)
+        return applied("pow", guarded(base), exponent)
     result: Value = base
     for _ in range(int(exponent) - 1):
         result = result * base

@@ -105,11 +105,13 @@ class CodeRun(Evaluator):
         return self.evaluated(parse(text))
 
     def find(self, name: str) -> bool:
-        """Take in the functions of a file of this name, unless they are there."""
-        known = name in self.functions or name in self.unknown or len(self.functions) > _MOST_CALLS
-        if self._files is None or known:
+        """Take in a function of this name that is known, or that a file has, unless it is in use."""
+        if name in self._algebra or name in self.unknown:
             return False
-        self._learn(self._files.script(name))
+        if name not in self.functions and self._files is not None and len(self.functions) <= _MOST_CALLS:
+            self._learn(self._files.script(name))
+        if name in self.functions:
+            self._algebra = {**self._algebra, name: partial(self._first_of, name)}
         return name in self.functions
 
     def _learn(self, code: str) -> None:
@@ -232,9 +234,7 @@ class CodeRun(Evaluator):
                 self.variables[name.strip(" (")] = matrix(column).T
                 self._block(body)
             return
-        while met := self._condition(head):
-            if not isinstance(met, bool | float):
-                raise NotUnderstood(line)
+        while self._condition(head):
             self._block(body)
             self._count()
 

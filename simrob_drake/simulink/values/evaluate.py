@@ -235,6 +235,8 @@ class Evaluator:
         match node:
             case ("number", (number,)):
                 return matrix(number)
+            case ("imaginary", (number,)):
+                return matrix(number * self._named("1i", ()))
             case ("text" | "string", (text,)):
                 return text
             case ("name", (name,)):

@@ -127,16 +127,16 @@ class NotUnderstood(ValueError):
 class Expression(NamedTuple):
     """An expression, or a part of one."""
 
-    # what it is, and what of: ``number``, ``text`` and ``string``, a text that stays one among others (value), ``name``
-    # (name), ``call`` (target, arguments) for an index or a function, ``field`` (target, name), ``unary`` (operator,
-    # operand) with ``'`` behind it, ``binary`` (operator, left, right), ``range`` (start, step or None, stop),
-    # ``matrix`` and ``cell`` (rows), ``colon`` for a lone one, all of a dimension, and ``end`` in an index
+    # what it is, and what of: ``number``, ``imaginary``, ``text`` and ``string``, a text that stays one among others
+    # (value), ``name`` (name), ``call`` (target, arguments) for an index or a function, ``field`` (target, name),
+    # ``unary`` (operator, operand) with ``'`` behind it, ``binary`` (operator, left, right), ``range`` (start, step or
+    # None, stop), ``matrix`` and ``cell`` (rows), ``colon`` for a lone one, all of a dimension, and ``end`` in an index
     kind: str
     parts: tuple[Any, ...] = ()
 
 
 _TOKEN = re.compile(
-    r"(?P<number>(?:\d+(?:\.(?![*/\\^'])\d*)?|\.\d+)(?:[eEdD][-+]?\d+)?)"
+    r"(?P<number>(?:\d+(?:\.(?![*/\\^'])\d*)?|\.\d+)(?:[eEdD][-+]?\d+)?(?:[ij]\b)?)"
     r"|(?P<name>[A-Za-z]\w*)"
     r"|(?P<operator>\.\^|\.\*|\./|\.'|==|~=|<=|>=|&&|\|\||[-+*/\\^<>=&|~!:;,.()\[\]{}'])"
 )
@@ -262,7 +262,8 @@ class _Parser:
         if token is _END:
             raise NotUnderstood("ends where a value should stand")
         if token.kind == "number":
-            return Expression("number", (float(token.text.lower().replace("d", "e")),))
+            kind = "imaginary" if token.text[-1] in "ij" else "number"
+            return Expression(kind, (float(token.text.rstrip("ij").lower().replace("d", "e")),))
         if token.kind == "name" and token.text == "end":
             return Expression("end")
         if token.kind != "operator":

@@ -64,6 +64,9 @@ class FlowWriter:
         for term, factor in terms_of(value).items():
             for name, own in self._signal(term).items():
                 total[name] = total.get(name, 0.0) + factor * own
+        if not np.isfinite(total.get("one", 0.0)):  # which no file holds: something divided by 0 is it
+            sign = float(np.nan_to_num(np.sign(total.pop("one"))))
+            total |= self.sum(Primitive("product", {"divides": [1]}, lambda: [sign, 0.0]).outputs[0])
         return {name: float(f"{own:.15g}") for name, own in total.items()}
 
     def _signal(self, term: Term) -> Sum:
