@@ -9,9 +9,8 @@ from pydrake.systems.framework import BasicVector, LeafSystem
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.stations.checks import check_station
-from simrob_drake.walking.commands import Commanded, Commander, beyond, clipped
+from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, beyond, clipped
 from simrob_drake.walking.parameters import MaxSpeed
-from simrob_drake.walking.commands import Follower, Waypoints
 from simrob_drake.walking.steps import Command
 
 pytestmark = pytest.mark.usefixtures("no_plots")

@@ -9,8 +9,7 @@ from scipy.integrate import solve_ivp
 
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.walking.parameters import WalkingParameters, load_walking
-from simrob_drake.walking.steps import weights
-from simrob_drake.walking.steps import Command, Divergent, Landing, Steps
+from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, weights
 
 OMEGA = 5.2
 

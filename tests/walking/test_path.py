@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from simrob_drake.errors import InvalidConfig
-from simrob_drake.walking.parameters import MaxSpeed
 from simrob_drake.walking.commands import Follower, Path, Waypoints
+from simrob_drake.walking.parameters import MaxSpeed
 
 MAX_SPEED = MaxSpeed(ahead=0.3, backward=0.2, sideways=0.1, turn_deg=40)
 

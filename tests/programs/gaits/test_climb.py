@@ -6,8 +6,7 @@ import pytest
 from simrob_drake import LeggedRobot, load_station
 from simrob_drake.errors import SimrobError
 from simrob_drake.interpolation import stacked
-from simrob_drake.programs.gaits.climb import BallFootholds, Climb
-from simrob_drake.programs.gaits.climb import SoleMargins, profile_ahead
+from simrob_drake.programs.gaits.climb import BallFootholds, Climb, SoleMargins, profile_ahead
 from simrob_drake.programs.gaits.walker import Walker, facing_rotation
 from simrob_drake.programs.legged_gait import planned_gait
 
