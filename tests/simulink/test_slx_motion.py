@@ -317,6 +317,33 @@ def test_a_motion_begins_where_its_filter_does(tmp_path, bias):
     np.testing.assert_allclose(result["q.A"], exact, atol=1e-3)
 
 
+def test_motions_may_follow_motions_their_own_included(tmp_path):
+    """A's: 0.5 s q' + q = q/2 + sin 2t, through a filter that forgets it, and B's is twice A's."""
+    level = Level()
+    moved = {"MotionActuationMode": "InputMotion", "SensePosition": "on"}
+    _, (a, b) = hinges(level, moved, moved)
+    wave, out = level.block("Sin", "Wave", Frequency="2"), level.block(FROM_PHYSICS, "Out")
+    half, twice = (level.block("Gain", name, Gain=gain) for name, gain in (("Half", "0.5"), ("Twice", "2")))
+    both = level.block("Sum", "Both", Inputs="++")
+    slow = {"FilteringAndDerivatives": "filter", "InputFilterTimeConstant": "0.5"}
+    into, other = level.block(TO_PHYSICS, "In", Unit="rad", **slow), level.block(TO_PHYSICS, "Other", Unit="rad")
+    level.connect(f"{a}#rconn:2", f"{out}#lconn:1")
+    level.wire(f"{out}#out:1", f"{half}#in:1", f"{twice}#in:1")
+    level.wire(f"{wave}#out:1", f"{both}#in:1")
+    level.wire(f"{half}#out:1", f"{both}#in:2")
+    level.wire(f"{both}#out:1", f"{into}#in:1")
+    level.wire(f"{twice}#out:1", f"{other}#in:1")
+    level.connect(f"{into}#rconn:1", f"{a}#lconn:2")
+    level.connect(f"{other}#rconn:1", f"{b}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity.startswith("mechanics complete")
+    result = simulate(imported.station, duration=1.0, progress=False)
+    t = result.times
+    exact = (2 * np.sin(2 * t) - 4 * np.cos(2 * t) + 4 * np.exp(-t)) / 5
+    np.testing.assert_allclose(result["q.A"], exact, atol=1e-3)
+    np.testing.assert_allclose(result["q.B"], 2 * exact, atol=2e-3)
+
+
 def test_a_motion_that_follows_what_is_measured_is_lost(tmp_path):
     """Only motions over time can be prescribed: what B's angle says of A's motion would be held in silence."""
     level = Level()

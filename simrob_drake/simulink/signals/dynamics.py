@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from functools import cache, partial
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -72,12 +72,22 @@ def rate_of(node: Node, value: Value) -> Value:
     found = added((1.0, Form(rate)))
     if rest:
         node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
-        inputs = cache(
-            lambda: [Form(rest) - ((of_time(Form(rest)) and early(Form(rest))) or 0.0)]
-        )  # once all is traced
         parameters = {"numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
-        found = Primitive("transfer_function", parameters, inputs, node).outputs[0] + found
+        found = Primitive("transfer_function", parameters, _from_rest(Form(rest)), node).outputs[0] + found
     return found
+
+
+def _from_rest(value: Form) -> Callable[[], list[Value]]:
+    """Return what gives, once all is traced, a value less what it begins with, where that is of time alone."""
+    begun: list[float] = []
+
+    def inputs() -> list[Value]:
+        if not begun:
+            begun.append(0.0)  # for a loop through it, which asks again
+            begun[0] = (of_time(value) and early(value)) or 0.0
+        return [value - begun[0]]
+
+    return inputs
 
 
 def period_of(reader: Tracer, node: Node) -> float | None:

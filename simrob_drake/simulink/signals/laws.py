@@ -1,7 +1,7 @@
 """What drives joints and acts on bodies: sums of signals, motion over time, contact; servos where the user asks."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, count
 from math import inf
 
@@ -86,7 +86,34 @@ def read_laws(tracer: Tracer, joints: list[Joint], *, servos: bool = False) -> d
     for term, (freedom, factor) in commanded([law.net for law in laws.values()]).items():
         if freedom in laws:
             laws[freedom].reference = Form({term: factor})
+    _follow_motions({freedom: law for freedom, law in laws.items() if freedom.driven == "motion"})
     return laws
+
+
+def _follow_motions(moved: dict[Freedom, Law]) -> None:
+    """Let motions that take the position of a joint whose motion is given, perhaps their own, take that motion."""
+    motions = {freedom: law.reference or 0.0 for freedom, law in moved.items()}
+    made: dict[Primitive, Primitive] = {}
+
+    def block(old: Primitive) -> Primitive:
+        if old not in made:
+            made[old] = replace(old, inputs=lambda: [inserted(one) for one in old.inputs()])
+        return made[old]
+
+    def inserted(value: Value, within: tuple[Freedom, ...] = ()) -> Value:
+        total: list[tuple[float, Value]] = []
+        for term, factor in terms_of(value).items():
+            part: Value = Form({term: 1.0})
+            if isinstance(term.of, Primitive):
+                part = Form({replace(term, of=block(term.of)): 1.0})
+            elif term.kind == "q" and isinstance(term.of, Freedom) and term.of in motions and term.of not in within:
+                part = inserted(motions[term.of], (*within, term.of))
+            total.append((factor, part))
+        return added(*total)
+
+    for freedom, law in moved.items():
+        if any(term.kind == "q" and term.of in motions for terms in closure([motions[freedom]]) for term in terms):
+            law.reference = inserted(motions[freedom], (freedom,))
 
 
 def begin_on_motions(laws: dict[Freedom, Law]) -> None:
