@@ -21,6 +21,8 @@ from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Expanded, Findings, Node, expand
 from simrob_drake.simulink.reading.model_file import Libraries, read_model
 from simrob_drake.simulink.signals.arithmetic import ARITHMETIC
+from simrob_drake.simulink.signals.code import CODE
+from simrob_drake.simulink.signals.components import offer_component
 from simrob_drake.simulink.signals.dynamics import DYNAMICS
 from simrob_drake.simulink.signals.forms import (
     MOST_ELEMENTS,
@@ -46,7 +48,7 @@ from simrob_drake.simulink.signals.laws import (
 from simrob_drake.simulink.signals.networks import NETWORKS, outputs_of
 from simrob_drake.simulink.signals.robotics import ROBOTICS
 from simrob_drake.simulink.signals.routing import ROUTING, subsystem
-from simrob_drake.simulink.signals.sources import PHYSICAL, SENSOR, SOURCES, offer_component, out_of_physics, sensed
+from simrob_drake.simulink.signals.sources import PHYSICAL, SENSOR, SOURCES, out_of_physics, sensed
 from simrob_drake.simulink.values.workspace import Variables, find_octave
 
 _LONGEST = 3600.0  # s
@@ -221,7 +223,7 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
 
 
 RULES: dict[str, Rule] = {
-    **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **PHYSICAL, **NETWORKS, **ROBOTICS,
+    **ROUTING, **ARITHMETIC, **CODE, **SOURCES, **DYNAMICS, **PHYSICAL, **NETWORKS, **ROBOTICS,
     "PS-Simulink Converter": out_of_physics,
 }  # fmt: skip
 """What each type of block gives."""

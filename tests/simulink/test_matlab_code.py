@@ -102,8 +102,7 @@ def test_what_is_more_than_arithmetic_is_not_understood(code, told):
 
 def test_a_loop_that_signals_decide_ends_after_twenty_rounds_at_the_latest():
     functions, told = functions_of("function y = f(u)\ny = 0;\nwhile y < u\n y = y + 1;\nend"), []
-    run = Translation({}, undefined, None, functions)
-    run.note = told.append
+    run = Translation({}, undefined, None, functions, note=told.append)
     (found,) = run.called("f", [signal([30 * TIME]).reshape(1, 1)])
     np.testing.assert_allclose(over_time(flat(found), TIMES), [np.minimum(np.ceil(30 * TIMES), 20)])
     assert told == ["its loops by signals end after 20 rounds at the latest"]

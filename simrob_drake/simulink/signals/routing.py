@@ -12,6 +12,7 @@ import numpy as np
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.graph import ELEMENT
 from simrob_drake.simulink.signals.arithmetic import MOST_INPUTS, chosen, compared, inputs_of, joined, switched
+from simrob_drake.simulink.signals.code import condition_on
 from simrob_drake.simulink.signals.forms import (
     MOST_ELEMENTS,
     Form,
@@ -26,7 +27,6 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     widened,
 )
-from simrob_drake.simulink.signals.sources import condition_on
 from simrob_drake.simulink.values.evaluate import matrix
 
 _BETWEEN = re.compile(r",(?![^\[]*\])")  # the commas between the indices of a matrix, and not those within brackets

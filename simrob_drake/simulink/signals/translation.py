@@ -66,10 +66,17 @@ class Translation(CodeRun):
     """
 
     def __init__(
-        self, *arguments: Any, period: float | None = None, own: Mapping[str, Callable[..., Value]] | None = None
+        self,
+        *arguments: Any,
+        period: float | None = None,
+        own: Mapping[str, Callable[..., Value]] | None = None,
+        note: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """Take what :class:`CodeRun` takes, the time between samples [s] if there is one, and functions of values."""
-        self.note: Callable[[str], None] = lambda _: None  # takes what it approximates
+        """Take what :class:`CodeRun` takes, the time between samples [s] if there is one, and functions of values.
+
+        Last comes what takes a note of all that is approximated.
+        """
+        self._note = note
         self._guards: list[Value] = []
         self._period, self._within, self._own = period, False, own or {}
         self._kept: dict[str, Any] = {}  # persistent variables as they are at a sample; None before they have begun
@@ -190,7 +197,7 @@ class Translation(CodeRun):
     def _inner(self, variables: dict[str, Any]) -> Self:
         inner = super()._inner(variables)
         inner._guards, inner._period, self._last = self._guards, self._period, inner
-        inner._workspace, inner.note = self._workspace, self.note
+        inner._workspace, inner._note = self._workspace, self._note
         return inner
 
     def called(self, name: str, arguments: list[Any]) -> list[Any]:
@@ -226,7 +233,7 @@ class Translation(CodeRun):
             self._block(body)
             self._count()
         if isinstance(condition, Form) and not left:
-            self.note(f"its loops by signals end after {_MOST_ROUNDS} rounds at the latest")
+            self._note(f"its loops by signals end after {_MOST_ROUNDS} rounds at the latest")
         elif isinstance(condition, Form):
 
             def further() -> None:
