@@ -10,7 +10,8 @@ from slx_files import INERTIA, MECHANISM, REVOLUTE, TO_PHYSICS, TRANSFORM, WORLD
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.mechanics.trees import body_poses
+from simrob_drake.simulink.mechanics import loops
+from simrob_drake.simulink.mechanics.trees import body_motions, body_poses
 from simrob_drake.simulink.simulink_model import read_simulink
 
 GEARS = "sm_lib/Gears and\nCouplings/Gears/"
@@ -124,7 +125,7 @@ def test_a_loop_that_does_not_close_is_told_of_where_it_is_open(tmp_path):
         shop.connect(shop.placed(f"{name} there", there, **UP), f"{pin}#rconn:1")
     lost = import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out").report.of("lost")
     assert [(one.element, one.text) for one in lost] == [
-        ("Short pin", "closes a loop that does not close: 4.7e+03 mm are left; give starts")
+        ("Short pin", "closes a loop that does not close: 4.7e+03 mm (or mrad) are left; give starts")
     ]
 
 
@@ -219,6 +220,33 @@ def test_a_slider_that_is_driven_closes_a_loop(tmp_path):
     (robot,) = imported.files.robots.values()
     poses = body_poses(robot.tree, [result[f"q.{axis}"][-1] for axis in robot.axes.values()])
     assert max(np.abs(closing.gap(poses)).max() for closing in robot.tree.closings) < 5e-4
+
+
+@pytest.mark.parametrize("kind", ["weld", "hinge", "ball", "rod"])
+def test_gaps_change_with_positions_as_differences_say(tmp_path, kind):
+    shop, _ = crank("sm_lib/Joints/Prismatic Joint", DampingCoefficient="0.5")
+    (robot,) = import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out").files.robots.values()
+    tree, positions = robot.tree, np.random.default_rng(0).uniform(-1, 1, len(robot.axes))
+    closing = replace(tree.closings[0], kind=kind, length=0.3)
+    ways = 1e-6 * np.eye(positions.size)
+    opened = [[closing.gap(body_poses(tree, positions + sign * way)) for sign in (1, -1)] for way in ways]
+    slopes = closing.slopes(*body_motions(tree, positions))
+    assert np.abs(slopes).max() > 0.1
+    np.testing.assert_allclose(slopes, np.transpose([after - before for after, before in opened]) / 2e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("start", ["0", "pi"])
+def test_a_loop_of_many_joints_is_closed_near_where_it_starts(tmp_path, monkeypatch, start):
+    """A hinge that is turned over is open, and moved a little it turns back: as of hundreds of joints."""
+    monkeypatch.setattr(loops, "_MANY", 0)
+    shop = Shop()
+    arm = shop.body("Arm", shop.placed("Stand", **UP))
+    ball = shop.body("Ball", shop.placed("Tip", "[0.3 0 0]", arm, RotationMethod="StandardAxis",
+                     RotationStandardAxis="+X", RotationAngle=start), "sm_lib/Joints/Spherical Joint")  # fmt: skip
+    hinge = shop.block(REVOLUTE, "Hinge")
+    shop.connect(shop.placed("There", "[0.3 0 0]", **UP), f"{hinge}#lconn:1")
+    shop.connect(shop.placed("Held", "[0 0 0]", ball), f"{hinge}#rconn:1")
+    assert import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out").fidelity == "mechanics complete"
 
 
 def test_a_rod_of_constant_length(tmp_path):

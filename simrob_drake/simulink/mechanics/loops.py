@@ -126,7 +126,8 @@ PRESCRIBED = 1.0  # how much a start counts that a motion gives: nothing moves i
 _NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
 _FAR, _MOST_STARTS = 0.2, 20  # rad or m: what a target is missed by for which other starts are tried, and how many
 _NUDGE = 1e-4  # rad or m: off a posture where what is open depends on nothing, such as a hinge turned over
-_MANY = 100  # positions, beyond which chance finds no other sides, and each try takes long
+_MANY, _FEW_STARTS, _APART = 100, 3, 0.1
+"""Positions beyond which chance finds no other sides: then so many starts are tried, as near as this [rad]."""
 _BOUND = 1e-7  # how much staying counts beside closing
 _CHANGES = 1e-3  # by so much of its largest factor a gear's factors may change with the posture
 _CUT: dict[str, Literal["hinge", "ball"]] = {"Revolute Joint": "hinge", "Spherical Joint": "ball"}
@@ -208,11 +209,13 @@ def _nearest(tree: Tree, open_by: Residual, slopes: Residual) -> Vector:
         desired = _least(open_by, slopes, desired + _NUDGE * anywhere, anywhere).x
     every = np.ones(desired.size, dtype=bool)
     found, rng = _least(open_by, slopes, desired, every), np.random.default_rng(0)
-    for _ in range(_MOST_STARTS if loose.any() and loose.size <= _MANY else 0):
+    near = loose.size > _MANY
+    for _ in range(_FEW_STARTS if near else _MOST_STARTS if loose.any() else 0):
         far = np.any(asked & (np.abs(found.x - desired) > _FAR))
         if not far and np.abs(_gaps(tree, found.x)).max(initial=0.0) < _LOOSE:
             break
-        other = desired + loose * rng.uniform(-np.pi, np.pi, desired.size)
+        ways = loose * rng.uniform(-_APART if near else -np.pi, _APART if near else np.pi, desired.size)
+        other = (found.x if near else desired) + ways
         found = min(found, _least(open_by, slopes, other, every), key=lambda one: float(one.cost))
     return np.asarray(found.x)
 
@@ -262,7 +265,7 @@ def _settle(tree: Tree, screws: Vector) -> None:
     worst = max(tree.closings, key=lambda closing: float(np.abs(closing.gap(poses)).max()), default=None)
     node = worst.node if worst else tree.branches[0].link.joint.node
     if (gap := float(np.abs(gaps(found)).max())) > _LOOSE:
-        node.note("lost", f"closes a loop that does not close: {1e3 * gap:.3g} mm are left; give starts")
+        node.note("lost", f"closes a loop that does not close: {1e3 * gap:.3g} mm (or mrad) are left; give starts")
         tree.closings.clear()
         return
     if gap > _CLOSED:
