@@ -73,6 +73,8 @@ class ModelImport(ModelReading):
     ] = False
 
 
+_SHOWN = 5  # losses that are told on the screen
+
 with_model_reading, with_model_import = with_group(ModelReading, "reading"), with_group(ModelImport, "reading")
 """Give a command the options of either class."""
 
@@ -123,6 +125,7 @@ def import_model(
     file: Path, out: Path | None, options: dict[str, Any], *, force: bool, allow_losses: bool = False
 ) -> ExitCode:
     """Write the robots, pieces and station of a model, and tell what became of its blocks."""
+    from simrob_drake.importer.options import REPORT_FILE
     from simrob_drake.simulink.importing import import_simulink, lost_mechanics
 
     folder = out or Path(f"{file.stem}_imported")
@@ -138,9 +141,12 @@ def import_model(
     if imported.station is not None:
         say(f"station {imported.station}")
         say(f"next    simrob run {imported.station}")
-    if not allow_losses and (lost := lost_mechanics(imported.outcomes)):
-        where = ", ".join(outcome.path for outcome in lost[:3]) + (" …" if len(lost) > 3 else "")
-        errors.print(f"lost: {where}: the station moves otherwise; --allow-losses takes it as it is", highlight=False)
+    lost = lost_mechanics(imported.outcomes)
+    for outcome in lost[:_SHOWN]:
+        errors.print(Text(f"lost: {outcome.path}: {outcome.text or outcome.noun}"), soft_wrap=True)
+    if lost and not allow_losses:
+        more = f"{len(lost) - _SHOWN} more in {REPORT_FILE}; " if len(lost) > _SHOWN else ""
+        errors.print(f"{more}the station moves otherwise; --allow-losses takes it as it is", highlight=False)
         return ExitCode.BEYOND
     return ExitCode.DONE
 

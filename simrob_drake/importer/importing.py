@@ -23,7 +23,7 @@ from simrob_drake.folders import cache_entry, filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.importer.hands import add_hand, of_hand
 from simrob_drake.importer.meshes.places import mesh_files
-from simrob_drake.importer.options import ImportOptions, ImportReport
+from simrob_drake.importer.options import REPORT_FILE, ImportOptions, ImportReport
 from simrob_drake.importer.packages import MANIFEST, package_root, robot_file
 from simrob_drake.importer.probe import probe
 from simrob_drake.importer.reading.source import read_source
@@ -59,7 +59,6 @@ _HEADER = """\
 """
 
 
-REPORT_FILE = "report.json"
 _LONGEST = 100  # letters of a robot's name that its file keeps
 
 

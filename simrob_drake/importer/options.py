@@ -8,6 +8,8 @@ from typing import Any, Literal, get_args
 from simrob_drake.errors import InvalidModel
 from simrob_drake.sections import ORIGIN, Boolean, Pose, Positive, Strict
 
+REPORT_FILE = "report.json"  # what an import did, beside what it wrote
+
 
 class ImportOptions(Strict):
     """Choices of an import; the defaults suit most robots."""

@@ -14,7 +14,7 @@ from simrob_drake.arguments import as_path
 from simrob_drake.errors import SimrobError, counted
 from simrob_drake.files import content_of
 from simrob_drake.folders import filled_at_once
-from simrob_drake.importer.options import EntryKind, ImportReport
+from simrob_drake.importer.options import REPORT_FILE, EntryKind, ImportReport
 from simrob_drake.simulink.mechanics.bodies import BETWEEN, GEARS, ROD, SPRING
 from simrob_drake.simulink.mechanics.joints import JOINTS, Freedom
 from simrob_drake.simulink.model.nodes import Node
@@ -177,9 +177,6 @@ def fidelity(found: list[BlockOutcome], prescribed: int = 0, assumed: int = 0) -
     ]
     parts = [f"{counted(number, noun)} {fate}" for number, noun, fate in counts if number]
     return "; ".join([f"{all_lost} lost" if lost else "mechanics complete", *parts])
-
-
-REPORT_FILE = "report.json"
 
 
 @dataclass(frozen=True)

@@ -149,7 +149,10 @@ def undefined_variables(model: SimulinkModel) -> InvalidModel | None:
     listed = [f"{name} ({places[0]}{counts[name]})" for name, places in missing.items()]
     more = f", and {len(missing) - 8} more" if len(missing) > 8 else ""
     first = next(iter(missing)).partition(" ")[0]
-    remedy = f"give them with --set {first}=VALUE or --variables FILE.mat, or take defaults with --assume"
+    offered = model.expanded.libraries.offered(model.expanded.model)
+    files = sorted({offered[name][0] for name in missing if name in offered})
+    taken = f"what {', '.join(files[:3])} would set, and else defaults," if files else "defaults"
+    remedy = f"give them with --set {first}=VALUE or --variables FILE.mat, or take {taken} with --assume"
     return InvalidModel(model.path, "", f"variables that only MATLAB knows: {'; '.join(listed[:8])}{more}; {remedy}")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.folders import writing
-from simrob_drake.importer.importing import REPORT_FILE
+from simrob_drake.importer.options import REPORT_FILE
 from simrob_drake.importer.packages import ROBOT_SUFFIXES
 from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
 

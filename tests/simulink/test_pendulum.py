@@ -169,6 +169,10 @@ def test_the_command_line_imports_checks_and_runs(tmp_path, capsys, monkeypatch)
     pendulum(tmp_path / "arm.slx", workspace="")
     assert run_command(["import", "arm.slx"]) == 2
     assert "variables that only MATLAB knows: theta0 (Arm/Shoulder: PositionTargetValue)" in capsys.readouterr().err
+    (tmp_path / "figures.m").write_text("theta0 = 20;", encoding="utf-8")
+    assert run_command(["import", "arm.slx"]) == 2
+    assert "or take what figures.m would set, and else defaults, with --assume" in capsys.readouterr().err
+    (tmp_path / "figures.m").unlink()
     given = ["--set", "theta0=20", "--set", "Kp=200", "--set", "Kw=15"]
     assert run_command(["check", "arm.slx", *given]) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["arm.slx"]
