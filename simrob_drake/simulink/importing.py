@@ -293,8 +293,8 @@ def check_importable(model: SimulinkModel) -> None:
 
     Raises InvalidModel: variables that are not known, or what was refused.
     """
-    missing = undefined_variables(model)
-    if missing is not None and not model.findings.assume:
+    missing = None if model.findings.assume else undefined_variables(model)
+    if missing is not None:
         raise missing
     refused = model.report.of("refused")
     if refused:

@@ -369,7 +369,7 @@ def test_loops_that_cannot_close_are_told(tmp_path):
     level.blocks = [block.replace("[1.2 0 0]", "[9 0 0]") for block in level.blocks]
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
     assert imported.fidelity.endswith(" lost")
-    assert "mm are left" in imported.report.of("lost")[0].text
+    assert "mm (or mrad) are left" in imported.report.of("lost")[0].text
     assert not load_station(imported.station).couplings
 
 
