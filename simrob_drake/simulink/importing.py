@@ -221,6 +221,10 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
         file = f"{plain(path.stem)}.yaml"
         station = folder / file if files.content else None
         axes = sum(len(robot.tree.freedoms) for robot in files.robots.values())
+        if files.content.get("couplings") and axes > _FEW:
+            model.report.add(
+                "approximated", "run", f"with {axes} axes it is tried for {_most_tried(axes)} steps at most"
+            )
         if files.content.get("couplings"):
             _hold(work / file, files.content, axes, model.report)
         elif files.content.get("contact"):  # which a solver's steps may be too long for
@@ -241,9 +245,13 @@ _BEGUN = 1e-4  # s of a run that only shows whether it begins
 _OPEN, _TORN = 1e-3, 0.1  # m or rad, what a coupling may be open then and not be noted, and be none any more
 
 
+def _most_tried(axes: int) -> int:
+    return max(_LEAST_TRIED, int(_MOST_TRIED * min(1.0, _FEW / max(axes, 1)) ** 3))
+
+
 def _try(station: Path, duration: float, axes: int) -> tuple[str, dict[str, float]]:
     """Return why a station does not go on from its first moments, and which couplings are open [m or rad]."""
-    steps, most = count(1), max(_LEAST_TRIED, int(_MOST_TRIED * min(1.0, _FEW / max(axes, 1)) ** 3))
+    steps, most = count(1), _most_tried(axes)
 
     def look(*_: Any) -> None:
         if next(steps) == most:

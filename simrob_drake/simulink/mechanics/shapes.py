@@ -17,6 +17,7 @@ import numpy as np
 from simrob_drake.extras import lacking
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.library import obj_text
 from simrob_drake.importer.meshes.parts import MeshPart, mend, plain
 from simrob_drake.importer.meshes.places import in_any_case
 from simrob_drake.importer.meshes.reading import read_mesh
@@ -313,7 +314,5 @@ def _from_step(file: Path, _changed: int) -> MeshPart:
 
 
 def write_obj(mesh: MeshPart, target: Path) -> None:
-    """Write triangles as OBJ."""
-    lines = ["v {:.9g} {:.9g} {:.9g}".format(*corner) for corner in mesh.vertices]
-    lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]
-    target.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    """Write triangles as OBJ, with the normals without which nothing renders them."""
+    target.write_bytes(obj_text(mesh))
