@@ -1,7 +1,8 @@
-"""A box on the floor by three kinds of contact, at rest and tipping: the choice to be made for every robot with feet.
+"""A box on the floor by four kinds of contact, at rest and tipping: the choice to be made for every robot with feet.
 
-A point contact holds the deepest point of a shape. A box that lies flat has no such point, so its bare shape stands on
-a point that jumps about; balls in the corners each have one; a hydroelastic surface spreads the load.
+A single point contact holds the deepest point of a shape. A box that lies flat has no such point, so it stands on one
+that jumps about. By default a flat body therefore also touches at its corners; one can model balls there oneself; and a
+hydroelastic surface spreads the load.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ WEIGHT = 2.0 * 9.80665  # N
 HALF_WIDTH, HALF_HEIGHT = 0.05, 0.1  # m
 CORNERS = {f"corner_{number}": {"kind": "force", "body": f"box.corner_{number}"} for number in range(1, 5)}
 CONTACTS: dict[str, dict[str, Any]] = {
-    "bare shape, point": {"pieces.box.model": "box"},
+    "bare shape, one point": {"pieces.box.model": "box", "contact.corners": False},
+    "bare shape, corners": {"pieces.box.model": "box"},
     "corner balls, point": {"sensors": CORNERS},
     "bare shape, hydroelastic": {
         "pieces.box.model": "box",

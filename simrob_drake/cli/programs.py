@@ -17,9 +17,9 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.folders import written_at_once
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.load import bare_station, station_yaml
 from simrob_drake.stations.located import located_station
-from simrob_drake.stations.steps import Finding
 
 if TYPE_CHECKING:  # few commands need programs, which load scipy
     from simrob_drake.programs.arm import Workcell

@@ -12,7 +12,7 @@ from simrob_drake.importer.options import ENTRY_KINDS, EntryKind, ImportReport
 from simrob_drake.linear import LinearModel
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.stations.steps import Finding
+from simrob_drake.stations.findings import Finding
 
 _COLOURS: dict[EntryKind, str] = {
     "read": "dim", "repaired": "green", "approximated": "green", "defaulted": "yellow", "dropped": "magenta",

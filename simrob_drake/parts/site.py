@@ -6,7 +6,7 @@ from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
-from pydrake.geometry import QueryObject, SceneGraph
+from pydrake.geometry import GeometryId, QueryObject, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex, RigidBody
@@ -163,6 +163,8 @@ class StationPlant:
     # the bodies of the pieces that nothing holds, by name
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
     ground: Ground = field(default_factory=Ground)  # what there is to stand on
+    # small balls at the corners of flat bodies, which touch in place of their shapes
+    contact_points: frozenset[GeometryId] = frozenset()
     engine: Any = None  # what is stepped in the plant's place, with its ports; None where that itself is, or nothing
 
     @property
@@ -177,6 +179,11 @@ class StationPlant:
     def query(self, root: Context) -> QueryObject:
         """Return what tells which shapes touch, in a context of the diagram."""
         return self.scene_graph.get_query_output_port().Eval(self.scene_graph.GetMyContextFromRoot(root))
+
+    def shapes_of_body(self, body: RigidBody) -> list[GeometryId]:
+        """Collision shapes of a body, without the contact points at their corners."""
+        shapes = self.plant.GetCollisionGeometriesForBody(body)
+        return [shape for shape in shapes if shape not in self.contact_points]
 
     def piece_frame(self, piece: str, frame: str) -> Frame:
         """Return a frame of a piece by its name in the plant; that in which the piece is described has the piece's."""

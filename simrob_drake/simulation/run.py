@@ -26,8 +26,8 @@ from simrob_drake.simulation.pace import PaceWatch
 from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig, check_effort
+from simrob_drake.stations.physics_findings import physics_warnings
 from simrob_drake.stations.solver_config import FixedSteps
-from simrob_drake.stations.steps import step_findings
 
 OnStep = Callable[[float, Vector], None]
 _WITHOUT_ALL = (FAILED, "diverged")  # endings at which not every signal can be evaluated
@@ -119,7 +119,7 @@ class Run:
             positions_at=lambda at: sampler.sample([ports.state], at)[0][:, :positions],
             signal_time=perf_counter() - began,
             contacts_at=sampler.contact_results if has_contacts else None,
-            solver_warnings=self._warnings(),
+            solver_warnings=physics_warnings(self.config, ports),
             context=None if self.config.mode == "kinematic" else lambda: sampler.looked_at,
             shortened=self.stepper.shortened,
             final_state=State.of(
@@ -153,13 +153,6 @@ class Run:
             return []
         ports = self.whole.ports
         return [ports.outputs[f"{robot.prefix}torque"] for robot in ports.plant.robots.values()]
-
-    def _warnings(self) -> list[str]:
-        """Return why the result may be wrong though the run went to its end."""
-        if self.config.mode == "kinematic":
-            return []
-        findings = step_findings(self.config, self.whole.ports.plant)
-        return [finding.text for finding in findings if finding.level == "warning"]
 
 
 def watched(stepper: Stepper, whole: ClosedStation, *watchers: Callable[[Context], None]) -> tuple[Recorder, Watch]:

@@ -6,24 +6,21 @@ import numpy as np
 from pydrake.systems.framework import Diagram
 
 from simrob_drake.blocks.references import Reference
-from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import listed
 from simrob_drake.frames import Vector
-from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.site import WORLD, StationPlant, StationRobot
-from simrob_drake.robots.motors import rated_torques
 from simrob_drake.robots.urdf import doubtful_efforts
 from simrob_drake.signals import Signal
 from simrob_drake.stations.clearance import KNEELING, Clearance, Overlap, standing
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.contact import pairs_without_surface
+from simrob_drake.stations.findings import Finding, Level
+from simrob_drake.stations.holding import error_bound, holding_findings, too_warm
+from simrob_drake.stations.physics_findings import physics_findings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.steps import Finding, step_findings
 
 _EVERY = 20  # of the 501 samples of a reference
-_BURIED = 5e-3  # what stands on the floor may reach below it by as much [m]
 _DEEP = 1e-3  # things that rest on each other are less deep in each other [m]
 _PRESSED = 1e-4  # bodies that lie deeper in each other than this at the start are pushed apart [m]
 
@@ -67,9 +64,10 @@ def _floor_findings(
         for body in map(clearance.plant.get_body, clearance.plant.GetBodyIndices(robot.instance))
         if clearance.plant.IsAnchored(body)
     }
+    bound = _number(clearance.config.verdict.below_floor)
     foot = min((height for link, height in heights[0].items() if link in held), default=0.0)
     findings = []
-    if foot < -_BURIED:
+    if foot < -bound:
         text = f"what is fixed of it reaches {-foot * 1e3:.0f} mm below the ground; raise its base"
         findings.append(Finding("warning", subject, text))
     moving = [
@@ -81,11 +79,16 @@ def _floor_findings(
     if not moving:
         return [*findings, Finding("note", subject, "not looked at: no link that moves has a shape to touch with")]
     lowest, time, link = min(moving)
-    if lowest >= -_BURIED:
+    if lowest >= -bound:
         text = f"{looked} {link} comes nearest to the ground: {max(lowest, 0.0) * 1e3:.0f} mm at {time:.2f} s"
         return [*findings, Finding("ok", subject, text)]
     text = f"{link} is {-lowest * 1e3:.0f} mm below the ground at {time:.2f} s"
     return [*findings, _met(clearance, subject, text, "raise its base, or change initial_deg and reference")]
+
+
+def _number(bound: float | str) -> float:
+    """Bound of a verdict as a number; infinite if there is none."""
+    return np.inf if isinstance(bound, str) else bound
 
 
 def _self_findings(
@@ -131,8 +134,6 @@ _DROP = 2e-3  # a robot that starts higher over the floor than this drops on it 
 _STEADY = np.tan(np.deg2rad(1.0))
 """Part of its height by which the centre of mass has to be inside of the support area: servos sag."""
 
-_FASTER = 1.001  # a speed by straight lines between looks counts as beyond a limit from this part of it on
-
 
 def check_station(config: StationConfig) -> list[Finding]:
     """Look at a station before it runs; raises SimrobError: what keeps it from that, such as a reference or inertia."""
@@ -143,7 +144,7 @@ def check_station(config: StationConfig) -> list[Finding]:
         text = f"{config.gravity:g} m/s² pulls up: {-config.gravity:g} pulls down, along -z"
         findings.append(Finding("warning", "gravity", text))
     for robot in ports.plant.robots.values():
-        findings += _reference_findings(robot, closed.references.get(robot.name), config.duration)
+        findings += _reference_findings(config, robot, closed.references.get(robot.name))
     for robot in ports.plant.robots.values():
         findings += _import_findings(config, robot) + _effort_findings(config, robot) + _motor_findings(robot)
         if config.mode == "kinematic" or robot.model.base == "fixed":
@@ -155,27 +156,12 @@ def check_station(config: StationConfig) -> list[Finding]:
     for name in config.controllers:
         text = "what it asks of the robot beyond the reference is not looked at: a run shows it"
         findings.append(Finding("note", f"controllers.{name}", text))
-    for name, loop in loops_of(config.controllers).items():
-        key = f"controllers.{name}"
-        findings += [Finding("warning", key, text) for text in loop.warnings(key, ports.robot(loop.robot))]
+    findings += physics_findings(config, ports, closed.references)
     if config.mode == "dynamic":
-        findings += _grip_findings(config, ports)
-        findings += step_findings(config, ports.plant, closed.references)
         findings += contact_findings(diagram, ports)
+        findings += _contact_model_findings(ports)
     findings += clearance_findings(config, closed.references)
     return findings + [_declared(signal) for signal in ports.signals if signal.part]
-
-
-def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
-    wrong = None
-    if config.contact is None:
-        wrong = "the station has no contact: fingers hold nothing; add contact: {model: hydroelastic}"
-    elif config.contact.model == "point":
-        wrong = "points let a held piece turn and creep; take contact.model hydroelastic"
-    elif config.solver.scheme == "sap":
-        wrong = "sap lets fingers hold several times what friction holds; take solver.scheme lagged"
-    fingers = [robot for robot in ports.plant.robots.values() if robot.model.fingers]
-    return [Finding("warning", f"gripper of {robot.name}", wrong) for robot in fingers if wrong]
 
 
 def _declared(signal: Signal) -> Finding:
@@ -215,24 +201,33 @@ def _piece_findings(ports: StationPorts) -> list[Finding]:
     return findings
 
 
-def _reference_findings(robot: StationRobot, reference: Reference | None, duration: float) -> list[Finding]:
-    """Tell of a reference within limits, and axes asked for too much speed; raises InvalidParameter: beyond them."""
+def _reference_findings(config: StationConfig, robot: StationRobot, reference: Reference | None) -> list[Finding]:
+    """Judge a reference by the limits of position and speed of the robot's axes.
+
+    Raises:
+        InvalidParameter: the reference leaves the range of an axis.
+    """
     subject = f"reference of {robot.name}"
     if reference is None:
         return [Finding("note", subject, "not looked at: a controller says where the robot goes")]
-    check_reference(robot, reference, duration)
-    times, positions = reference_samples(reference, duration)
-    speeds, limits = np.abs(np.diff(positions, axis=0)).max(axis=0) / times[1], robot.speed_limits
-    looked = f"within the joints' limits at {len(times)} times from 0 to {duration:g} s"
-    if np.isfinite(limits).any():
-        looked += f", at most {np.nanmax(speeds / limits):.0%} of their speed"
+    check_reference(robot, reference, config.duration)
+    times, positions = reference_samples(reference, config.duration)
+    speeds = np.abs(np.diff(positions, axis=0)).max(axis=0) / times[1]
+    limits = robot.speed_limits
+    bound = _number(config.verdict.speed_share)
     findings = []
-    for axis in np.flatnonzero(speeds > _FASTER * limits):
-        unit, name = robot.model.user_units[axis], f"{robot.model.unit_names[axis]}/s"
-        text = f"{robot.prefix}{robot.axes[axis]} is asked for {speeds[axis] / unit:.4g} {name}"
-        text += f", its limit is {limits[axis] / unit:.4g} {name}; give it more time"
+    for axis in np.flatnonzero(speeds > bound * limits):
+        unit = robot.model.user_units[axis]
+        unit_name = f"{robot.model.unit_names[axis]}/s"
+        text = f"{robot.prefix}{robot.axes[axis]} is asked for {speeds[axis] / unit:.4g} {unit_name}"
+        text += f", its limit is {limits[axis] / unit:.4g} {unit_name}; give it more time"
         findings.append(Finding("warning", subject, text))
-    return findings or [Finding("ok", subject, looked)]
+    if findings:
+        return findings
+    text = f"within the joints' limits at {len(times)} times from 0 to {config.duration:g} s"
+    if np.isfinite(limits).any():
+        text += f", at most {np.nanmax(speeds / limits):.0%} of their speed"
+    return [Finding("ok", subject, text)]
 
 
 def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
@@ -258,59 +253,13 @@ def _motor_findings(robot: StationRobot) -> list[Finding]:
     return [Finding("note", f"motors of {robot.name}", f"{listed(axes)}: {text}") for text, axes in kinds.items()]
 
 
-def _for_ever(robot: StationRobot, axis: int, torque: float) -> str:
-    """Return a warning where a torque is more than a motor may give for ever; empty otherwise."""
-    rated, unit = rated_torques(robot.motors)[axis], robot.model.units[axis].effort
-    return f"; its motor gets too warm: it may give {rated:g} {unit} continuously" if abs(torque) > rated else ""
-
-
 def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Reference | None) -> list[Finding]:
+    """Predict torques and sag of a robot along its reference, if it has one."""
     if reference is None:
         text = "not looked at: a controller says where the robot goes"
         return [Finding("note", f"torques of {robot.name}", text)]
     positions = reference_samples(reference, ports.config.duration)[1]
-    positions = positions[:: len(positions) // 50]
-    dynamics = Dynamics(
-        robot.model,
-        ports.plant.plant,
-        robot.joints,
-        tool=robot.tools.get(robot.tcp),
-        torque_limit=robot.gains.torque_limit,
-    )
-    torques = dynamics.gravity(positions)
-    findings, servo = [], ports.config.servo_of(robot.name)
-    for axis, name in enumerate(robot.axes):
-        torque, limit, kp = torques[:, axis], robot.gains.torque_limit[axis], robot.gains.kp[axis]
-        unit = robot.model.units[axis]
-        subject, effort = f"torque of {robot.prefix}{name}", unit.effort
-        text = f"holding takes {torque[0]:z.2f} {effort} at the start and {torque[-1]:z.2f} {effort} at the end"
-        text += " of the reference"
-        worst = torque[np.argmax(np.abs(torque))]
-        if abs(worst) > limit:
-            text += f", at most {worst:.2f} {effort}, and the limit is {limit:g} {effort}: the joint will not hold; "
-            findings.append(Finding("warning", subject, f"{text}raise servo.torque_limit or lighten the load"))
-            continue
-        if ports.config.mode == "kinematic":
-            findings.append(Finding("note", subject, text))
-            continue
-        modelled = servo.feedforward != "none" or servo.law == "computed_torque"
-        sag = f"; it sags by {abs(torque[-1]) / kp / unit.size:.3g} {unit.name} there" if kp > 0 else ""
-        sag = "; the servo's model holds it without sagging" if modelled else sag
-        warm = _for_ever(robot, axis, worst)
-        findings.append(
-            Finding("warning" if warm else "ok", subject, f"{text}; the limit is {limit:g} {effort}{sag}{warm}")
-        )
-    masses = dynamics.payload(positions).min(axis=0) if robot.tcp else np.array([np.inf])
-    if np.isfinite(masses.min()):
-        weakest = robot.axes[int(np.argmin(masses))]
-        text = (
-            f"at rest along the reference it holds {masses.min():.3g} kg more at {robot.tcp}, by the motor of {weakest}"
-        )
-        findings.append(Finding("note", f"payload of {robot.name}", text))
-    if robot.model.payload is not None and robot.load > robot.model.payload:
-        text = f"it carries {robot.load:.3g} kg, and is rated for {robot.model.payload:g} kg: lighten its load"
-        findings.append(Finding("warning", f"payload of {robot.name}", text))
-    return findings
+    return holding_findings(ports, robot, positions)
 
 
 def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding]:
@@ -343,48 +292,61 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
     if robot.feet and robot.feet.boxes and config.contact.model == "point":
         text = "box soles rock in point contact, which pushes at one point a box; set contact.model to "
         findings.append(Finding("warning", f"{robot.prefix}feet", f"{text}hydroelastic_with_fallback"))
-    held = zip(found.torque, robot.gains.torque_limit, robot.gains.kp, strict=True)
-    for axis, (name, unit, (torque, limit, kp)) in enumerate(zip(robot.axes, robot.model.units, held, strict=True)):
-        text = f"standing takes {torque:z.2f} {unit.effort} and the limit is {limit:g} {unit.effort}"
-        sag = f"; it sags by {abs(torque) / kp / unit.size:.2f} {unit.name}" if kp > 0 else ""
-        weak = abs(torque) > limit
-        warm = "" if weak else _for_ever(robot, axis, torque)
-        end = ": the joint will not hold" if weak else sag + warm
-        findings.append(Finding("warning" if weak or warm else "ok", f"torque of {robot.prefix}{name}", text + end))
+    for axis, torque in enumerate(found.torque):
+        findings.append(_standing_torque(config, robot, axis, float(torque)))
     return findings
 
 
-def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
-    """Look at the surfaces of a station, and at what lies in what at the start."""
-    config, plant = ports.config, ports.plant
+def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torque: float) -> Finding:
+    """Judge the torque [N·m or N] with which an axis carries a robot that stands, and its sag."""
+    unit = robot.model.units[axis]
+    limit = robot.gains.torque_limit[axis]
+    kp = robot.gains.kp[axis]
+    subject = f"torque of {robot.prefix}{robot.axes[axis]}"
+    text = f"standing takes {torque:z.2f} {unit.effort} and the limit is {limit:g} {unit.effort}"
+    if abs(torque) > limit:
+        return Finding("warning", subject, f"{text}: the joint will not hold")
+    level: Level = "ok"
+    if kp > 0:
+        sag = abs(torque) / kp
+        text += f"; it sags by {sag / unit.size:.2f} {unit.name}"
+        bound = error_bound(config.verdict, slides=bool(robot.model.prismatic[axis]))
+        if bound is not None and sag > bound:
+            level = "warning"
+            text += f" (bound {bound / unit.size:.3g} {unit.name}); raise servo.kp"
+    if warmth := too_warm(robot, axis, torque):
+        return Finding("warning", subject, text + warmth)
+    return Finding(level, subject, text)
+
+
+def _contact_model_findings(ports: StationPorts) -> list[Finding]:
+    """Say by which contact model the shapes of a station meet."""
+    config = ports.config
     if config.contact is None:
+        return []
+    if ports.plant.contact_points:
+        text = "shapes meet at points; flat bodies that stand free, also at their corners and along their edges"
+    elif config.contact.model == "point":
+        text = "shapes meet at points"
+    else:
+        text = f"shapes meet over surfaces ({config.contact.model})"
+    return [Finding("ok", "contact.model", text)]
+
+
+def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
+    """Find bodies that are in each other at the start."""
+    if ports.config.contact is None:
         return [Finding("note", "contact", "the station has none: whatever meets passes through each other")]
-    dissipates = [config.contact, *(piece.contact for piece in config.pieces.values() if piece.contact is not None)]
-    findings = []
-    if config.solver.scheme == "sap" and any(material.dissipation for material in dissipates):
-        text = "the solver scheme sap does not know contact.dissipation; take lagged or similar"
-        findings.append(Finding("warning", "contact", text))
-    flat = _flat_pieces(ports) if config.contact.model == "point" and config.solver.scheme != "mujoco" else []
-    if len(flat) > 1 and {*flat} & {*plant.free_pieces}:
-        text = f"{' and '.join(flat[:2])} meet in one point: a piece that rests on another sinks and slides"
-        findings.append(Finding("warning", "contact", f"{text}; take contact.model hydroelastic"))
+    plant = ports.plant
     context = diagram.CreateDefaultContext()
-    query = plant.scene_graph.get_query_output_port().Eval(plant.scene_graph.GetMyContextFromRoot(context))
+    query = plant.query(context)
     inspector = query.inspector()
-    fallen_back = pairs_without_surface(plant.plant, plant.scene_graph.model_inspector())
-    if fallen_back and config.contact.model != "point":
-        text = f"both are rigid, so {', '.join(fallen_back)} meet in points; make one of them compliant"
-        findings.append(Finding("warning", "contact", text))
     pairs = [pair for pair in query.ComputePointPairPenetration() if pair.depth > _PRESSED]
     if not pairs:
-        return [*findings, Finding("ok", "contact", "of what can touch nothing penetrates at the start")]
+        return [Finding("ok", "contact", "of what can touch nothing penetrates at the start")]
     deepest = max(pairs, key=lambda pair: pair.depth)
     names = " and ".join(inspector.GetName(geometry) for geometry in (deepest.id_A, deepest.id_B))
     text = f"{names} penetrate by {deepest.depth * 1e3:.1f} mm at the start"
-    text += "; move one of them" if deepest.depth > _DEEP else ""
-    return [*findings, Finding("warning" if deepest.depth > _DEEP else "ok", "contact", text)]
-
-
-def _flat_pieces(ports: StationPorts) -> list[str]:
-    pieces = ports.station.pieces.items()
-    return [name for name, piece in pieces if any(shape.collides and not shape.sphere for shape in piece.model.shapes)]
+    if deepest.depth > _DEEP:
+        return [Finding("warning", "contact", f"{text}; move one of them")]
+    return [Finding("ok", "contact", text)]

@@ -82,7 +82,7 @@ def shape_points(station: StationPlant, robot: StationRobot, context: Context) -
     inspector, from_floor = station.scene_graph.model_inspector(), tilt.inverse()
     found = []
     for body in map(plant.get_body, plant.GetBodyIndices(robot.instance)):
-        for shape in plant.GetCollisionGeometriesForBody(body):
+        for shape in station.shapes_of_body(body):
             pose = from_floor @ plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(shape)
             points = lowest_points(inspector.GetShape(shape), pose, shape_corners(inspector, shape))
             found.append((body, np.asarray((tilt @ points.T).T)))
@@ -105,7 +105,7 @@ def _support_points(station: StationPlant, robot: StationRobot, context: Context
 
 def outline(station: StationPlant, body: RigidBody) -> Vector:
     """Return points of the collision shapes of a body, those that are farthest out, in its frame, shape (k, 3) [m]."""
-    inspector, shapes = station.scene_graph.model_inspector(), station.plant.GetCollisionGeometriesForBody(body)
+    inspector, shapes = station.scene_graph.model_inspector(), station.shapes_of_body(body)
     return np.vstack([np.zeros((0, 3)), *(shape_outline(inspector, shape) for shape in shapes)])
 
 

@@ -34,6 +34,7 @@ from simrob_drake.robots.pieces import FRICTION, TCP, add_piece, piece_robot
 from simrob_drake.robots.urdf import scale_masses, with_absolute_meshes
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
+from simrob_drake.stations.contact_points import add_contact_points, filter_contact_points
 from simrob_drake.stations.prescribed import set_rotors
 from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.solver_config import ContactConfig, DiscreteSolver, MujocoSolver
@@ -74,8 +75,10 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
     robots = {name: add_robot(plant, resolved, robot, collision=collision) for name, robot in resolved.robots.items()}
     free_pieces = _add_standing_pieces(plant, resolved, collision)
     _add_floor(plant, resolved, collision)
+    points = add_contact_points(plant, scene_graph, resolved, [*robots.values()])
     apply_materials(plant, scene_graph, resolved)
-    station = StationPlant(plant, scene_graph, robots, free_pieces, resolved.ground)
+    balls = frozenset(points.balls)
+    station = StationPlant(plant, scene_graph, robots, free_pieces, resolved.ground, balls)
     for coupling in config.couplings.values() if config.mode == "dynamic" else ():
         coupling.add(station)
     plant.Finalize()
@@ -89,6 +92,7 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
         coupling.check_start(f"couplings.{name}", station, start)
     check_stiffnesses(plant, scene_graph, resolved)
     _filter_collisions(station, config.contact)
+    filter_contact_points(scene_graph, points)
     return _in_mujoco(builder, resolved, station) if in_mujoco else station
 
 

@@ -141,7 +141,10 @@ class ContactConfig(ContactMaterial):
     """
 
     model: Literal["point", "hydroelastic", "hydroelastic_with_fallback"] = "point"
-    """One spring at the deepest point, or pressure over the surface; the floor is rigid there."""
+    """`point`: springs at points. `hydroelastic`: pressure over surfaces; the floor is rigid there."""
+    corners: Boolean = True
+    """Whether flat bodies also touch at their corners in point contact. Without, each pair of shapes touches at its
+    deepest point alone: a flat free body then trembles and sticks."""
     self_collision: Boolean = False
     """Contact between the links of one robot."""
     stiction_speed: Positive = 1e-3
@@ -199,6 +202,11 @@ class VerdictConfig(Strict):
     """What sensors of distance may measure at least [m]; below 0 two bodies are in each other."""
     penetration: Bound = 0.005
     """How deep two bodies that touch may be in each other [m]."""
+    resting_force: Bound = 0.02
+    """How far the vertical contact forces on a free piece at rest may be from its weight and the forces applied to it,
+    as part of its weight."""
+    friction_share: Bound = 1.05
+    """Largest friction on a free piece, as part of what the friction coefficient allows."""
     coupling_gap: Bound = 0.005
     """How far what a coupling holds together may be apart [m or rad]."""
     foot_slip: Bound = 0.02

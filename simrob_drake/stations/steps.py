@@ -1,8 +1,6 @@
 """Give a simulator the solver of a station, and say before a run what it cannot take: steps, servos, stops."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from pydrake.multibody.cenic import CenicIntegrator
@@ -17,6 +15,7 @@ from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import largest_explicit_steps, servo_inertias
+from simrob_drake.stations.findings import Finding, Level
 from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, FixedSteps
 
 _EXPLICIT_SCHEMES = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3", *FIXED_STEP_SCHEMES)
@@ -26,17 +25,6 @@ _STIFF_SERVO = 1e12
 """And through servos up to this [1/s²]: beyond, the inertia is lost in the rounding of the mass matrix."""
 _NEAR = np.deg2rad(1.0), 1e-3  # how near to a stop a joint may come that leans on it, and one that slides [rad, m]
 DISCRETE = "take solver.kind discrete and servo.realization implicit"  # what helps where a continuous scheme creeps
-
-Level = Literal["ok", "warning", "note"]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that a check found: in order, not in order, or a fact that it did not judge, or did not look at."""
-
-    level: Level
-    subject: str
-    text: str
 
 
 def step_findings(

@@ -10,9 +10,9 @@ from simrob_drake import load_station
 from simrob_drake.errors import SimrobError
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.clearance import Standing, standing
+from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.steps import Finding
 
 LEGGED = ("humanoid_dynamic", "roid1_dynamic", "zjudancer_dynamic", "yobotics_dynamic")
 

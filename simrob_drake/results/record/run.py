@@ -13,6 +13,7 @@ from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.errors import one_of
 from simrob_drake.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.site import StationPlant, StationRobot, named
+from simrob_drake.results.record.piece_contacts import Look, looks_at_pieces
 from simrob_drake.results.record.state import State
 from simrob_drake.results.record.touch import Event, Touch, onsets
 from simrob_drake.signals import Panel, Signal
@@ -148,6 +149,13 @@ class RecordedRun:
     def touch(self) -> Touch:
         """What touched what, at samples of the run."""
         return Touch.of(self.config, self.plant, self.times, self.positions_at, self.context)
+
+    @cached_property
+    def piece_contacts(self) -> dict[str, list[Look]]:
+        """What touched each free piece, and with what force, at some samples; empty without contact."""
+        if self.contacts_at is None or not self.plant.free_pieces:
+            return {}
+        return looks_at_pieces(self.plant, self.times, self.contacts_at)
 
     @cached_property
     def onsets(self) -> list[Event]:

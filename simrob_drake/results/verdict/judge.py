@@ -12,6 +12,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.couplings import Between
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.verdict.contact_forces import measure_friction_share, measure_resting_force
 from simrob_drake.results.verdict.verdict import Criterion, Measure, Measured, Verdict
 from simrob_drake.robots.motors import rated_torques
 
@@ -263,10 +264,18 @@ CRITERIA = (
     Criterion("below_floor", "m", "below the floor", "{of} was {value} below the floor{when}", _below_floor),
     Criterion("distance", "m", "nearest", "{of} measured a distance of {value}{when}", _distance, least=True),
     Criterion("penetration", "m", "penetration", "{of} were {value} deep in each other{when}", _penetration),
+    Criterion(
+        "resting_force", "1", "contact force at rest",
+        "the contact forces on {of}, which rests, are {value} off its weight{when}", measure_resting_force,
+    ),
+    Criterion(
+        "friction_share", "1", "friction",
+        "the friction between {of} is {value} of what their surfaces can give{when}", measure_friction_share,
+    ),
     Criterion("coupling_gap", "m", "open coupling", "{of} was {value} (or mrad) open{when}", _coupling_gap),
     Criterion("foot_slip", "m", "slip", "{of} slid {value} before it was lifted again{when}", _foot_slip),
     Criterion("shortened_steps", "1", "shortened steps", "{of} shortened {amount}", _shortened_steps),
-)
+)  # fmt: skip
 """What runs are judged by, in the order in which it is told."""
 
 

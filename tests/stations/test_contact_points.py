@@ -1,0 +1,229 @@
+"""Flat bodies in point contact, against Coulomb's law and statics, under every solver."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from pydrake.geometry import Box, HalfSpace, Role, Sphere
+from pydrake.systems.framework import DiagramBuilder
+
+from simrob_drake import load_station, simulate
+from simrob_drake.stations.contact_points import (
+    LARGEST_RADIUS,
+    SMALLEST_PROTRUSION,
+    Ball,
+    balls_at_corners,
+    balls_of_cylinder,
+    balls_on_edges,
+)
+from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.resolve import resolve
+
+G = 9.80665
+SOLVERS = {
+    "sap": {"kind": "discrete", "scheme": "sap", "time_step": 2e-3},
+    "lagged": {"kind": "discrete", "scheme": "lagged", "time_step": 2e-3},
+    "similar": {"kind": "discrete", "scheme": "similar", "time_step": 2e-3},
+    "cenic": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.01},
+    "radau3": {"kind": "continuous", "scheme": "radau3"},
+}
+every_solver = pytest.mark.parametrize("solver", SOLVERS)
+
+
+def run(write_station, pieces, solver, **changes):
+    friction = changes.pop("friction", 0.5)
+    content = {
+        "pieces": pieces,
+        "floor": {"size": 20},
+        "contact": {"friction": {"static": friction, "dynamic": friction}},
+        "solver": SOLVERS[solver],
+        "duration": 1.0,
+        **changes,
+    }
+    return simulate(load_station(write_station(content)), progress=False)
+
+
+@pytest.fixture
+def write_station(tmp_path):
+    import yaml
+
+    def write(content):
+        file = tmp_path / "station.yaml"
+        file.write_text(yaml.safe_dump(content))
+        return file
+
+    return write
+
+
+def on_slope(size, degrees):
+    """Pose of a box that lies on a floor that rises towards x by an angle."""
+    angle = float(np.deg2rad(degrees))
+    height = size[2] / 2
+    return [float(-np.sin(angle) * height), 0.0, float(np.cos(angle) * height), 0.0, -angle, 0.0]
+
+
+def way(result, piece):
+    """How far a piece came, along x and z [m]."""
+    ends = result.piece_pose(piece)[[0, -1], :3]
+    return float(np.linalg.norm(ends[1] - ends[0]))
+
+
+@every_solver
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_pushed_crate_slides_as_coulombs_law_says(write_station, solver, side):
+    crate = {"box": [0.3, 0.2, 0.15], "mass": 2, "free": True, "pose": [0, 0, 0.075, 0, 0, 0]}
+    push = {"kind": "push", "at": "crate", "start": 0.1, "duration": 0.8, "force": [side * 15, 0, 0]}
+    result = run(write_station, {"crate": crate}, solver, friction=0.4, forces={"shove": push}, duration=1.8)
+    speed = (15 / 2 - 0.4 * G) * 0.8
+    exact = speed * 0.8 / 2 + speed**2 / (2 * 0.4 * G)
+    assert result["piece.crate.x"][-1] == pytest.approx(side * exact, rel=0.01)
+    assert result.warnings == []
+
+
+@every_solver
+def test_a_box_at_rest_presses_with_its_weight(write_station, solver):
+    box = {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": [0, 0, 0.1, 0, 0, 0]}
+    result = run(write_station, {"box": box}, solver, sensors={"felt": {"kind": "force", "body": "box"}})
+    late = result.times > 0.5
+    assert result["force.felt.z"][late] == pytest.approx(3 * G, rel=0.001)
+    assert np.abs(result["force.felt.x"]).max() < 0.1
+    assert result.verdict.summary()["figures"]["resting_force"]["value"] < 0.001
+
+
+@every_solver
+def test_a_box_slides_down_a_slope_or_holds(write_station, solver):
+    size, friction = [0.2, 0.2, 0.2], 0.5
+    box = {"box": size, "mass": 3, "free": True, "pose": on_slope(size, 35)}
+    slides = run(write_station, {"box": box}, solver, floor={"size": 40, "incline_deg": 35}, duration=1.2)
+    slope = np.deg2rad(35)
+    exact = G * (np.sin(slope) - friction * np.cos(slope)) * 1.2**2 / 2
+    assert way(slides, "box") == pytest.approx(exact, rel=0.025)  # sap and similar let what slides lift off a little
+    box = {"box": size, "mass": 3, "free": True, "pose": on_slope(size, 20)}
+    holds = run(write_station, {"box": box}, solver, floor={"size": 40, "incline_deg": 20})
+    assert way(holds, "box") < 1.2e-3  # stiction gives way by at most contact.stiction_speed, 1 mm/s
+
+
+@pytest.mark.parametrize("solver", ["lagged", "cenic"])
+@pytest.mark.parametrize(("degrees", "tips"), [(25, False), (28, True)])
+def test_a_tall_box_tips_where_its_centre_leaves_its_base(write_station, solver, degrees, tips):
+    size = [0.1, 0.1, 0.2]  # it tips at arctan(0.1 / 0.2) = 26.6 degrees
+    box = {"box": size, "mass": 3, "free": True, "pose": on_slope(size, degrees)}
+    floor = {"size": 20, "incline_deg": degrees}
+    result = run(write_station, {"box": box}, solver, floor=floor, friction=1.0, duration=1.5)
+    assert (way(result, "box") > 0.05) == tips
+
+
+@pytest.mark.parametrize("solver", ["sap", "lagged", "cenic"])
+def test_turned_boxes_stack_and_crossed_beams_carry_each_other(write_station, solver):
+    """No corner of the turned box lies on the other one: edges carry it."""
+    boxes = {
+        "low": {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": [0, 0, 0.1, 0, 0, 0]},
+        "high": {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": [0.03, 0, 0.3, 0.3, 0, 0]},
+        "beam": {"box": [0.4, 0.05, 0.05], "mass": 1, "free": True, "pose": [1, 0, 0.025, 0, 0, 0]},
+        "cross": {"box": [0.4, 0.05, 0.05], "mass": 1, "free": True, "pose": [1, 0, 0.075, np.pi / 2, 0, 0]},
+    }
+    sensors = {name: {"kind": "force", "body": name} for name in ("high", "cross")}
+    sensors["floor"] = {"kind": "force", "body": "low", "other": "floor"}
+    result = run(write_station, boxes, solver, sensors=sensors)
+    late = result.times > 0.5
+    for name, load in (("high", 3), ("cross", 1), ("floor", 6)):
+        assert result[f"force.{name}.z"][late] == pytest.approx(load * G, rel=0.02)
+    for name, height in (("high", 0.3), ("cross", 0.075)):
+        assert result[f"piece.{name}.z"][-1] == pytest.approx(height, abs=3e-4)
+    assert result.warnings == []
+
+
+@pytest.mark.parametrize("solver", ["sap", "cenic"])
+def test_a_box_slides_on_a_table_and_a_cylinder_rolls(write_station, solver):
+    table = {"box": [1.6, 0.6, 0.1], "parent": "world", "pose": [0, 0, 0.4, 0, 0, 0]}
+    box = {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": [0, 0, 0.55, 0, 0, 0]}
+    push = {"kind": "push", "at": "box", "start": 0.1, "duration": 0.3, "force": [0, 0, 0]}
+    push["force"] = [-25, 0, 0]
+    slid = run(write_station, {"table": table, "box": box}, solver, forces={"shove": push})
+    speed = (25 / 3 - 0.5 * G) * 0.3
+    assert slid["piece.box.x"][-1] == pytest.approx(-(speed * 0.15 + speed**2 / G), rel=0.01)
+    lying = on_slope([0.2, 0.2, 0.2], 10)
+    roller = {"cylinder": [0.1, 0.4], "mass": 3, "free": True, "pose": [*lying[:3], 0, 0, np.pi / 2]}
+    rolled = run(write_station, {"roller": roller}, solver, floor={"size": 20, "incline_deg": 10})
+    assert way(rolled, "roller") == pytest.approx(G * np.sin(np.deg2rad(10)) / 3, rel=0.01)  # 2/3 g sin, over 1 s
+
+
+def test_a_single_point_is_still_to_be_had_and_its_verdict_says_what_is_wrong(write_station):
+    crate = {"box": [0.3, 0.2, 0.15], "mass": 2, "free": True, "pose": [0, 0, 0.075, 0, 0, 0]}
+    push = {"kind": "push", "at": "crate", "start": 0.1, "duration": 0.8, "force": [15, 0, 0]}
+    contact = {"friction": {"static": 0.4, "dynamic": 0.4}, "corners": False}
+    result = run(write_station, {"crate": crate}, "lagged", contact=contact, forces={"shove": push})
+    assert abs(result["piece.crate.x"][-1]) < 0.01  # it sticks, against Coulomb's law
+    assert any("set contact.corners to true" in warning for warning in result.warnings)
+    assert any(warning.startswith("the friction between crate and floor is 1") for warning in result.warnings)
+
+
+def shapes_of(overrides, name):
+    station = add_plant(DiagramBuilder(), resolve(load_station("box_on_floor", overrides)))
+    inspector = station.scene_graph.model_inspector()
+    pairs = inspector.GetCollisionCandidates()
+    shapes = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if name in inspector.GetName(shape)]
+    return inspector, shapes, pairs
+
+
+BARE = {"pieces.box.model": "box"}
+
+
+def test_only_corners_touch_the_floor():
+    inspector, shapes, pairs = shapes_of(BARE, "box.")
+    kinds = [type(inspector.GetShape(shape)) for shape in shapes]
+    assert kinds.count(Box) == 1
+    assert kinds.count(Sphere) > 8
+    floor = next(shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if inspector.GetName(shape) == "floor")
+    assert isinstance(inspector.GetShape(floor), HalfSpace)
+    touching = {inspector.GetName(shape) for pair in pairs if floor in pair for shape in pair if shape != floor}
+    assert len(touching) == 8
+    assert all(".corner_" in name for name in touching)
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"contact.corners": False},
+        {"contact.model": "hydroelastic"},
+        {"solver": {"kind": "mujoco", "time_step": 0.002}},
+        {"pieces.box.model": "ball", "pieces.box.mass": 1, },
+    ],
+)
+def test_no_balls_where_they_are_not_needed(overrides):
+    _, shapes, _ = shapes_of({**BARE, **overrides}, "box.")
+    assert len(shapes) == 1
+
+
+def test_balls_touch_the_faces_from_inside_and_follow_the_edges():
+    corners = np.array([*product((-0.1, 0.1), (-0.2, 0.2), (0.0, 0.6))])
+    balls = balls_at_corners(corners)
+    assert all(ball.radius == LARGEST_RADIUS for ball in balls)
+    reach = np.array([ball.centre for ball in balls])
+    np.testing.assert_allclose(reach.max(axis=0) + LARGEST_RADIUS, [0.1, 0.2, 0.6], atol=1e-12)
+    np.testing.assert_allclose(reach.min(axis=0) - LARGEST_RADIUS, [-0.1, -0.2, 0.0], atol=1e-12)
+    out = np.array([ball.centre for ball in balls_at_corners(corners, protrusion=1e-4)])
+    np.testing.assert_allclose(out.max(axis=0) - reach.max(axis=0), 1e-4, atol=1e-12)
+    # The shortest side between the centres is 0.198 m, so parts of 0.6 m are at most 0.099 m long: seven.
+    along = [*balls_on_edges(balls, [(0, 1)])]
+    assert len(along) == 6
+    heights = [ball.centre[2] for ball in along]
+    np.testing.assert_allclose(np.diff([balls[0].centre[2], *heights, balls[1].centre[2]]), 0.598 / 7, atol=1e-12)
+
+
+def test_a_small_shape_has_small_balls():
+    corners = np.array([*product((-0.001, 0.001), repeat=3)])
+    assert {ball.radius for ball in balls_at_corners(corners)} == {1e-4}
+
+
+def test_balls_of_a_long_cylinder_let_it_roll():
+    balls = balls_of_cylinder(0.05, 0.2, SMALLEST_PROTRUSION)
+    wide = [ball for ball in balls if ball.radius > 0.04]
+    assert [ball.centre[2] for ball in wide] == pytest.approx([-0.15, 0.15])
+    rim = [ball for ball in balls if ball.radius <= 0.04]
+    assert len(rim) == 24
+    for ball in rim:
+        assert np.hypot(*ball.centre[:2]) + ball.radius < 0.05
+        assert abs(ball.centre[2]) + ball.radius == pytest.approx(0.2 + SMALLEST_PROTRUSION)
+    disc = balls_of_cylinder(0.1, 0.01, SMALLEST_PROTRUSION)
+    assert all(isinstance(ball, Ball) and ball.radius <= LARGEST_RADIUS for ball in disc)

@@ -1,0 +1,117 @@
+"""Settings that a solver or contact model ignores: reported by the check, the result and --strict."""
+
+import json
+
+import numpy as np
+import pytest
+
+from simrob_drake import load_station, simulate
+from simrob_drake.cli.app import run_command
+from simrob_drake.stations.checks import check_station
+
+DISCRETE = {"kind": "discrete", "time_step": 0.001}
+SAP_WARNING = "the solver scheme sap ignores contact.dissipation; take solver.scheme lagged or similar"
+
+
+def warnings_of_check(config):
+    return [finding.text for finding in check_station(config) if finding.level == "warning"]
+
+
+def test_a_ball_that_cannot_bounce_is_reported_by_the_result(tmp_path):
+    """sap ignores dissipation; with it, the ball stays 9 mm deep in the floor instead of bouncing."""
+    config = load_station("bouncing_ball", {"solver": DISCRETE})
+    assert SAP_WARNING in warnings_of_check(config)
+    result = simulate(config, duration=0.3, progress=False)
+    assert SAP_WARNING in result.warnings
+    folder = result.save(tmp_path / "result", recording=False)
+    assert SAP_WARNING in json.loads((folder / "summary.json").read_text())["warnings"]
+    bouncing = simulate(load_station("bouncing_ball"), duration=0.3, progress=False)
+    assert SAP_WARNING not in bouncing.warnings
+
+
+@pytest.mark.usefixtures("no_plots")
+def test_strict_ends_with_4(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    args = ["run", "bouncing_ball", "--set", "solver={kind: discrete, time_step: 0.001}", "--duration", "0.2"]
+    assert run_command([*args, "--strict", "--out", "strict"]) == 4
+    assert run_command([*args, "--out", "lenient"]) == 0
+
+
+SLOPE = 30.0
+
+
+def slides(write_config, solver, friction):
+    angle = np.deg2rad(SLOPE)
+    pose = [-0.1 * np.sin(angle), 0, 0.1 * np.cos(angle), 0, -angle, 0]
+    box = {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": pose}
+    content = {
+        "pieces": {"box": box},
+        "floor": {"size": 20, "incline_deg": SLOPE},
+        "contact": {"friction": friction},
+        "solver": solver,
+        "duration": 0.5,
+    }
+    result = simulate(load_station(write_config(content)), progress=False)
+    return -result["piece.box.x"][-1] + result["piece.box.x"][0] > 0.05, result.warnings
+
+
+@pytest.fixture
+def write_config(tmp_path):
+    def write(content):
+        file = tmp_path / "station.yaml"
+        file.write_text(json.dumps(content))
+        return file
+
+    return write
+
+
+@pytest.mark.parametrize(
+    "solver",
+    [
+        {"kind": "discrete", "scheme": "sap"},
+        {"kind": "discrete", "scheme": "lagged"},
+        {"kind": "discrete", "scheme": "similar"},
+        {"kind": "mujoco"},
+    ],
+)
+def test_fixed_steps_ignore_static_friction_and_say_so(write_config, solver):
+    """tan 30° = 0.58 lies between the coefficients: the static one should hold the box."""
+    slid, warnings = slides(write_config, solver, {"static": 0.8, "dynamic": 0.3})
+    assert slid
+    assert any("ignores contact.friction.static (0.8)" in warning for warning in warnings)
+    slid, warnings = slides(write_config, solver, {"static": 0.8, "dynamic": 0.8})
+    assert not slid
+    assert warnings == []
+
+
+@pytest.mark.parametrize(("scheme", "step"), [("cenic", 0.01), ("radau3", 0.1)])
+def test_continuous_schemes_hold_by_static_friction(write_config, scheme, step):
+    solver = {"kind": "continuous", "scheme": scheme, "max_step": step}
+    slid, warnings = slides(write_config, solver, {"static": 0.8, "dynamic": 0.3})
+    assert not slid
+    assert warnings == []
+
+
+@pytest.mark.parametrize(
+    ("station", "overrides", "key"),
+    [
+        ("bouncing_ball", {"contact.hydroelastic_modulus": 1e6}, "ignores contact.hydroelastic_modulus"),
+        (
+            "bouncing_ball",
+            {"contact.model": "hydroelastic", "contact.stiffness": 1e4},
+            "hydroelastic ignores contact.stiffness",
+        ),
+        (
+            "box_on_floor",
+            {"pieces.box.contact": {"dissipation": 1.0}, "solver": DISCRETE},
+            "sap ignores pieces.box.contact.dissipation",
+        ),
+        (
+            "irb120_dynamic",
+            {"joint_stops.stiffness": 1e4, "solver": {"kind": "discrete"}, "servo.realization": "implicit"},
+            "stops joints at their limits by itself and ignores joint_stops",
+        ),
+    ],
+)
+def test_each_ignored_key_is_named(station, overrides, key):
+    assert any(key in text for text in warnings_of_check(load_station(station, overrides)))
