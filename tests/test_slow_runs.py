@@ -11,7 +11,9 @@ from simrob_drake.folders import CACHE_VARIABLE
 from simrob_drake.simulation import pace
 from simrob_drake.simulation.pace import SlowRunWarning
 from simrob_drake.simulation.runner import Runner
+from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.draft import draft_station
+from simrob_drake.stations.resolve import resolve
 
 RADAU = {"kind": "continuous", "scheme": "radau3", "max_step": 0.1}
 
@@ -23,7 +25,7 @@ def pallet(**overrides):
         "parcel": {"free": True, "pose": [0, 0, 0.051, 0.1, 0.02, 0.01]},
         "ball": {"free": True, "pose": [3, 0, 5, 0, 0, 0]},
     }
-    given = {"solver": RADAU, "pieces": pieces, "contact": {"model": "point"}, "sensors": {}}
+    given = {"solver": RADAU, "pieces": pieces, "contact": {"model": "point", "corners": False}, "sensors": {}}
     return load_station("box_on_floor", {**given, **overrides})
 
 
@@ -105,10 +107,20 @@ def test_looking_for_the_cause_changes_nothing(impatient, monkeypatch):
     np.testing.assert_array_equal(runner.run().values, looked.values)
 
 
-def test_a_machine_that_is_busy_is_no_fault_of_the_run(impatient, monkeypatch):
-    monkeypatch.setattr(pace, "_BUSY", 1e9)
-    (said,), _ = said_of(pallet())
-    assert "the machine is busy with other work" in said
+@pytest.mark.parametrize(("slowest", "busy"), [(1e-12, True), (1e6, False)])
+def test_a_busy_machine_is_blamed_only_if_a_whole_processor_would_do(impatient, monkeypatch, slowest, busy):
+    """The run gets 1 % of a processor. What it would make of a whole one decides on the cause; both rates are told."""
+    monkeypatch.setattr(pace, "_BUSY", 0.5)
+    config = load_station("irb120_dynamic", {"solver": {"kind": "discrete", "time_step": 1e-3}})
+    watch = pace.PaceWatch(config, lambda: closed_station(resolve(config)), own_blocks=False, show=None)
+    monkeypatch.setattr(pace, "_SLOWEST", slowest)
+    context = watch._built().diagram.CreateDefaultContext()
+    context.SetTime(0.01)
+    watch._waited, watch._worked, watch._steps = 10.0, 0.1, 10
+    complaint = watch._complaint(context)
+    assert complaint.startswith("irb120_dynamic makes 0.001 × real time on 1 % of a processor (0.1 × on a whole")
+    assert ("the machine is busy with other work" in complaint) == busy
+    assert ("each step of 0.001 s takes 0.01 s" in complaint) != busy
 
 
 def test_a_pause_does_not_count(impatient, monkeypatch):

@@ -67,6 +67,10 @@ class Contacts:
         arrays = ([getattr(each, name) for each in moments] for name in ("points", "forces", "moments", "normals"))
         return cls([pair for each in moments for pair in each.pairs], *map(np.vstack, arrays))
 
+    def __deepcopy__(self, memo: dict[int, object]) -> "Contacts":
+        """Return itself: nothing in it changes, and Drake copies the values of ports when a context is cloned."""
+        return self
+
     @cached_property
     def normal_forces(self) -> Vector:
         """The parts of the forces along the normals, shape (k, 3) [N]."""

@@ -6,7 +6,7 @@ from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
-from pydrake.geometry import GeometryId, QueryObject, SceneGraph
+from pydrake.geometry import CollisionFilterDeclaration, GeometryId, GeometrySet, QueryObject, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex, RigidBody
@@ -165,6 +165,8 @@ class StationPlant:
     ground: Ground = field(default_factory=Ground)  # what there is to stand on
     # small balls at the corners of flat bodies, which touch in place of their shapes
     contact_points: frozenset[GeometryId] = frozenset()
+    # pairs of shapes that do not touch themselves, since such balls touch in their place
+    replaced_pairs: tuple[tuple[GeometryId, GeometryId], ...] = ()
     engine: Any = None  # what is stepped in the plant's place, with its ports; None where that itself is, or nothing
 
     @property
@@ -179,6 +181,18 @@ class StationPlant:
     def query(self, root: Context) -> QueryObject:
         """Return what tells which shapes touch, in a context of the diagram."""
         return self.scene_graph.get_query_output_port().Eval(self.scene_graph.GetMyContextFromRoot(root))
+
+    def with_whole_shapes(self, root: Context) -> Context:
+        """Clone a context of the diagram, in which shapes overlap that have contact points in their place.
+
+        The balls at the corners of two boxes do not show how deep these are in each other.
+        """
+        clone = root.Clone()
+        context = self.scene_graph.GetMyMutableContextFromRoot(clone)
+        filters = self.scene_graph.collision_filter_manager(context)
+        for first, second in self.replaced_pairs:
+            filters.Apply(CollisionFilterDeclaration().AllowBetween(GeometrySet(first), GeometrySet(second)))
+        return clone
 
     def shapes_of_body(self, body: RigidBody) -> list[GeometryId]:
         """Collision shapes of a body, without the contact points at their corners."""

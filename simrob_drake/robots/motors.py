@@ -105,6 +105,11 @@ class CommandBusConfig(Strict):
     """Step from one position that can be commanded to the next [deg, or m where an axis slides]; 0 for none. That of
     the motors' encoders unless given."""
 
+    @property
+    def delay(self) -> int:
+        """Samples by which commands are late: the latency, rounded to whole samples."""
+        return round(self.latency * self.rate)
+
 
 def _kind(choice: Any) -> str:
     if isinstance(choice, str):

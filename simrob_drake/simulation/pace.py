@@ -60,7 +60,8 @@ class Slow:
             return f"each step of {self.step:.2g} s takes {self.cost:.2g} s{self._dear(solver)}"
         pair, plant = self._blamed_pair(), self.built.ports.plant
         if pair is None:
-            what = f"{stiffest(self.config, plant, plant.plant.GetMyContextFromRoot(self.context))}, which makes"
+            spring = stiffest(self.config, plant, plant.plant.GetMyContextFromRoot(self.context))
+            what = f"{spring}, which makes" if spring else "forces that are stiff for what they move make"
         else:
             what = f"the contact of {' and '.join(sorted(pair))} makes"
         remedy = _discrete if pair is None or solver.scheme == "cenic" else _cenic
@@ -244,16 +245,29 @@ class PaceWatch:
             return
         if time - self._since < _SLOWEST * self._waited:
             self._warned = True
-            made, share = context.get_time() - self._since, self._worked / self._waited
-            if share < _BUSY:
-                cause = f"the machine is busy with other work, this gets {100 * share:.0f} % of a processor"
-            else:
-                means = made / self._steps, self._waited / self._steps
-                cause = Slow(self.config, self._built(), context, *means, self._own_blocks).cause()
-            left = self.config.duration - context.get_time()
-            message = f"{self.config.name} makes {made / self._waited:.2g} × real time with {left:.3g} s left: {cause}"
-            warnings.warn(message, SlowRunWarning, stacklevel=1)
+            warnings.warn(self._complaint(context), SlowRunWarning, stacklevel=2)
         self._begin(time)
+
+    def _complaint(self, context: Context) -> str:
+        """Describe how slow the run is and why.
+
+        A process that waits for others is slow through no fault of its own. So the rate on a whole processor decides:
+        if that would be fast enough, the machine is busy; otherwise something in the station holds the run up.
+        """
+        made = context.get_time() - self._since
+        left = self.config.duration - context.get_time()
+        share = self._worked / self._waited
+        rate = f"{made / self._waited:.2g} × real time"
+        alone = made / self._worked if self._worked > 0 else np.inf
+        if share < _BUSY:
+            rate += f" on {100 * share:.0f} % of a processor ({alone:.2g} × on a whole one)"
+        if share < _BUSY and alone >= _SLOWEST:
+            cause = "the machine is busy with other work"
+        else:
+            step = made / self._steps
+            cost = self._worked / self._steps
+            cause = Slow(self.config, self._built(), context, step, cost, self._own_blocks).cause()
+        return f"{self.config.name} makes {rate} with {left:.3g} s left: {cause}"
 
     def _count(self) -> None:
         """Count the step, and now and then the time of clock and processor, but for that of a pause before it."""

@@ -24,6 +24,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.prescribed import alone_on, begin_on_prescribed
 from simrob_drake.stations.resolve import check_parts, resolve
+from simrob_drake.stations.start_overlap import check_start_overlap
 from simrob_drake.stations.station import StationLike, config_of
 
 Blocks = Sequence[LeafSystem] | Mapping[str, LeafSystem]
@@ -143,7 +144,9 @@ class Runner:
         diagrams = self._playing(config, requested, start, watched=ticks is not None)
         references = diagrams.references
         stepper = Stepper(config, diagrams.stepped, diagrams.edges, blocks=self._blocks, ticks=ticks)
-        if start is not None:
+        if start is None:
+            check_start_overlap(config, stepper.built.ports, stepper.simulator.get_context())
+        else:
             start.put(stepper.built.diagram, stepper.built.ports, stepper.simulator.get_mutable_context())
         whole = diagrams.whole
         run = Run(config, whole, stepper, lambda: whole.play(references, config.forces), diagrams.forget)

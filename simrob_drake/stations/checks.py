@@ -16,13 +16,13 @@ from simrob_drake.stations.closed import check_reference, closed_station, refere
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding, Level
 from simrob_drake.stations.holding import error_bound, holding_findings, too_warm
+from simrob_drake.stations.ignored_settings import rounded_delays
 from simrob_drake.stations.physics_findings import physics_findings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.start_overlap import TOUCHING, allowed_overlap, deepest_overlap
 
 _EVERY = 20  # of the 501 samples of a reference
-_DEEP = 1e-3  # things that rest on each other are less deep in each other [m]
-_PRESSED = 1e-4  # bodies that lie deeper in each other than this at the start are pushed apart [m]
 
 
 def clearance_findings(config: StationConfig, references: Mapping[str, Reference]) -> list[Finding]:
@@ -157,6 +157,7 @@ def check_station(config: StationConfig) -> list[Finding]:
         text = "what it asks of the robot beyond the reference is not looked at: a run shows it"
         findings.append(Finding("note", f"controllers.{name}", text))
     findings += physics_findings(config, ports, closed.references)
+    findings += rounded_delays(config)
     if config.mode == "dynamic":
         findings += contact_findings(diagram, ports)
         findings += _contact_model_findings(ports)
@@ -274,7 +275,7 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
     parts = "feet's" if robot.feet else "collision shapes'"
     side = "over" if found.gap >= 0 else "below"
     place = f"the {parts} lowest point is {abs(found.gap) * 1e3:.2f} mm {side} the floor at the start"
-    findings.append(Finding("ok" if -_DEEP <= found.gap <= _DROP else "warning", subject, place))
+    findings.append(Finding("ok" if -TOUCHING <= found.gap <= _DROP else "warning", subject, place))
     inside = "inside" if found.margin >= 0 else "outside"
     links = f" of {', '.join(found.ends)}" if len(found.ends) <= _LISTED else ""
     area = f"{found.mass:.3f} kg on {found.contacts} points{links}, "
@@ -337,16 +338,10 @@ def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
     """Find bodies that are in each other at the start."""
     if ports.config.contact is None:
         return [Finding("note", "contact", "the station has none: whatever meets passes through each other")]
-    plant = ports.plant
-    context = diagram.CreateDefaultContext()
-    query = plant.query(context)
-    inspector = query.inspector()
-    pairs = [pair for pair in query.ComputePointPairPenetration() if pair.depth > _PRESSED]
-    if not pairs:
+    overlap = deepest_overlap(ports, diagram.CreateDefaultContext())
+    if overlap is None:
         return [Finding("ok", "contact", "of what can touch nothing penetrates at the start")]
-    deepest = max(pairs, key=lambda pair: pair.depth)
-    names = " and ".join(inspector.GetName(geometry) for geometry in (deepest.id_A, deepest.id_B))
-    text = f"{names} penetrate by {deepest.depth * 1e3:.1f} mm at the start"
-    if deepest.depth > _DEEP:
-        return [Finding("warning", "contact", f"{text}; move one of them")]
-    return [Finding("ok", "contact", text)]
+    if overlap.depth <= TOUCHING:
+        return [Finding("ok", "contact", str(overlap))]
+    refused = ", and a run does not begin" if overlap.depth > allowed_overlap(ports.config) else ""
+    return [Finding("warning", "contact", f"{overlap}{refused}; move one of them")]

@@ -51,6 +51,10 @@ LARGEST_RADIUS = 1e-3
 RADIUS_SHARE = 0.05
 """Largest radius of the balls as a share of the shortest side of a shape."""
 
+SOFT_RADIUS_SHARE = 0.2
+"""The same where contacts are soft: a ball must not sink in by more than its radius, or the side of a body on which it
+lies near an edge would push it away sideways."""
+
 SMALLEST_PROTRUSION = 2e-5
 """How far the balls of round shapes protrude beyond their flat faces [m]. Drake's default stiffness gives way by less
 under a body's own weight (12 µm for a box of 3 kg)."""
@@ -134,23 +138,33 @@ def add_contact_points(
     return points
 
 
-def filter_contact_points(scene_graph: SceneGraph, points: ContactPoints) -> None:
+def filter_contact_points(scene_graph: SceneGraph, points: ContactPoints) -> list[tuple[GeometryId, GeometryId]]:
     """Leave out the pairs of shapes that would count a contact twice, after the plant is finalized.
+
+    Returns the pairs of shapes for which balls touch.
 
     * Balls do not touch balls.
     * Over a plane, the lowest point of a polyhedron is a corner. So only balls at corners touch planes.
     * Two polyhedra touch with their balls: a corner or an edge of one of them is always on the other.
     """
     if not points.balls:
-        return
+        return []
     inspector = scene_graph.model_inspector()
     everything = inspector.GetAllGeometryIds(Role.kProximity)
     planes = [shape for shape in everything if isinstance(inspector.GetShape(shape), HalfSpace)]
+    polyhedra = set(points.polyhedra)
+    others = polyhedra | set(planes)
+    replaced = [
+        pair
+        for pair in sorted(inspector.GetCollisionCandidates())
+        if polyhedra.intersection(pair) and others.issuperset(pair)
+    ]
     filters = CollisionFilterDeclaration()
     filters.ExcludeWithin(GeometrySet(points.balls))
     filters.ExcludeWithin(GeometrySet(points.polyhedra))
     filters.ExcludeBetween(GeometrySet([*points.edges, *points.polyhedra]), GeometrySet(planes))
     scene_graph.collision_filter_manager().Apply(filters)
+    return replaced
 
 
 def is_flat(inspector: SceneGraphInspector, shape: GeometryId) -> bool:
@@ -232,18 +246,18 @@ def _add_balls(
         return plant.RegisterCollisionGeometry(body, centre, Sphere(ball.radius), f"{name}.{label}", properties)
 
     corners = shape_corners(inspector, shape)
+    depth = _sinking(station.config, piece_of_shape(station, inspector, shape), body.default_mass())
     if 0 < len(corners) <= MOST_CORNERS:
-        balls = balls_at_corners(corners)
+        balls = balls_at_corners(corners, depth=depth)
         on_edges = balls_on_edges(balls, _edges_of(inspector, shape))
         points.polyhedra.append(shape)
         points.edges += [register(ball, f"edge_{number}") for number, ball in enumerate(on_edges)]
     else:
-        protrusion = _protrusion(station.config, piece_of_shape(station, inspector, shape), body.default_mass())
-        balls = _balls_of_round_shape(inspector, shape, protrusion)
+        balls = _balls_of_round_shape(inspector, shape, depth)
     points.corners += [register(ball, f"corner_{number}") for number, ball in enumerate(balls)]
 
 
-def balls_at_corners(corners: Vector, protrusion: float = 0.0) -> list[Ball]:
+def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float = 0.0) -> list[Ball]:
     """Place balls at the corners of a convex body (m, 3) [m], so that they touch its faces from inside.
 
     This is exact if the faces are parallel to the axes of the shape. At other corners a ball lies up to its radius
@@ -251,10 +265,11 @@ def balls_at_corners(corners: Vector, protrusion: float = 0.0) -> list[Ball]:
 
     Args:
         corners: shape (m, 3) [m], in the frame of the shape.
-        protrusion: how far the balls reach beyond the faces [m].
+        depth: how far the balls sink in under the weight of the body [m].
+        protrusion: how far they reach beyond the faces [m].
     """
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-    radius = _radius(float(np.ptp(corners, axis=0).min()))
+    radius = _radius(float(np.ptp(corners, axis=0).min()), depth)
     outward = np.sign(corners - middle)
     centres = corners - outward * (radius - protrusion)
     return [Ball(centre, radius) for centre in centres]
@@ -293,11 +308,11 @@ def _edges_of(inspector: SceneGraphInspector, shape_id: GeometryId) -> list[tupl
     return sorted(edges)
 
 
-def _protrusion(config: StationConfig, piece: str | None, mass: float) -> float:
-    """Compute how far the balls of a body protrude [m]: twice what four of them give way under its weight.
+def _sinking(config: StationConfig, piece: str | None, mass: float) -> float:
+    """Compute how far the four balls at the corners of a body sink in under its weight [m].
 
-    A stiffness of the station or the piece can be so low that the balls sink in further than they protrude. Then the
-    faces would touch as well.
+    This counts where the station or the piece states a stiffness. Drake's default gives way by some micrometres,
+    and the result is 0.
     """
     contact = config.contact
     stiffness = None if contact is None else contact.stiffness
@@ -305,13 +320,16 @@ def _protrusion(config: StationConfig, piece: str | None, mass: float) -> float:
     if own is not None and own.stiffness is not None:
         stiffness = own.stiffness
     if stiffness is None:
-        return SMALLEST_PROTRUSION
-    depth = mass * abs(config.gravity) / (4 * stiffness)
-    return float(np.clip(2 * depth, SMALLEST_PROTRUSION, LARGEST_PROTRUSION))
+        return 0.0
+    return mass * abs(config.gravity) / (4 * stiffness)
 
 
-def _balls_of_round_shape(inspector: SceneGraphInspector, shape_id: GeometryId, protrusion: float) -> list[Ball]:
-    """Place the balls of a shape that is flat in parts only: a cylinder, a capsule or a mesh with many corners."""
+def _balls_of_round_shape(inspector: SceneGraphInspector, shape_id: GeometryId, depth: float) -> list[Ball]:
+    """Place the balls of a shape that is flat in parts only: a cylinder, a capsule or a mesh with many corners.
+
+    They protrude by twice the depth (m) to which they sink in, so that they carry its flat faces.
+    """
+    protrusion = float(np.clip(2 * depth, SMALLEST_PROTRUSION, LARGEST_PROTRUSION))
     shape = inspector.GetShape(shape_id)
     if isinstance(shape, Cylinder):
         return balls_of_cylinder(shape.radius(), shape.length() / 2, protrusion)
@@ -319,7 +337,7 @@ def _balls_of_round_shape(inspector: SceneGraphInspector, shape_id: GeometryId, 
         ends = np.array([[0.0, 0.0, side * shape.length() / 2] for side in (-1.0, 1.0)])
         return [Ball(end, shape.radius() + protrusion) for end in ends]
     corners = _spread(shape_corners(inspector, shape_id), MOST_CORNERS)
-    return balls_at_corners(corners, protrusion)
+    return balls_at_corners(corners, depth=depth, protrusion=protrusion)
 
 
 def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> list[Ball]:
@@ -332,7 +350,7 @@ def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> l
         half_length: half of its length along z [m].
         protrusion: how far the balls reach beyond the end faces, and the wide ones beyond the mantle [m].
     """
-    small = _radius(2 * min(radius, half_length))
+    small = _radius(2 * min(radius, half_length), protrusion)
     across = radius - small - protrusion
     height = half_length - small + protrusion
     angles = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
@@ -347,9 +365,11 @@ def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> l
     return balls
 
 
-def _radius(shortest_side: float) -> float:
-    """Radius of the balls of a shape [m]."""
-    return min(LARGEST_RADIUS, RADIUS_SHARE * shortest_side)
+def _radius(shortest_side: float, depth: float) -> float:
+    """Compute the radius of the balls of a shape that sink in by a depth under its weight, all in [m]."""
+    usual = min(LARGEST_RADIUS, RADIUS_SHARE * shortest_side)
+    soft = min(2 * depth, SOFT_RADIUS_SHARE * shortest_side)
+    return max(usual, soft)
 
 
 def _spread(corners: Vector, most: int) -> Vector:

@@ -160,7 +160,7 @@ def _add_bus(
     own = {"reference": reference, **optional}
     block = CommandBus(
         period=1 / bus.rate,
-        delay=round(bus.latency * bus.rate),
+        delay=bus.delay,
         resolution=robot.model.user_units * steps,
         with_velocity=bool(optional),
     )
@@ -170,7 +170,7 @@ def _add_bus(
         builder.Connect(port, block.GetInputPort(key))
         own[key] = block.GetOutputPort(key)
     optional.update({key: own[key] for key in optional})
-    late = f", {1000 * bus.latency:g} ms late" if bus.latency else ""
+    late = f", {1000 * bus.delay / bus.rate:g} ms late" if bus.delay else ""
     ports.draw(name, "servo", f"Bus\n{bus.rate:g} Hz{late}", robot)
     return own["reference"]
 

@@ -2,9 +2,13 @@
 
 from collections.abc import Iterator
 
+from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.solver_config import ContactConfig, ContactMaterial, DiscreteSolver, FixedSteps
+
+SHORTEST_DELAY = 1e-6
+"""Difference of delays that matters [s]."""
 
 
 def ignored_settings(config: StationConfig) -> list[Finding]:
@@ -15,6 +19,28 @@ def ignored_settings(config: StationConfig) -> list[Finding]:
     if config.joint_stops != JointStops() and config.solver.holds_joint_limits:
         text = f"the solver {config.solver.scheme} stops joints at their limits by itself and ignores joint_stops"
         findings.append(Finding("warning", "joint_stops", f"{text}; take solver.scheme radau3"))
+    return findings
+
+
+def rounded_delays(config: StationConfig) -> list[Finding]:
+    """Find delays of buses and sensors that act as another one, since they count in whole samples."""
+    delays: list[tuple[str, float, float]] = []
+    for name in config.robots:
+        bus = config.servo_of(name).bus
+        if bus is not None:
+            key = "servo.bus.latency" if config.only_robot else f"robots.{name}.servo.bus.latency"
+            delays.append((key, bus.latency, bus.rate))
+    for name, sensor in config.sensors.items():
+        if isinstance(sensor, SampledSensor):
+            delays.append((f"sensors.{name}.delay", sensor.delay, sensor.rate))
+    findings = []
+    for key, delay, rate in delays:
+        acting = round(delay * rate) / rate
+        if abs(acting - delay) > SHORTEST_DELAY:
+            text = (
+                f"{1e3 * delay:g} ms acts as {1e3 * acting:g} ms: delays are whole samples, here of {1e3 / rate:g} ms"
+            )
+            findings.append(Finding("note", key, text))
     return findings
 
 

@@ -77,8 +77,7 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
     _add_floor(plant, resolved, collision)
     points = add_contact_points(plant, scene_graph, resolved, [*robots.values()])
     apply_materials(plant, scene_graph, resolved)
-    balls = frozenset(points.balls)
-    station = StationPlant(plant, scene_graph, robots, free_pieces, resolved.ground, balls)
+    station = StationPlant(plant, scene_graph, robots, free_pieces, resolved.ground)
     for coupling in config.couplings.values() if config.mode == "dynamic" else ():
         coupling.add(station)
     plant.Finalize()
@@ -92,7 +91,8 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
         coupling.check_start(f"couplings.{name}", station, start)
     check_stiffnesses(plant, scene_graph, resolved)
     _filter_collisions(station, config.contact)
-    filter_contact_points(scene_graph, points)
+    replaced = filter_contact_points(scene_graph, points)
+    station = replace(station, contact_points=frozenset(points.balls), replaced_pairs=tuple(replaced))
     return _in_mujoco(builder, resolved, station) if in_mujoco else station
 
 

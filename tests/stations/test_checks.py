@@ -132,7 +132,7 @@ def test_bodies_that_penetrate_at_the_start_are_named():
     close = {"contact": {"model": "point"}, "robots.right.base": [0.05, 0.45, 0, 0, 0, 0]}
     finding = text_of(findings(close, "two_irb120"), "contact")
     assert finding.level == "warning"
-    assert "mm at the start" in finding.text
+    assert "mm deep in each other at the start" in finding.text
     apart = text_of(findings({"contact": {"model": "point"}}, "two_irb120"), "contact")
     assert apart.level == "ok"
 

@@ -8,6 +8,8 @@ from pydrake.geometry import Box, HalfSpace, Role, Sphere
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.contact_points import (
     LARGEST_RADIUS,
     SMALLEST_PROTRUSION,
@@ -187,7 +189,10 @@ def test_only_corners_touch_the_floor():
         {"contact.corners": False},
         {"contact.model": "hydroelastic"},
         {"solver": {"kind": "mujoco", "time_step": 0.002}},
-        {"pieces.box.model": "ball", "pieces.box.mass": 1, },
+        {
+            "pieces.box.model": "ball",
+            "pieces.box.mass": 1,
+        },
     ],
 )
 def test_no_balls_where_they_are_not_needed(overrides):
@@ -227,3 +232,40 @@ def test_balls_of_a_long_cylinder_let_it_roll():
         assert abs(ball.centre[2]) + ball.radius == pytest.approx(0.2 + SMALLEST_PROTRUSION)
     disc = balls_of_cylinder(0.1, 0.01, SMALLEST_PROTRUSION)
     assert all(isinstance(ball, Ball) and ball.radius <= LARGEST_RADIUS for ball in disc)
+
+
+def test_bodies_that_are_deep_in_each_other_do_not_start(write_station):
+    """Under radau3 such a run would take steps of 2e-7 s for minutes."""
+    pieces = {
+        "low": {"box": [0.2, 0.2, 0.2], "parent": "world", "pose": [0, 0, 0.1, 0, 0, 0]},
+        "high": {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": [0, 0, 0.26, 0, 0, 0]},
+    }
+    with pytest.raises(InvalidParameter, match=r"overlap of high and low is 40\.0 mm; it must be at most 10 mm"):
+        run(write_station, pieces, "radau3")
+    config = load_station(write_station({"pieces": pieces, "floor": {"size": 1}, "contact": {}, "duration": 1.0}))
+    (finding,) = [one for one in check_station(config) if one.subject == "contact"]
+    assert finding.level == "warning"
+    assert finding.text.startswith("high and low are 40.0 mm deep in each other at the start, and a run does not begin")
+    pieces["high"]["pose"][2] = 0.299
+    assert run(write_station, pieces, "cenic", duration=0.1).ending == "completed"
+
+
+@pytest.mark.parametrize("solver", ["lagged", "cenic"])
+def test_aligned_boxes_stack_on_soft_contacts(write_station, solver):
+    """Corners and edges of both boxes coincide: sixteen balls, four at corners and four on edges of each, carry 30 kg.
+
+    They are larger than usual, since four of them would sink in by m g / (4 k) = 7.4 mm.
+    """
+    boxes = {
+        "low": {"box": [0.2, 0.2, 0.2], "parent": "world", "pose": [0, 0, 0.1, 0, 0, 0]},
+        "high": {"box": [0.2, 0.2, 0.2], "mass": 30, "free": True, "pose": [0, 0, 0.3, 0, 0, 0]},
+    }
+    friction = {"static": 0.5, "dynamic": 0.5}
+    contact = {"stiffness": 1e4, "dissipation": 10, "friction": friction}
+    verdict = {"penetration": 0.02}
+    result = run(write_station, boxes, solver, contact=contact, verdict=verdict, duration=1.5)
+    x, y, z = result.piece_pose("high")[-1, :3]
+    assert abs(x) < 1e-3
+    assert abs(y) < 1e-3
+    assert z == pytest.approx(0.3 - 30 * G / (16 * 1e4), abs=2e-5)
+    assert result.warnings == []

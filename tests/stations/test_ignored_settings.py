@@ -115,3 +115,19 @@ def test_continuous_schemes_hold_by_static_friction(write_config, scheme, step):
 )
 def test_each_ignored_key_is_named(station, overrides, key):
     assert any(key in text for text in warnings_of_check(load_station(station, overrides)))
+
+
+@pytest.mark.parametrize(
+    ("latency", "note"),
+    [
+        (0.0099, "9.9 ms acts as 0 ms: delays are whole samples, here of 20 ms"),
+        (0.03, "30 ms acts as 40 ms: delays are whole samples, here of 20 ms"),
+        (0.04, ""),
+        (0.0, ""),
+    ],
+)
+def test_a_latency_that_is_no_whole_sample_is_noted(latency, note):
+    bus = {"servo.bus": {"rate": 50, "latency": latency}}
+    findings = check_station(load_station("irb120_dynamic", {"servo.feedforward": "none", **bus}))
+    found = [finding for finding in findings if finding.subject == "servo.bus.latency"]
+    assert [(finding.level, finding.text) for finding in found] == ([("note", note)] if note else [])

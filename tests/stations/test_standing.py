@@ -86,7 +86,8 @@ def test_a_drop_and_a_penetration_are_foretold() -> None:
     high = findings("humanoid_dynamic", {"robot.base": [0, 0, 0.5, 0, 0, 0]})
     assert any(f.level == "warning" and "54.00 mm over the floor" in f.text for f in high)
     low = findings("humanoid_dynamic", {"robot.base": [0, 0, 0.44, 0, 0, 0]})
-    assert any(f.level == "warning" and "penetrate by 6.0 mm" in f.text for f in low)  # facts: the original's start
+    # The original starts 6 mm too low.
+    assert any(f.level == "warning" and "are 6.0 mm deep in each other" in f.text for f in low)
     assert any(f.level == "warning" and "feet's lowest point is 6.00 mm below the floor" in f.text for f in low)
 
 

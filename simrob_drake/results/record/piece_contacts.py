@@ -48,8 +48,7 @@ def looks_at_pieces(
         contacts_at: yields contact results at times (k,) of the run.
     """
     shapes = {
-        piece: set(station.plant.GetCollisionGeometriesForBody(body))
-        for piece, body in station.free_pieces.items()
+        piece: set(station.plant.GetCollisionGeometriesForBody(body)) for piece, body in station.free_pieces.items()
     }
     looks: dict[str, list[Look]] = {piece: [] for piece in shapes}
     rows = _rows(times)

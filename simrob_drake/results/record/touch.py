@@ -102,6 +102,8 @@ class Touch:
             return cls(times, rate)
         plant = station.plant
         root = None if context_of is None else context_of()
+        if root is not None and station.replaced_pairs:
+            root = station.with_whole_shapes(root)
         context = plant.CreateDefaultContext()
         links = [(robot, link) for robot in walkers if robot.feet is not None for link in robot.feet.links]
         frames = [plant.GetFrameByName(link, robot.instance) for robot, link in links]
