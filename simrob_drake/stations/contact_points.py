@@ -131,8 +131,9 @@ def add_contact_points(
     free = [shape for shape in shapes if _is_free(plant, inspector, station, robots, shape)]
     if free:
         supports = [shape for shape in shapes if _is_support(plant, inspector, station, robots, shape)]
+        load = max(_mass_of(plant, inspector, shape) for shape in free) * abs(station.config.gravity)
         for shape in [*free, *supports]:
-            _add_balls(plant, inspector, station, shape, points)
+            _add_balls(plant, inspector, station, shape, load, points)
         # Boxes of a terrain need no balls: those of the bodies on them find their faces.
         points.polyhedra += [shape for shape in shapes if own_name(inspector, shape).startswith(f"{FLOOR}.")]
     return points
@@ -219,6 +220,12 @@ def _body_of(plant: MultibodyPlant, inspector: SceneGraphInspector, shape: Geome
     return plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
 
 
+def _mass_of(plant: MultibodyPlant, inspector: SceneGraphInspector, shape: GeometryId) -> float:
+    """Mass of everything that moves with a shape: a free piece, or a whole robot [kg]."""
+    instance = _body_of(plant, inspector, shape).model_instance()
+    return sum(plant.get_body(index).default_mass() for index in plant.GetBodyIndices(instance))
+
+
 def _robot_of(
     plant: MultibodyPlant, inspector: SceneGraphInspector, robots: Sequence[StationRobot], shape: GeometryId
 ) -> StationRobot | None:
@@ -232,9 +239,13 @@ def _add_balls(
     inspector: SceneGraphInspector,
     station: ResolvedStation,
     shape: GeometryId,
+    load: float,
     points: ContactPoints,
 ) -> None:
-    """Register the balls of one shape, with its material, under its name and a number."""
+    """Register the balls of one shape, with its material, under its name and a number.
+
+    The load is the weight of the heaviest body that such balls carry [N].
+    """
     body = _body_of(plant, inspector, shape)
     pose = inspector.GetPoseInFrame(shape)
     material = inspector.GetProximityProperties(shape)
@@ -246,7 +257,7 @@ def _add_balls(
         return plant.RegisterCollisionGeometry(body, centre, Sphere(ball.radius), f"{name}.{label}", properties)
 
     corners = shape_corners(inspector, shape)
-    depth = _sinking(station.config, piece_of_shape(station, inspector, shape), body.default_mass())
+    depth = _sinking(station.config, piece_of_shape(station, inspector, shape), load)
     if 0 < len(corners) <= MOST_CORNERS:
         balls = balls_at_corners(corners, depth=depth)
         on_edges = balls_on_edges(balls, _edges_of(inspector, shape))
@@ -308,8 +319,8 @@ def _edges_of(inspector: SceneGraphInspector, shape_id: GeometryId) -> list[tupl
     return sorted(edges)
 
 
-def _sinking(config: StationConfig, piece: str | None, mass: float) -> float:
-    """Compute how far the four balls at the corners of a body sink in under its weight [m].
+def _sinking(config: StationConfig, piece: str | None, load: float) -> float:
+    """Compute how far four balls of a piece sink in under a load [N], in [m].
 
     This counts where the station or the piece states a stiffness. Drake's default gives way by some micrometres,
     and the result is 0.
@@ -319,9 +330,7 @@ def _sinking(config: StationConfig, piece: str | None, mass: float) -> float:
     own = None if piece is None else config.pieces[piece].contact
     if own is not None and own.stiffness is not None:
         stiffness = own.stiffness
-    if stiffness is None:
-        return 0.0
-    return mass * abs(config.gravity) / (4 * stiffness)
+    return 0.0 if stiffness is None else load / (4 * stiffness)
 
 
 def _balls_of_round_shape(inspector: SceneGraphInspector, shape_id: GeometryId, depth: float) -> list[Ball]:
