@@ -5,7 +5,7 @@ stiff that what it holds vibrates at :math:`\omega = 2000` rad/s: an acceleratio
 """
 
 from abc import ABC, abstractmethod
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -14,6 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
     FixedOffsetFrame,
+    Joint,
     LinearBushingRollPitchYaw,
     LinearSpringDamper,
     RigidBody,
@@ -28,6 +29,7 @@ from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.site import WORLD, Site, StationPlant, StationRobot, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
+from simrob_drake.robots.coupled_axes import Equation
 from simrob_drake.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
 
 _ANCHOR = "couplings_anchor"
@@ -37,12 +39,32 @@ _HALF_APART = 0.025  # m: of the points on a hinge's axis
 _SHORTEST = 1e-9  # m: Drake wants a length, though it need not have one
 
 
+class Solved(Protocol):
+    """What says how a station is solved."""
+
+    @property
+    def mode(self) -> str:
+        """``dynamic`` or ``kinematic``."""
+
+    @property
+    def scheme(self) -> str:
+        """Of the solver, such as ``cenic``; empty in a kinematic station."""
+
+    @property
+    def time_step(self) -> float:
+        """Of a discrete solver [s]; 0 for others."""
+
+
 class CouplingSection(Strict, ABC):
     """A section of ``couplings``."""
 
     constrains: ClassVar[bool] = True  # whether it is a constraint, or so stiff a spring that it counts as one
     schemes: ClassVar[tuple[str, ...]] = ("radau3", "radau1", "implicit_euler", "velocity_implicit_euler")
     """Continuous schemes that hold it."""
+    engines: ClassVar[tuple[str, ...]] = ()
+    """Other engines than Drake's plant that hold it."""
+    guides_references: ClassVar[bool] = False
+    """Whether references obey the coupling, so that a kinematic station can have it, too."""
     words: ClassVar[str]  # what it is, with its own figures
     kind: str
 
@@ -55,18 +77,32 @@ class CouplingSection(Strict, ABC):
         return self.words.format(it=self)
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that forces move the station, that its solver can hold this, and that all it names is there.
+        """Check that the station can have the coupling: its mode, its solver, and the names of axes and bodies.
 
-        Raises SimrobError: something is not so; names the key.
+        Args:
+            key: of the coupling in the station, such as ``couplings.mesh``.
+            station: in which it is.
+
+        Raises:
+            SimrobError: the station cannot have it; the message names the key.
         """
-        if station.mode == "kinematic":
-            raise InvalidParameter(key, "a coupling in a kinematic station", "left out: its reference moves all joints")
-        if self.constrains and station.time_step == 0 and station.scheme not in self.schemes:
+        if station.mode == "kinematic" and not self.guides_references:
+            value = f"a coupling of kind {self.kind} in a kinematic station"
+            raise InvalidParameter(key, value, "left out: the reference moves all joints, and no force acts")
+        if not self.is_held(station):
             expected = f"{'radau3, or ' if self.schemes else ''}kind: discrete with scheme: sap, which hold {key}"
             raise InvalidParameter("solver", station.scheme, expected)
         if isinstance(self, Between):
             for part in ("body", "other"):
                 check_frame(station, f"{key}.{part}", getattr(self, part))
+
+    def is_held(self, station: Solved) -> bool:
+        """Whether the solver of a station holds this coupling."""
+        if station.mode == "kinematic" or not self.constrains:
+            return True
+        if station.scheme == "mujoco":
+            return "mujoco" in self.engines
+        return station.time_step > 0 or station.scheme in self.schemes
 
     def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
         """Add what holds it beside the plant: nothing, unless it couples axes under a continuous scheme."""
@@ -268,49 +304,75 @@ class Gear(CouplingSection):
     2; a planetary gear couples three axes; a rack slides by its pinion's radius a radian.
     """
 
+    schemes: ClassVar[tuple[str, ...]] = (*CouplingSection.schemes, "cenic")
+    engines: ClassVar[tuple[str, ...]] = ("mujoco",)
+    guides_references: ClassVar[bool] = True
     kind: Literal["gear"]
     ratios: Annotated[dict[str, Number], Field(min_length=2)]
-    """How much each axis counts, by name (<robot>.<axis> where there are several robots): {sun: 1, planet: 2}."""
+    """How much each axis counts, by name (<robot>.<axis> where there are several robots): {sun: 1, planet: 2}. The
+    first axis follows the others where a reference gives one value for all axes."""
     total: Number | None = None
     """What the sum of positions [rad or m] times ratios stays; that of the initial posture unless given."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station has the axes, and a solver that holds them."""
+        """Check that the station has the axes, and a solver that holds them.
+
+        Raises:
+            SimrobError: an unknown axis, or a solver that cannot hold the gear; the message names the key.
+        """
         super().check(key, station)
         known = [f"{robot.prefix}{axis}" for robot in station.robots.values() for axis in robot.axes]
         for name in self.ratios:
             one_of(f"axis for {key}.ratios", name, known)
-        if len(self.ratios) > 2 and station.time_step and not hasattr(MultibodyPlant, "AddTendonConstraint"):
+        if len(self.ratios) == 2 or station.mode == "kinematic":
+            return
+        if station.scheme == "cenic":
+            expected = f"radau3, or kind: discrete: cenic holds gears of two axes, and {key} has {len(self.ratios)}"
+            raise InvalidParameter("solver.scheme", station.scheme, expected)
+        if station.time_step and not hasattr(MultibodyPlant, "AddTendonConstraint"):
             older = "of two: older Drake couples no more"
             raise InvalidParameter(f"{key}.ratios", f"of {len(self.ratios)} axes", older)
 
+    def equation(self, key: str) -> Equation:
+        """The gear as an equation between positions of axes, with its key in the station as its label."""
+        return Equation(key, self.ratios, self.total)
+
     def _counts(self, robot: StationRobot) -> Vector:
+        """Ratios of a robot's axes, shape (n,); 0 for axes that are not coupled."""
         return np.array([self.ratios.get(f"{robot.prefix}{axis}", 0.0) for axis in robot.axes])
 
-    def _kept(self, plant: StationPlant) -> float:
+    def kept(self, plant: StationPlant) -> float:
+        """What the sum of positions times ratios stays [rad or m]."""
         initial = sum(float(self._counts(robot) @ robot.initial) for robot in plant.robots.values())
         return initial if self.total is None else self.total
 
-    def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized, and discrete."""
-        if not plant.plant.time_step():
-            return
-        joints, ratios, kept = [], [], self._kept(plant)
+    def levers(self, plant: StationPlant) -> list[tuple[Joint, float]]:
+        """The coupled joints of a plant, each with its ratio in the joint's own sense."""
+        levers = []
         for robot in plant.robots.values():
-            for joint, axis, ratio in zip(robot.joints, robot.model.axes.values(), self._counts(robot), strict=True):
+            counts = self._counts(robot)
+            for joint, axis, ratio in zip(robot.joints, robot.model.axes.values(), counts, strict=True):
                 if ratio:
-                    joints.append(joint.index())
-                    ratios.append(ratio * axis.sign)
-        if len(joints) == 2:
-            driven, driver = (plant.plant.get_joint(joint) for joint in joints)
-            plant.plant.AddCouplerConstraint(driven, driver, -ratios[1] / ratios[0], kept / ratios[0])
+                    levers.append((joint, float(ratio) * axis.sign))
+        return levers
+
+    def add(self, plant: StationPlant) -> None:
+        """Add a constraint to a plant that is not finalized, if its solver holds constraints."""
+        if not plant.holds_constraints:
+            return
+        levers, kept = self.levers(plant), self.kept(plant)
+        if len(levers) == 2:
+            (driven, ratio), (driver, other_ratio) = levers
+            plant.plant.AddCouplerConstraint(driven, driver, -other_ratio / ratio, kept / ratio)
         else:
+            joints = [joint.index() for joint, _ in levers]
+            ratios = [ratio for _, ratio in levers]
             plant.plant.AddTendonConstraint(joints, ratios, -kept, 0.0, 0.0)
 
     def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
-        """Add the stiff spring that couples the axes under a continuous scheme."""
+        """Add the stiff spring that couples the axes under a continuous scheme without constraints."""
         plant, robots = site.plant.plant, site.plant.robots.values()
-        if plant.time_step():
+        if site.plant.holds_constraints or site.plant.engine is not None:
             return
         each = [(robot.axis_map, self._counts(robot)) for robot in robots]
         place = sum(counts @ axes.state_matrix[: len(counts)] for axes, counts in each)
@@ -318,7 +380,7 @@ class Gear(CouplingSection):
         spread = sum(counts @ axes.velocity_matrix for axes, counts in each)
         mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
         stiffness = STIFFNESS / (spread @ mobility @ spread)
-        law = stiffness * np.append(-place - RELAXES * speed, self._kept(site.plant))
+        law = stiffness * np.append(-place - RELAXES * speed, self.kept(site.plant))
         one = fed(builder, f"{key}.one", ConstantVectorSource([1.0]))
         bus = joined(builder, f"{key}.bus", site.state, one)
         site.generalized_forces.append(mapped(builder, f"{key}.force", np.outer(spread, law), bus))
@@ -326,7 +388,7 @@ class Gear(CouplingSection):
         site.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
 
     def caption(self) -> str:
-        """Return it in words."""
+        """The gear in words."""
         return "a gear: " + " + ".join(f"{ratio:g} {axis}" for axis, ratio in self.ratios.items()) + " stays as it is"
 
 

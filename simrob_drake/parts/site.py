@@ -164,6 +164,7 @@ class StationPlant:
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
     ground: Ground = field(default_factory=Ground)  # what there is to stand on
     engine: Any = None  # what is stepped in the plant's place, with its ports; None where that itself is, or nothing
+    holds_constraints: bool = False  # whether the solver of the plant holds constraints, so that no spring has to
 
     @property
     def stepped(self) -> Any:

@@ -1,0 +1,123 @@
+"""The coupled axes of a station: gears, joints that mimic others in a robot's file, and postures that obey both."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from simrob_drake.errors import InvalidParameter, listed
+from simrob_drake.frames import Vector
+from simrob_drake.parts.couplings import Gear
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.coupled_axes import Condition, CoupledAxes
+from simrob_drake.stations.config import StationConfig
+
+# Deviations from a coupling that count as rounding: stations hold degrees with four decimals, and the grippers of
+# robot.yaml have six digits.
+ROUNDING_DEG = 0.01
+ROUNDING_METRES = 1e-5
+
+
+def gear_name(config: StationConfig, robot: str, axis: str) -> str:
+    """Key under ``couplings`` of the gear that makes an axis of a robot follow its leader."""
+    return f"{axis}_follows" if config.only_robot else f"{robot}_{axis}_follows"
+
+
+def mimic_gears(config: StationConfig, models: Mapping[str, RobotModel]) -> dict[str, Gear]:
+    """Gears of the axes that follow others in the files of their robots, by their keys under ``couplings``.
+
+    A gear of the station between the same two axes takes the place of what the robot's file says, and ``mimic: false``
+    in the robot's section leaves the file's gears out.
+    """
+    own = [gear.ratios.keys() for gear in config.couplings.values() if isinstance(gear, Gear)]
+    gears = {}
+    for name, model in models.items():
+        prefix = config.prefix(name)
+        for axis, follower in model.followers.items() if config.robots[name].mimic else ():
+            ratios = {f"{prefix}{one}": ratio for one, ratio in follower.ratios(axis).items()}
+            if not any(ratios.keys() <= others for others in own):
+                gears[gear_name(config, name, axis)] = Gear(kind="gear", ratios=ratios, total=follower.offset)
+    return gears
+
+
+def coupled_axes(config: StationConfig, mimics: Mapping[str, Gear], axes: Sequence[str]) -> CoupledAxes:
+    """The equations between the axes of a station, by their full names: of its gears, and of ``mimics`` beside them."""
+    gears = {name: gear for name, gear in config.couplings.items() if isinstance(gear, Gear)} | dict(mimics)
+    return CoupledAxes(axes, [gear.equation(f"couplings.{name}") for name, gear in gears.items()])
+
+
+def contradiction(
+    coupled: CoupledAxes, condition: Condition, found: tuple[int, int, float], values: Vector, units: Sequence[str]
+) -> str:
+    """Say which coupling positions contradict, and where the axis in question would have to be.
+
+    Args:
+        coupled: the axes.
+        condition: that is broken.
+        found: sample, axis and its right position, in the user's units.
+        values: positions of the n axes at that sample, in the user's units.
+        units: of the n axes.
+    """
+    _, wrong, right = found
+    others = [axis for axis in np.flatnonzero(np.abs(condition.ratios) > 1e-9) if axis != wrong]
+    state = listed([f"{coupled.names[axis]} at {values[axis] + 0.0:.5g} {units[axis]}" for axis in others])
+    return f"{right + 0.0:.5g} {units[wrong]}, to which {listed(condition.labels)} takes it with {state}"
+
+
+def coupled_start(
+    config: StationConfig,
+    coupled: CoupledAxes,
+    models: Mapping[str, RobotModel],
+    positions: Mapping[str, Vector],
+) -> dict[str, Vector]:
+    """Initial positions of robots, in which coupled axes that ``initial_deg`` does not name obey their couplings.
+
+    Args:
+        config: of the station.
+        coupled: the axes of its robots, one robot after the other.
+        models: of its robots, by name.
+        positions: of their axes by ``initial_deg``, shape (n,) each [rad or m].
+
+    Returns:
+        the positions by robot; those of robots without such couplings are the same arrays.
+
+    Raises:
+        InvalidParameter: ``initial_deg`` contradicts a coupling.
+    """
+    fixed = CoupledAxes(coupled.names, [one for one in coupled.equations if one.total is not None])
+    if not fixed:
+        return dict(positions)
+    whole = np.concatenate([positions[name] for name in models])
+    asked = [one for name, model in models.items() for one in model.asked(config.robots[name].initial_deg)]
+    bounds = np.concatenate([model.bounds(ROUNDING_DEG, ROUNDING_METRES) for model in models.values()])
+    sizes = np.concatenate([model.user_units for model in models.values()])
+    units = [unit for model in models.values() for unit in model.unit_names]
+
+    dependence = fixed.solve(asked, fixed.totals(whole))
+    for condition in dependence.conditions:
+        _check_solvable(condition)
+        broken = fixed.broken(condition, whole[np.newaxis], bounds)
+        if broken is not None:
+            _, axis, right = broken
+            found = (0, axis, right / sizes[axis])
+            expected = contradiction(fixed, condition, found, whole / sizes, units)
+            value = f"{whole[axis] / sizes[axis]:.5g} {units[axis]}"
+            raise InvalidParameter(f"initial_deg of {fixed.names[axis]}", value, expected)
+
+    solved = dependence.matrix @ whole + dependence.offset
+    moved = [axis for axis in dependence.moved if abs(solved[axis] - whole[axis]) > bounds[axis]]
+    if not moved:
+        return dict(positions)
+    whole[moved] = solved[moved]
+    ends = np.cumsum([len(model.axes) for model in models.values()])[:-1]
+    return dict(zip(models, np.split(whole, ends), strict=True))
+
+
+def _check_solvable(condition: Condition) -> None:
+    """Check that couplings do not contradict each other.
+
+    Raises:
+        InvalidParameter: no posture fulfils all of them.
+    """
+    if np.abs(condition.ratios).max(initial=0.0) < 1e-9 and abs(condition.total) > ROUNDING_METRES:
+        keys = listed(condition.labels)
+        raise InvalidParameter("couplings", keys, "couplings that one posture can fulfil: leave one of them out")
