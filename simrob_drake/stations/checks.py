@@ -18,6 +18,7 @@ from simrob_drake.stations.clearance import KNEELING, Clearance, Overlap, standi
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
+from simrob_drake.stations.import_findings import import_findings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.steps import Finding, step_findings
@@ -145,12 +146,12 @@ def check_station(config: StationConfig) -> list[Finding]:
     for robot in ports.plant.robots.values():
         findings += _reference_findings(robot, closed.references.get(robot.name), config.duration)
     for robot in ports.plant.robots.values():
-        findings += _import_findings(config, robot) + _effort_findings(config, robot) + _motor_findings(robot)
+        findings += import_findings(config, robot) + _effort_findings(config, robot) + _motor_findings(robot)
         if config.mode == "kinematic" or robot.model.base == "fixed":
             findings += _holding_findings(ports, robot, closed.references.get(robot.name))
         else:
             findings += _standing_findings(ports, robot)
-    for name, coupling in config.couplings.items():
+    for name, coupling in ports.config.couplings.items():
         findings.append(Finding("note", f"couplings.{name}", coupling.caption()))
     for name in config.controllers:
         text = "what it asks of the robot beyond the reference is not looked at: a run shows it"
@@ -190,16 +191,6 @@ def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -
     context = plant.plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant.plant, context, position)
     return -robot.axis_map.efforts(plant.plant.CalcGravityGeneralizedForces(context))
-
-
-def _import_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
-    urdf = config.robots[robot.name].urdf
-    if urdf is None or robot.model.folder == urdf.parent.resolve():
-        return []
-    from simrob_drake.importer.importing import import_summary
-
-    text = f"{import_summary(robot.model)}; `simrob check {urdf}` tells all"
-    return [Finding("note", f"import of {urdf.name}", text)]
 
 
 def _piece_findings(ports: StationPorts) -> list[Finding]:

@@ -24,9 +24,9 @@ from simrob_drake.parts.terrain import Terrain
 from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
 from simrob_drake.robots.motors import CommandBusConfig, Drives, Motors
 from simrob_drake.sections import (
-    Boolean,
     FASTEST_RATE,
     ORIGIN,
+    Boolean,
     Duration,
     FileName,
     NotNegative,

@@ -1,6 +1,7 @@
 """The coupled axes of a station: gears, joints that mimic others in a robot's file, and postures that obey both."""
 
 from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from simrob_drake.parts.couplings import Gear
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.coupled_axes import Condition, CoupledAxes
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.solver_config import FixedSteps
 
 # Deviations from a coupling that count as rounding: stations hold degrees with four decimals, and the grippers of
 # robot.yaml have six digits.
@@ -37,6 +39,31 @@ def mimic_gears(config: StationConfig, models: Mapping[str, RobotModel]) -> dict
             if not any(ratios.keys() <= others for others in own):
                 gears[gear_name(config, name, axis)] = Gear(kind="gear", ratios=ratios, total=follower.offset)
     return gears
+
+
+class SolverTraits(NamedTuple):
+    """What couplings must know of a station to say whether its solver holds them."""
+
+    mode: Literal["dynamic", "kinematic"]
+    scheme: str  # empty in a kinematic station
+    time_step: float  # of a discrete solver [s]; 0 for others
+
+
+def solver_traits(config: StationConfig) -> SolverTraits:
+    """The mode of a station, its scheme and its steps."""
+    scheme = config.solver.scheme if config.mode == "dynamic" else ""
+    time_step = config.solver.time_step if isinstance(config.solver, FixedSteps) else 0.0
+    return SolverTraits(config.mode, scheme, time_step)
+
+
+def unheld_mimics(config: StationConfig, robot: str, model: RobotModel) -> list[tuple[str, str]]:
+    """The axes of a robot that the solver of a station does not tie to their leaders, each with its leader."""
+    traits, pairs = solver_traits(config), []
+    for gear in mimic_gears(config, {robot: model}).values():
+        if not gear.is_held(traits):
+            axis, leader = gear.ratios
+            pairs.append((axis, leader))
+    return pairs
 
 
 def coupled_axes(config: StationConfig, mimics: Mapping[str, Gear], axes: Sequence[str]) -> CoupledAxes:

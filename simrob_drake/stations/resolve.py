@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, NamedTuple
 
 import numpy as np
 from pydrake.geometry import ReadObjToTriangleSurfaceMesh
@@ -25,11 +24,18 @@ from simrob_drake.robots.motors import Drives
 from simrob_drake.robots.pieces import FORMS, TCP, PieceModel, PieceShape, described_piece, piece_file, with_changes
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
-from simrob_drake.stations.coupled import ROUNDING_DEG, ROUNDING_METRES, coupled_axes, coupled_start, mimic_gears
+from simrob_drake.stations.coupled import (
+    ROUNDING_DEG,
+    ROUNDING_METRES,
+    coupled_axes,
+    coupled_start,
+    mimic_gears,
+    solver_traits,
+)
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.prescribed import with_prescribed_axes
 from simrob_drake.stations.servos import check_motors, drives_of, servo_gains, station_motors
-from simrob_drake.stations.solver_config import FixedSteps, MujocoSolver
+from simrob_drake.stations.solver_config import MujocoSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 
@@ -59,7 +65,7 @@ def resolve(config: StationConfig) -> ResolvedStation:
     config = config.model_copy(update={"inputs": (*config.inputs, *sorted(driven))}) if driven else config
     models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}
     mimics = mimic_gears(config, models)
-    held = {name: gear for name, gear in mimics.items() if gear.is_held(_solver_of(config))}
+    held = {name: gear for name, gear in mimics.items() if gear.is_held(solver_traits(config))}
     unheld = {name: gear for name, gear in mimics.items() if name not in held}
     config = config.model_copy(update={"couplings": {**config.couplings, **held}}) if held else config
     starts = _starts(config, models, unheld)
@@ -74,7 +80,7 @@ def resolve(config: StationConfig) -> ResolvedStation:
         if isinstance(sensors[name], SampledSensor):
             sensors[name] = sensors[name].model_copy(update={"in_loop": True})
     return ResolvedStation(
-        **_solver_of(config)._asdict(),
+        **solver_traits(config)._asdict(),
         has_contact=config.contact is not None,
         ground=ground,
         robots=robots,
@@ -86,24 +92,7 @@ def resolve(config: StationConfig) -> ResolvedStation:
     )
 
 
-class _Solver(NamedTuple):
-    """What couplings must know of a station to say whether its solver holds them."""
-
-    mode: Literal["dynamic", "kinematic"]
-    scheme: str  # empty in a kinematic station
-    time_step: float  # of a discrete solver [s]; 0 for others
-
-
-def _solver_of(config: StationConfig) -> _Solver:
-    """The mode of a station, its scheme and its steps."""
-    scheme = config.solver.scheme if config.mode == "dynamic" else ""
-    time_step = config.solver.time_step if isinstance(config.solver, FixedSteps) else 0.0
-    return _Solver(config.mode, scheme, time_step)
-
-
-def _starts(
-    config: StationConfig, models: Mapping[str, RobotModel], unheld: Mapping[str, Gear]
-) -> dict[str, Vector]:
+def _starts(config: StationConfig, models: Mapping[str, RobotModel], unheld: Mapping[str, Gear]) -> dict[str, Vector]:
     """Initial positions of the robots' axes by name, shape (n,) each [rad or m], which obey the couplings.
 
     Raises:

@@ -118,15 +118,18 @@ def _name_followers(robot: ET.Element, report: ImportReport) -> None:
         mimic, where = child_of(joint, "mimic"), f"joint '{name}'"
         leader = mimic.get("joint", "")
         said = f"mimics '{leader}'"
+        _repair_mimic(mimic, where, report)
         if joint.get("type") == "fixed":
             joint.remove(mimic)
             report.add("dropped", where, f"{said}: fixed joints move with nothing")
+        elif followed(mimic)[0] == 0:
+            continue  # it stands, whatever leads it
         elif leader not in joints or _leads_back(joints, name):
             joint.remove(mimic)
-            problem = "which leads back to itself" if leader in joints else f"which is no joint{nearest(leader, joints)}"
+            problem = (
+                "which leads back to itself" if leader in joints else f"which is no joint{nearest(leader, joints)}"
+            )
             report.add("lost", where, f"{said}, {problem}; it moves on its own")
-        else:
-            _repair_mimic(mimic, where, report)
     for name, joint in followers.items():
         mimic = joint.find("mimic")
         if mimic is None:
@@ -171,7 +174,7 @@ def _fix_still_followers(robot: ET.Element, report: ImportReport) -> None:
             if follows is None:
                 continue
             factor, offset = followed(follows)
-            leader = joints[follows.get("joint", "")]
+            leader = joints.get(follows.get("joint", ""), joint)
             if factor and leader.get("type") in MOVABLE_JOINTS:
                 continue
             # The position of a fixed joint counts as 0, but one that was fixed here stands where it was fixed.

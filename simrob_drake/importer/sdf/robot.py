@@ -19,7 +19,18 @@ from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.shapes import PLAIN
 from simrob_drake.importer.sdf.frames import MODEL, SCOPE, WORLD, Frames, named, own_pose
 from simrob_drake.importer.trees import ROOT, add_between
-from simrob_drake.robots.urdf import DRAKE, MOMENTS, add_colour, add_frame, add_joint, add_motor, name_of, place, text, written
+from simrob_drake.robots.urdf import (
+    DRAKE,
+    MOMENTS,
+    add_colour,
+    add_frame,
+    add_joint,
+    add_motor,
+    name_of,
+    place,
+    text,
+    written,
+)
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in
 from simrob_drake.yaml_files import read_yaml
 
@@ -142,7 +153,9 @@ class RobotWriter:
                 write_limits(element, axis)
                 write_drive(self.robot, element, axis, joint if len(parts) == 1 else None, self.report)
                 self._parts[edge.name, part] = element
-                self._mimics += [(edge, element, mimic) for mimic in (axis.findall("mimic") if axis is not None else [])]
+                self._mimics += [
+                    (edge, element, mimic) for mimic in (axis.findall("mimic") if axis is not None else [])
+                ]
             carrier, start = to, RigidTransform()
         if len(parts) > 1:
             message = f"is {kind}; {len(parts)} joints, between which are links of next to no mass"
