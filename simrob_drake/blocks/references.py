@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -286,7 +287,7 @@ def _combined_polynomials(
         positions = np.concatenate([reference.value(breaks[0])[:, 0] for reference in references])
         return PiecewisePolynomial((matrix @ positions + offset)[:, np.newaxis])
     pieces = []
-    for start, end in zip(breaks[:-1], breaks[1:], strict=True):
+    for start, end in pairwise(breaks.tolist()):
         own = [
             polynomial for reference in references for polynomial in _polynomials(reference, start, (start + end) / 2)
         ]
