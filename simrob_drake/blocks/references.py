@@ -282,9 +282,10 @@ def _combined_polynomials(
 ) -> PiecewisePolynomial:
     """Combine piecewise polynomials, piece by piece between all of their breaks."""
     breaks = np.unique(np.concatenate([reference.get_segment_times() for reference in references]))
-    breaks = breaks[np.append(np.diff(breaks) >= SHORTEST, True)]
+    breaks = breaks[np.isfinite(breaks)]  # a reference that stands still has no others
+    breaks = breaks[np.append(np.diff(breaks) >= SHORTEST, True)[: len(breaks)]]
     if len(breaks) < 2:
-        positions = np.concatenate([reference.value(breaks[0])[:, 0] for reference in references])
+        positions = np.concatenate([reference.value(0.0)[:, 0] for reference in references])
         return PiecewisePolynomial((matrix @ positions + offset)[:, np.newaxis])
     pieces = []
     for start, end in pairwise(breaks.tolist()):
@@ -310,11 +311,13 @@ def _polynomials(reference: PiecewisePolynomial, start: float, inside: float) ->
         still = reference.value(float(np.clip(inside, reference.start_time(), reference.end_time())))
         return [still[row] for row in rows]
     piece = reference.get_segment_index(inside)
-    shift = np.polynomial.Polynomial([start - reference.start_time(piece), 1.0])
+    begin = reference.start_time(piece)
+    passed = start - begin if np.isfinite(begin) else 0.0
+    shift = np.polynomial.Polynomial([passed, 1.0])
     found = []
     for row in rows:
         own = reference.getPolynomial(piece, row, 0).GetCoefficients()
-        found.append(own if shift.coef[0] == 0 else np.polynomial.Polynomial(own)(shift).coef)
+        found.append(own if passed == 0 else np.polynomial.Polynomial(own)(shift).coef)
     return found
 
 

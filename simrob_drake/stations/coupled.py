@@ -86,8 +86,13 @@ def contradiction(
     """
     _, wrong, right = found
     others = [axis for axis in np.flatnonzero(np.abs(condition.ratios) > 1e-9) if axis != wrong]
-    state = listed([f"{coupled.names[axis]} at {values[axis] + 0.0:.5g} {units[axis]}" for axis in others])
-    return f"{right + 0.0:.5g} {units[wrong]}, to which {listed(condition.labels)} takes it with {state}"
+    state = listed([f"{coupled.names[axis]} at {shown(values[axis])} {units[axis]}" for axis in others])
+    return f"{shown(right)} {units[wrong]}, to which {listed(condition.labels)} takes it with {state}"
+
+
+def shown(value: float) -> str:
+    """A position in the user's unit with five digits, without what rounding leaves of zero."""
+    return f"{round(value, 9) + 0.0:.5g}"
 
 
 def coupled_start(
@@ -127,7 +132,7 @@ def coupled_start(
             _, axis, right = broken
             found = (0, axis, right / sizes[axis])
             expected = contradiction(fixed, condition, found, whole / sizes, units)
-            value = f"{whole[axis] / sizes[axis]:.5g} {units[axis]}"
+            value = f"{shown(whole[axis] / sizes[axis])} {units[axis]}"
             raise InvalidParameter(f"initial_deg of {fixed.names[axis]}", value, expected)
 
     solved = dependence.matrix @ whole + dependence.offset

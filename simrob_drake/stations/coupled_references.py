@@ -10,7 +10,7 @@ from simrob_drake.errors import InvalidParameter, listed
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.coupled_axes import Asked, CoupledAxes
-from simrob_drake.stations.coupled import ROUNDING_DEG, ROUNDING_METRES, contradiction
+from simrob_drake.stations.coupled import ROUNDING_DEG, ROUNDING_METRES, contradiction, shown
 from simrob_drake.stations.resolve import ResolvedStation
 
 _LOOKS = 500  # times at which references are compared with couplings
@@ -62,7 +62,8 @@ def obeying_couplings(
         found = coupled.broken(condition, positions, axes.bounds)
         if found is not None:
             sample, axis, right = found
-            value = f"{positions[sample, axis] / axes.sizes[axis]:.5g} {axes.units[axis]} at {times[sample]:.2f} s"
+            asked = shown(positions[sample, axis] / axes.sizes[axis])
+            value = f"{asked} {axes.units[axis]} at {times[sample]:.2f} s"
             in_units = sample, axis, right / axes.sizes[axis]
             expected = contradiction(coupled, condition, in_units, positions[sample] / axes.sizes, axes.units)
             raise InvalidParameter(f"reference of {axes.names[axis]}", value, expected)

@@ -81,7 +81,7 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     if robot.followers:
         content["couplings"] = _couplings(robot)
         remarks.append(_COUPLED.format(followers=", ".join(robot.followers)))
-    remarks += _losses(robot, content)
+    remarks += _losses(robot, content, file)
     remarks += _held(robot, content) if kinematic or robot.base == "fixed" else _on_feet(robot, content)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     return _header(robot, file, options, kinematic) + "".join(f"# {remark}\n" for remark in remarks) + text
@@ -99,11 +99,11 @@ def _couplings(robot: RobotModel) -> dict[str, Any]:
     }
 
 
-def _losses(robot: RobotModel, content: Mapping[str, Any]) -> list[str]:
-    """What the import of the robot lost of its mechanics, a comment for each finding."""
+def _losses(robot: RobotModel, content: Mapping[str, Any], file: Path) -> list[str]:
+    """What the import of a robot from a file lost of its mechanics, a comment for each finding."""
     sections = {key: content[key] for key in ("mode", "couplings") if key in content}
     station = resolve(_config(robot, {**sections, "robot": {}}))
-    findings = import_findings(station.config, station.robots[ONLY_ROBOT])
+    findings = import_findings(station.config, station.robots[ONLY_ROBOT], source=file)
     return [f"Warning: {finding.text}." for finding in findings if finding.level == "warning"]
 
 
@@ -203,7 +203,7 @@ def _begin(robot: RobotModel, content: dict[str, Any], posture: Vector) -> None:
 
 
 def _home(robot: RobotModel) -> dict[str, float]:
-    """The home posture of a robot by axis, in the user's units, in which followers are where their leaders take them."""
+    """The home posture of a robot by axis, in the user's units; followers are where their leaders take them."""
     return _named(robot, _in_user_units(robot, robot.home))
 
 

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 from simrob_drake.errors import listed
 from simrob_drake.importer.options import Entry, read_report
@@ -13,12 +14,15 @@ from simrob_drake.stations.steps import Finding
 _NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
-def import_findings(config: StationConfig, robot: ResolvedRobot) -> list[Finding]:
+def import_findings(
+    config: StationConfig, robot: ResolvedRobot, *, source: Path | None = None
+) -> list[Finding]:
     """Look at what the import of a robot did to its mechanics.
 
     Args:
         config: of the station.
         robot: of the station, imported or not.
+        source: file that the user knows the robot by; that of the station's section unless given.
 
     Returns:
         a warning for each loss of mechanics, losses of the same words in one, and a note that sums up the import.
@@ -27,7 +31,7 @@ def import_findings(config: StationConfig, robot: ResolvedRobot) -> list[Finding
     report = read_report(robot.model.folder)
     if report is None:
         return findings
-    source = config.robots[robot.name].urdf or report.source
+    source = source or config.robots[robot.name].urdf or report.source
     subject = f"import of {source.name}"
     groups: dict[str, list[Entry]] = {}
     for entry in _losses(robot, report.of("lost")):
