@@ -151,5 +151,6 @@ def _check_solvable(condition: Condition) -> None:
         InvalidParameter: no posture fulfils all of them.
     """
     if np.abs(condition.ratios).max(initial=0.0) < 1e-9 and abs(condition.total) > ROUNDING_METRES:
-        keys = listed(condition.labels)
-        raise InvalidParameter("couplings", keys, "couplings that one posture can fulfil: leave one of them out")
+        *others, last = condition.labels
+        expected = "left out, or such that one posture fulfils all of them"
+        raise InvalidParameter(last, f"in contradiction to {listed(others)}", expected)

@@ -1,6 +1,6 @@
 """References of coupled axes: asking for one axis moves its partners, and what contradicts a coupling is an error."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -77,6 +77,37 @@ def obeying_couplings(
         if dependence.undecided.get(axis):
             raise _undecided(coupled, axes, (axis, *dependence.undecided[axis]))
     return _moved(station, references, played, moved, (dependence.matrix, dependence.offset))
+
+
+def with_partners(station: ResolvedStation, robot: str, posture: Vector, named: Collection[int]) -> Vector:
+    """Return a posture in which the axes of a robot that are coupled to named ones are where these take them.
+
+    Args:
+        station: with the couplings.
+        robot: the robot's name; the other robots stay where they are.
+        posture: of its axes, shape (n,) [rad or m].
+        named: indices of the axes whose positions are asked for.
+    """
+    coupled = station.coupled
+    if not coupled:
+        return posture
+    postures = {name: posture if name == robot else one.initial for name, one in station.robots.items()}
+    asked = [
+        Asked.PASSIVE if name != robot else Asked.NAMED if axis in named else Asked.UNNAMED
+        for name, one in station.robots.items()
+        for axis in range(len(one.axes))
+    ]
+    initial = np.concatenate([one.initial for one in station.robots.values()])
+    dependence = coupled.solve(asked, coupled.totals(initial))
+    whole = dependence.matrix @ np.concatenate([*postures.values()]) + dependence.offset
+    first = 0
+    for name, one in station.robots.items():
+        if name == robot:
+            break
+        first += len(one.axes)
+    found = whole[first : first + len(posture)]
+    bounds = station.robots[robot].model.bounds(ROUNDING_DEG, ROUNDING_METRES)
+    return np.where(np.abs(found - posture) > bounds, found, posture)
 
 
 def _axes_of(station: ResolvedStation, requested: Mapping[str, object]) -> _Axes:
