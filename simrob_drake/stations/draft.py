@@ -102,7 +102,7 @@ def _couplings(robot: RobotModel) -> dict[str, Any]:
 def _losses(robot: RobotModel, content: Mapping[str, Any], file: Path) -> list[str]:
     """What the import of a robot from a file lost of its mechanics, a comment for each finding."""
     sections = {key: content[key] for key in ("mode", "couplings") if key in content}
-    station = resolve(_config(robot, {**sections, "robot": {}}))
+    station = resolve(_config(robot, {**sections, "robot": {"initial_deg": _home(robot)}}))
     findings = import_findings(station.config, station.robots[ONLY_ROBOT], source=file)
     return [f"Warning: {finding.text}." for finding in findings if finding.level == "warning"]
 
