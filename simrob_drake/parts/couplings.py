@@ -5,7 +5,7 @@ stiff that what it holds vibrates at :math:`\omega = 2000` rad/s: an acceleratio
 """
 
 from abc import ABC, abstractmethod
-from typing import Annotated, ClassVar, Literal, NamedTuple, Protocol
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -26,6 +26,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, transform_from_pose
+from simrob_drake.parts.coupling import RELAXES, STIFFNESS, CouplingSection
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.site import WORLD, Site, StationPlant, StationRobot, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
@@ -33,88 +34,8 @@ from simrob_drake.robots.coupled_axes import Equation
 from simrob_drake.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
 
 _ANCHOR = "couplings_anchor"
-_CLOSED = 1e-3  # how far apart at the start what is held together may be [m or rad]
-STIFFNESS, RELAXES = 2000.0**2, 2e-4  # stiffness of a coupling by what it holds [1/s²], and its damper by that [s]
 _HALF_APART = 0.025  # m: of the points on a hinge's axis
 _SHORTEST = 1e-9  # m: Drake wants a length, though it need not have one
-
-
-class Solved(Protocol):
-    """What says how a station is solved."""
-
-    @property
-    def mode(self) -> str:
-        """``dynamic`` or ``kinematic``."""
-
-    @property
-    def scheme(self) -> str:
-        """Of the solver, such as ``cenic``; empty in a kinematic station."""
-
-    @property
-    def time_step(self) -> float:
-        """Of a discrete solver [s]; 0 for others."""
-
-
-class CouplingSection(Strict, ABC):
-    """A section of ``couplings``."""
-
-    constrains: ClassVar[bool] = True  # whether it is a constraint, or so stiff a spring that it counts as one
-    schemes: ClassVar[tuple[str, ...]] = ("radau3", "radau1", "implicit_euler", "velocity_implicit_euler")
-    """Continuous schemes that hold it."""
-    engines: ClassVar[tuple[str, ...]] = ()
-    """Other engines than Drake's plant that hold it."""
-    guides_references: ClassVar[bool] = False
-    """Whether references obey the coupling, so that a kinematic station can have it, too."""
-    words: ClassVar[str]  # what it is, with its own figures
-    kind: str
-
-    @abstractmethod
-    def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized."""
-
-    def caption(self) -> str:
-        """Return it in words."""
-        return self.words.format(it=self)
-
-    def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station can have the coupling: its mode, its solver, and the names of axes and bodies.
-
-        Args:
-            key: of the coupling in the station, such as ``couplings.mesh``.
-            station: in which it is.
-
-        Raises:
-            SimrobError: the station cannot have it; the message names the key.
-        """
-        if station.mode == "kinematic" and not self.guides_references:
-            value = f"a coupling of kind {self.kind} in a kinematic station"
-            raise InvalidParameter(key, value, "left out: the reference moves all joints, and no force acts")
-        if not self.is_held(station):
-            expected = f"{'radau3, or ' if self.schemes else ''}kind: discrete with scheme: sap, which hold {key}"
-            raise InvalidParameter("solver", station.scheme, expected)
-        if isinstance(self, Between):
-            for part in ("body", "other"):
-                check_frame(station, f"{key}.{part}", getattr(self, part))
-
-    def is_held(self, station: Solved) -> bool:
-        """Whether the solver of a station holds this coupling."""
-        if station.mode == "kinematic" or not self.constrains:
-            return True
-        if station.scheme == "mujoco":
-            return "mujoco" in self.engines
-        return station.time_step > 0 or station.scheme in self.schemes
-
-    def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
-        """Add what holds it beside the plant: nothing, unless it couples axes under a continuous scheme."""
-
-    def gap(self, plant: StationPlant, context: Context) -> float:
-        """Return how far what it holds together is apart in a context [m or rad]; 0 of what may be anywhere."""
-        return 0.0
-
-    def check_start(self, key: str, plant: StationPlant, context: Context) -> None:
-        """Check that the station starts in a posture that it allows; raises InvalidParameter: it does not."""
-        if (gap := self.gap(plant, context)) > _CLOSED:
-            raise InvalidParameter(key, f"{gap:.4g} m (or rad) off at the start", f"at most {_CLOSED:g} off")
 
 
 class Attachment(NamedTuple):
@@ -155,6 +76,11 @@ class Between(Strict, ABC):
     def places(self) -> tuple[RigidTransform, RigidTransform]:
         """Where it holds, on the one and on the other."""
 
+    def check_bodies(self, key: str, station: Surroundings) -> None:
+        """Check that the station has both bodies; raises SimrobError: it lacks one."""
+        for part in ("body", "other"):
+            check_frame(station, f"{key}.{part}", getattr(self, part))
+
     def ends(self, plant: StationPlant) -> list[Attachment]:
         """Return both ends."""
         frames = [frame_of(plant, name) for name in (self.body, self.other)]
@@ -191,8 +117,9 @@ class BetweenPoints(Between, CouplingSection):
     """Where on the other [m]; in the world's axes unless `other` is given."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that they are two."""
+        """Check that they are two, and that the station has both; raises SimrobError: not so."""
         super().check(key, station)
+        self.check_bodies(key, station)
         if self.body == self.other:
             raise InvalidParameter(f"{key}.other", self.other, "another one than body")
 
@@ -246,6 +173,11 @@ class BetweenFrames(Between, CouplingSection):
     """The frame on the body, [x y z Rz Ry Rx]."""
     other_pose: Pose = ORIGIN
     """The frame on the other."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the station has both bodies; raises SimrobError: it lacks one."""
+        super().check(key, station)
+        self.check_bodies(key, station)
 
     @property
     def places(self) -> tuple[RigidTransform, RigidTransform]:
@@ -355,6 +287,12 @@ class Gear(CouplingSection):
                 if ratio:
                     levers.append((joint, float(ratio) * axis.sign))
         return levers
+
+    def gap(self, plant: StationPlant, context: Context) -> float:
+        """How far the sum of positions times ratios is from what it should stay, in a context [rad or m]."""
+        positions = plant.plant.GetPositions(context)
+        each = (self._counts(robot) @ robot.axis_map.positions(positions) for robot in plant.robots.values())
+        return abs(float(sum(each)) - self.kept(plant))
 
     def add(self, plant: StationPlant) -> None:
         """Add a constraint to a plant that is not finalized, if its solver holds constraints."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from os.path import isfile
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -15,10 +15,11 @@ from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.files import ROBOT_FILE, models_root, robot_files
 from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
-from simrob_drake.robots.bodies import FOLLOWS, Gripper, fingers_of, followed, links_without_inertia, tool_links
-from simrob_drake.robots.coupled_axes import Asked, CoupledAxes, Equation
+from simrob_drake.robots.bodies import Gripper, fingers_of, links_without_inertia, tool_links
+from simrob_drake.robots.coupled_axes import Asked, asked_by
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
+from simrob_drake.robots.followers import Follower, followers_among, with_followers
 from simrob_drake.robots.motors import Drives, Motors, set_drives
 from simrob_drake.robots.urdf import DRAKE, joint_figure, joint_limits, movable_joints, name_of, root_link
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
@@ -35,18 +36,6 @@ class Axis(Strict):
     """-1 where the axis is positive in the other sense than its joint."""
     aliases: tuple[str, ...] = ()
     """Other names by which users may call it."""
-
-
-class Follower(NamedTuple):
-    """How an axis follows another one of its robot, as its file says: position ``factor * leader + offset``."""
-
-    leader: str  # name of the axis that it follows
-    factor: float  # positions of the follower by those of the leader [rad/rad, m/rad, rad/m or m/m]
-    offset: float  # position of the follower where the leader is at 0 [rad or m]
-
-    def ratios(self, follower: str) -> dict[str, float]:
-        """Ratios of a gear between the follower, by its name, and its leader; their total is the offset."""
-        return {follower: 1.0, self.leader: -self.factor}
 
 
 class Gains(Strict):
@@ -265,35 +254,11 @@ class RobotModel(Strict):
     @cached_property
     def followers(self) -> dict[str, Follower]:
         """The axes that follow another axis (``mimic``), by name, in the senses of the axes [rad or m]."""
-        axis_of = {axis.joint: name for name, axis in self.axes.items()}
-        found = {}
-        for name, joint in zip(self.axes, self.joints, strict=True):
-            follows = joint.find(FOLLOWS)
-            leader = None if follows is None else axis_of.get(follows.get("joint", ""))
-            if follows is None or leader is None:
-                continue
-            factor, offset = followed(follows)
-            sign, sign_of_leader = self.axes[name].sign, self.axes[leader].sign
-            found[name] = Follower(leader, sign * factor * sign_of_leader, sign * offset)
-        return found
-
-    @cached_property
-    def _coupled(self) -> CoupledAxes:
-        """The equations between the axes that the robot's own file tells."""
-        equations = [
-            Equation(f"{axis} follows {follower.leader}", follower.ratios(axis), follower.offset)
-            for axis, follower in self.followers.items()
-        ]
-        return CoupledAxes(list(self.axes), equations)
+        return followers_among({name: (axis.joint, axis.sign) for name, axis in self.axes.items()}, self.joints)
 
     def with_followers(self, positions: Vector) -> Vector:
-        """Return positions (..., n) [rad or m] in which each follower is where its leader takes it."""
-        if not self.followers:
-            return positions
-        asked = [Asked.UNNAMED if axis in self.followers else Asked.NAMED for axis in self.axes]
-        totals = self._coupled.totals(np.zeros(len(self.axes)))
-        dependence = self._coupled.solve(asked, totals)
-        return np.asarray(positions @ dependence.matrix.T + dependence.offset)
+        """Positions (..., n) [rad or m] with each follower where its leader takes it."""
+        return with_followers(list(self.axes), self.followers, positions)
 
     @property
     def home(self) -> Vector:
@@ -353,12 +318,8 @@ class RobotModel(Strict):
         return np.broadcast_to(vector, (count,)).copy()
 
     def asked(self, values: AxisValues | None) -> list[Asked]:
-        """How firmly a user's values per axis ask each of the n axes: a number stands for all, a mapping names some."""
-        if isinstance(values, Mapping):
-            named = {self.axis_index(axis) for axis in values}
-            return [Asked.NAMED if place in named else Asked.UNNAMED for place in range(len(self.axes))]
-        firmness = Asked.NAMED if isinstance(values, list) else Asked.UNNAMED if values is None else Asked.LEADING
-        return [firmness] * len(self.axes)
+        """How firmly a user's values per axis ask each of the n axes: see :func:`asked_by`."""
+        return asked_by(values, len(self.axes), self.axis_index)
 
     def axis_index(self, axis: str, where: str = "") -> int:
         """Return the place of an axis given by its name or an alias."""
@@ -430,10 +391,8 @@ def _usual_home(robot: RobotModel) -> dict[str, float]:
         if not low <= 0 <= high
     }
     home = midway | {axis: opened for axis, (_, opened) in fingers.items() if opened}
-    if not robot.followers:
-        return home
     positions = robot.model_copy(update={"home_deg": home or 0.0}).home / robot.user_units
-    return {axis: float(f"{value:.6g}") for axis, value in zip(robot.axes, positions.tolist(), strict=True) if value}
+    return {axis: float(f"{value:.6g}") for axis, value in zip(robot.axes, positions, strict=True) if value}
 
 
 def described_robot(path: Path) -> RobotModel | None:

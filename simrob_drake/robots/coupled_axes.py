@@ -8,7 +8,7 @@ of ratios :math:`r_i` and a total :math:`c`. A user names values for some axes o
 that were named least, so that asking for one axis of a pair moves the other one, too.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -33,6 +33,24 @@ class Asked(IntEnum):
     """One value stands for all axes, and no other axis leads this one."""
     NAMED = 3
     """The user gives the value of this axis."""
+
+
+def asked_by(
+    values: float | Sequence[float] | Mapping[str, float] | None, count: int, index_of: Callable[[str], int]
+) -> list[Asked]:
+    """How firmly a user's values ask each of some axes: a number stands for all, a mapping names some.
+
+    Args:
+        values: a number, a list of one for each axis, a mapping by axis, or None where nothing is asked.
+        count: of the axes.
+        index_of: index of an axis by its name.
+    """
+    if isinstance(values, Mapping):
+        named = {index_of(axis) for axis in values}
+        return [Asked.NAMED if place in named else Asked.UNNAMED for place in range(count)]
+    if values is None:
+        return [Asked.UNNAMED] * count
+    return [Asked.NAMED if isinstance(values, Sequence) else Asked.LEADING] * count
 
 
 class Equation:

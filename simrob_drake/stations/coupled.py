@@ -10,7 +10,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.coupled_axes import Condition, CoupledAxes
-from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.config import RobotConfig, StationConfig
 from simrob_drake.stations.solver_config import FixedSteps
 
 # Deviations from a coupling that count as rounding: stations hold degrees with four decimals, and the grippers of
@@ -154,3 +154,41 @@ def _check_solvable(condition: Condition) -> None:
         *others, last = condition.labels
         expected = "left out, or such that one posture fulfils all of them"
         raise InvalidParameter(last, f"in contradiction to {listed(others)}", expected)
+
+
+def starting_positions(
+    config: StationConfig, models: Mapping[str, RobotModel], unheld: Mapping[str, Gear]
+) -> dict[str, Vector]:
+    """Initial positions of the robots' axes by name, shape (n,) each [rad or m], which obey the couplings.
+
+    Raises:
+        InvalidParameter: ``initial_deg`` is beyond the limits of an axis, or contradicts a coupling.
+    """
+    positions = {name: _initial_position(config.robots[name], name, model) for name, model in models.items()}
+    axes = [f"{config.prefix(name)}{axis}" for name, model in models.items() for axis in model.axes]
+    starts = coupled_start(config, coupled_axes(config, unheld, axes), models, positions)
+    for name, model in models.items():
+        _check_start(model, starts[name])
+    return starts
+
+
+def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:
+    """Positions (n,) [rad or m] that ``initial_deg`` gives the axes of a robot, before couplings are looked at."""
+    return model.user_units * model.axis_vector(entry.initial_deg, f"robots.{robot}.initial_deg")
+
+
+def _check_start(model: RobotModel, position: Vector) -> None:
+    """Check that a robot begins within its limits, rounding set aside.
+
+    Raises:
+        InvalidParameter: an axis is beyond a limit.
+    """
+    lower, upper = model.axis_limits
+    slack = np.where([axis in model.followers for axis in model.axes], model.bounds(ROUNDING_DEG, ROUNDING_METRES), 0.0)
+    for index, axis in enumerate(model.axes):
+        if not lower[index] - slack[index] <= position[index] <= upper[index] + slack[index]:
+            low, high, value = np.array([lower[index], upper[index], position[index]]) / model.user_units[index]
+            limits = f"within {low:.5g} to {high:.5g} {model.unit_names[index]}"
+            if axis in model.followers:
+                limits += f"; it follows {model.followers[axis].leader}, so choose another initial_deg of that"
+            raise InvalidParameter(f"initial_deg of {axis}", f"{value:.5g}", limits)

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.blocks.references import Reference, SineReference, combined, reference_values
+from simrob_drake.blocks.combined_references import combined
+from simrob_drake.blocks.references import Reference, SineReference, reference_values
 from simrob_drake.errors import InvalidParameter, listed
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot

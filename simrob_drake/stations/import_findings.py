@@ -14,9 +14,7 @@ from simrob_drake.stations.steps import Finding
 _NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
-def import_findings(
-    config: StationConfig, robot: ResolvedRobot, *, source: Path | None = None
-) -> list[Finding]:
+def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path | None = None) -> list[Finding]:
     """Look at what the import of a robot did to its mechanics.
 
     Args:

@@ -24,14 +24,7 @@ from simrob_drake.robots.motors import Drives
 from simrob_drake.robots.pieces import FORMS, TCP, PieceModel, PieceShape, described_piece, piece_file, with_changes
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
-from simrob_drake.stations.coupled import (
-    ROUNDING_DEG,
-    ROUNDING_METRES,
-    coupled_axes,
-    coupled_start,
-    mimic_gears,
-    solver_traits,
-)
+from simrob_drake.stations.coupled import coupled_axes, mimic_gears, solver_traits, starting_positions
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.prescribed import with_prescribed_axes
 from simrob_drake.stations.servos import check_motors, drives_of, servo_gains, station_motors
@@ -68,7 +61,7 @@ def resolve(config: StationConfig) -> ResolvedStation:
     held = {name: gear for name, gear in mimics.items() if gear.is_held(solver_traits(config))}
     unheld = {name: gear for name, gear in mimics.items() if name not in held}
     config = config.model_copy(update={"couplings": {**config.couplings, **held}}) if held else config
-    starts = _starts(config, models, unheld)
+    starts = starting_positions(config, models, unheld)
     pieces = {piece.name: piece for piece in _pieces(config, models)}
     for name in config.pieces:
         if name in config.robots or name == WORLD:
@@ -90,20 +83,6 @@ def resolve(config: StationConfig) -> ResolvedStation:
         unheld=unheld,
         mimics=tuple(mimics),
     )
-
-
-def _starts(config: StationConfig, models: Mapping[str, RobotModel], unheld: Mapping[str, Gear]) -> dict[str, Vector]:
-    """Initial positions of the robots' axes by name, shape (n,) each [rad or m], which obey the couplings.
-
-    Raises:
-        InvalidParameter: ``initial_deg`` is beyond the limits of an axis, or contradicts a coupling.
-    """
-    positions = {name: _initial_position(config.robots[name], name, model) for name, model in models.items()}
-    axes = [f"{config.prefix(name)}{axis}" for name, model in models.items() for axis in model.axes]
-    starts = coupled_start(config, coupled_axes(config, unheld, axes), models, positions)
-    for name, model in models.items():
-        _check_start(model, starts[name])
-    return starts
 
 
 def check_parts(station: ResolvedStation) -> None:
@@ -266,28 +245,6 @@ def _robot(
     )
     check_motors(config, resolved)
     return resolved
-
-
-def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:
-    """Positions (n,) [rad or m] that ``initial_deg`` gives the axes of a robot, before couplings are looked at."""
-    return model.user_units * model.axis_vector(entry.initial_deg, f"robots.{robot}.initial_deg")
-
-
-def _check_start(model: RobotModel, position: Vector) -> None:
-    """Check that a robot begins within its limits, rounding set aside.
-
-    Raises:
-        InvalidParameter: an axis is beyond a limit.
-    """
-    lower, upper = model.axis_limits
-    slack = np.where([axis in model.followers for axis in model.axes], model.bounds(ROUNDING_DEG, ROUNDING_METRES), 0.0)
-    for index, axis in enumerate(model.axes):
-        if not lower[index] - slack[index] <= position[index] <= upper[index] + slack[index]:
-            low, high, value = np.array([lower[index], upper[index], position[index]]) / model.user_units[index]
-            limits = f"within {low:.5g} to {high:.5g} {model.unit_names[index]}"
-            if axis in model.followers:
-                limits += f"; it follows {model.followers[axis].leader}, so choose another initial_deg of that"
-            raise InvalidParameter(f"initial_deg of {axis}", f"{value:.5g}", limits)
 
 
 def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator[ResolvedPiece]:

@@ -1,4 +1,4 @@
-"""References of coupled axes: partners move along, contradictions are errors, and the verdict says what it leaves out."""
+"""References of coupled axes: partners move along, contradictions are errors; and what the verdict leaves out."""
 
 import json
 
@@ -8,7 +8,8 @@ import yaml
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import Arm, load_station, simulate
-from simrob_drake.blocks.references import SineReference, combined, hold, move, ramp, reference_values
+from simrob_drake.blocks.combined_references import combined
+from simrob_drake.blocks.references import SineReference, hold, move, ramp, reference_values
 from simrob_drake.errors import SimrobError
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.coupled_axes import Asked, CoupledAxes, Equation
@@ -64,7 +65,9 @@ def test_either_axis_of_a_pair_moves_the_other(tmp_path, asked):
 def test_two_motors_no_longer_press_against_each_other(tmp_path):
     couplings = {"mesh": gear(slide_r=1, slide_l=-1)}
     start = {"initial_deg": {"slide_l": 0.04, "slide_r": 0.04}}
-    config = station(tmp_path, ["slide_l", "slide_r"], couplings=couplings, reference=moving(slide_l=0.0), **{"": start})
+    config = station(
+        tmp_path, ["slide_l", "slide_r"], couplings=couplings, reference=moving(slide_l=0.0), **{"": start}
+    )
     result = simulate(config, progress=False)
     np.testing.assert_allclose(result.axes("q")[-1], 0.0, atol=1e-3)
     assert result.verdict["torque_share"].worst.value < 0.5
@@ -116,7 +119,7 @@ def test_an_axis_without_a_motor_gives_way(tmp_path):
 
 def test_couplings_that_contradict_each_other_are_refused(tmp_path):
     couplings = {"one": gear(a=1, b=-1, total=0), "other": gear(a=1, b=-1, total=0.5)}
-    with pytest.raises(SimrobError, match="couplings.other is in contradiction to couplings.one"):
+    with pytest.raises(SimrobError, match=r"couplings\.other is in contradiction to couplings\.one"):
         station(tmp_path, "ab", couplings=couplings)
 
 

@@ -130,7 +130,7 @@ def test_samples_that_contradict_are_refused(tmp_path):
     ends = np.array([start, start])
     assert simulate(config, reference=([0.0, 0.5], ends), progress=False).ending == "completed"
     ends[1, 1] += 0.3  # the axis a alone
-    with pytest.raises(SimrobError, match="reference of [bcd]"):
+    with pytest.raises(SimrobError, match=r"reference of [bcd]"):
         simulate(config, reference=([0.0, 0.5], ends), progress=False)
 
 
@@ -194,7 +194,8 @@ def test_mjcf_equalities_keep_slope_and_offset(tmp_path):
     text = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" ref="20"/><geom size="0.1"/>
       <body><joint name="b" axis="0 1 0"/><geom size="0.1"/></body></body>
       <body><joint name="c" axis="0 1 0"/><geom size="0.1"/></body></worldbody>
-      <equality><joint joint1="b" joint2="a" polycoef="0.1 -2 0 0 0"/><joint joint1="c" joint2="b" polycoef="0 1 3 0 0"/>
+      <equality><joint joint1="b" joint2="a" polycoef="0.1 -2 0 0 0"/>
+      <joint joint1="c" joint2="b" polycoef="0 1 3 0 0"/>
       </equality></mujoco>"""
     file = tmp_path / "arm.xml"
     file.write_text(text)
