@@ -20,7 +20,7 @@ from simrob_drake.robots.coupled_axes import Asked, asked_by
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.followers import Follower, followers_among, with_followers
-from simrob_drake.robots.motors import Drives, Motors, set_drives
+from simrob_drake.robots.motors import Drives, Gains, set_drives
 from simrob_drake.robots.urdf import DRAKE, joint_figure, joint_limits, movable_joints, name_of, root_link
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
 from simrob_drake.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
@@ -36,21 +36,6 @@ class Axis(Strict):
     """-1 where the axis is positive in the other sense than its joint."""
     aliases: tuple[str, ...] = ()
     """Other names by which users may call it."""
-
-
-class Gains(Strict):
-    """Servo gains that a robot brings along; a station may set others."""
-
-    kp: AxisValues | None = None
-    """Proportional gain [N·m/rad, or N/m of a prismatic axis]."""
-    ki: AxisValues | None = None
-    """Integral gain [N·m/(rad·s) or N/(m·s)]."""
-    kd: AxisValues | None = None
-    """Derivative gain [N·m·s/rad or N·s/m]."""
-    motor: Motors | None = None
-    """Its motors, as in a station's `servo`."""
-    torque_limit: AxisValues | None = None
-    """Largest torque or force of the motor [N·m or N]; the effort limit of the URDF unless given."""
 
 
 def _axes_by_name(axes: Any) -> Any:
@@ -391,6 +376,8 @@ def _usual_home(robot: RobotModel) -> dict[str, float]:
         if not low <= 0 <= high
     }
     home = midway | {axis: opened for axis, (_, opened) in fingers.items() if opened}
+    if not robot.followers:
+        return home
     positions = robot.model_copy(update={"home_deg": home or 0.0}).home / robot.user_units
     return {axis: float(f"{value:.6g}") for axis, value in zip(robot.axes, positions, strict=True) if value}
 
