@@ -48,6 +48,10 @@ class ReferenceSection(Strict, ABC):
         """Values per axis that say where axes go; None where the section leaves all of them at their start."""
         return [getattr(self, "target_deg", None)]
 
+    def postures(self) -> list[AxisValues]:
+        """Positions per axis at which the section wants the robot, in the user's units."""
+        return [values for values in self.targets_by_axis() if values is not None]
+
     def asked(self, model: RobotModel) -> list[Asked]:
         """How firmly the section asks each of the n axes of a robot for a motion: see :class:`Asked`."""
         each = [model.asked(values) for values in self.targets_by_axis()]
@@ -243,6 +247,10 @@ class SineWave(ReferenceSection):
     def targets_by_axis(self) -> list[AxisValues | None]:
         """The amplitudes per axis: they say which axes move."""
         return [self.amplitude_deg]
+
+    def postures(self) -> list[AxisValues]:
+        """None: the amplitudes are no positions."""
+        return []
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> SineReference:
         """Return the swing about ``start`` (n,) [rad or m]."""

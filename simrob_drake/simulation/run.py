@@ -27,6 +27,7 @@ from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig, check_effort
 from simrob_drake.stations.import_findings import import_findings
+from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.solver_config import FixedSteps
 from simrob_drake.stations.steps import step_findings
 
@@ -159,6 +160,7 @@ class Run:
         """Return why the result may be wrong though the run went to its end."""
         plant = self.whole.ports.plant
         findings = [finding for robot in plant.robots.values() for finding in import_findings(self.config, robot)]
+        findings += plausibility_findings(self.whole.ports.station)
         if self.config.mode == "dynamic":
             findings += step_findings(self.config, plant)
         return [finding.text for finding in findings if finding.level == "warning"]

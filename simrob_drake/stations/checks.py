@@ -12,6 +12,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.site import WORLD, StationPlant, StationRobot
 from simrob_drake.robots.motors import rated_torques
+from simrob_drake.robots.plausibility import moving_mass, payload_doubt
 from simrob_drake.robots.urdf import doubtful_efforts
 from simrob_drake.signals import Signal
 from simrob_drake.stations.clearance import KNEELING, Clearance, Overlap, standing
@@ -19,9 +20,10 @@ from simrob_drake.stations.closed import check_reference, closed_station, refere
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
 from simrob_drake.stations.import_findings import import_findings
+from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.steps import Finding, step_findings
+from simrob_drake.stations.steps import Finding, Level, step_findings
 
 _EVERY = 20  # of the 501 samples of a reference
 _BURIED = 5e-3  # what stands on the floor may reach below it by as much [m]
@@ -140,9 +142,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     closed = closed_station(resolve(config))
     ports, diagram = closed.ports, closed.diagram
     findings = _piece_findings(ports)
-    if config.gravity < 0:
-        text = f"{config.gravity:g} m/s² pulls up: {-config.gravity:g} pulls down, along -z"
-        findings.append(Finding("warning", "gravity", text))
+    findings += plausibility_findings(ports.station)
     for robot in ports.plant.robots.values():
         findings += _reference_findings(robot, closed.references.get(robot.name), config.duration)
     for robot in ports.plant.robots.values():
@@ -297,7 +297,9 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Refer
         text = (
             f"at rest along the reference it holds {masses.min():.3g} kg more at {robot.tcp}, by the motor of {weakest}"
         )
-        findings.append(Finding("note", f"payload of {robot.name}", text))
+        doubt = payload_doubt(float(masses.min()), moving_mass(robot.model.element))
+        level: Level = "warning" if doubt and masses.min() > 0 else "note"  # weak motors have a warning each already
+        findings.append(Finding(level, f"payload of {robot.name}", f"{text}; {doubt}" if doubt else text))
     if robot.model.payload is not None and robot.load > robot.model.payload:
         text = f"it carries {robot.load:.3g} kg, and is rated for {robot.model.payload:g} kg: lighten its load"
         findings.append(Finding("warning", f"payload of {robot.name}", text))

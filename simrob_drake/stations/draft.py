@@ -23,6 +23,7 @@ from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.import_findings import import_findings
 from simrob_drake.stations.load import ONLY_ROBOT
+from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.stances import Stance, Stances
 from simrob_drake.stations.steps import apply_solver, step_findings
@@ -104,7 +105,8 @@ def _losses(robot: RobotModel, content: Mapping[str, Any], file: Path) -> list[s
     sections = {key: content[key] for key in ("mode", "couplings") if key in content}
     station = resolve(_config(robot, {**sections, "robot": {"initial_deg": _home(robot)}}))
     findings = import_findings(station.config, station.robots[ONLY_ROBOT], source=file)
-    return [f"Warning: {finding.text}." for finding in findings if finding.level == "warning"]
+    findings += plausibility_findings(station)
+    return [f"Warning: {finding.text}" for finding in findings if finding.level == "warning"]
 
 
 def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:

@@ -29,6 +29,7 @@ from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.prescribed import with_prescribed_axes
 from simrob_drake.stations.servos import check_motors, drives_of, servo_gains, station_motors
 from simrob_drake.stations.solver_config import MujocoSolver
+from simrob_drake.stations.target_limits import check_targets
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 
@@ -95,6 +96,8 @@ def check_parts(station: ResolvedStation) -> None:
     if free and config.mode == "kinematic":
         raise InvalidParameter(f"pieces.{free[0]}.free", True, "false in a kinematic station, which moves robots only")
     _check_engine(config)
+    for robot in station.robots.values():
+        check_targets(config, robot)
     for name, sensor in config.sensors.items():
         sensor.check(f"sensors.{name}", station)
     for name, monitor in config.monitors.items():

@@ -38,8 +38,6 @@ _WAYS_OUT = {
 _DEFAULT_AXIS = "1 0 0"  # of the URDF format
 
 DEFAULT_STROKE = 1.0  # of a prismatic joint without limits, to each side [m]
-_LONGEST = 30.0  # link of a robot [m]
-_MANY_TURNS = 4 * math.pi
 _ENDLESS = 1e4  # rad: larger limits are a way to write that there are none
 _ROUNDED = 1e-4  # rad or m: limits that differ by less were rounded
 _ACCELERATION = f"{DRAKE}acceleration"
@@ -60,22 +58,12 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
             _repair_axis(joint, where, report)
             _repair_limits(joint, where, report)
             _repair_dynamics(joint, where, options, report)
-    _look_for_millimetres(robot, report)
     _name_followers(robot, report)
     _fix_still_followers(robot, report)
     _widen_followers(robot, report)
     if not movable_joints(robot):
         raise report.refusal("", "has no joint that moves, so no motor could; a rigid thing is a piece, not a robot")
     drop_lost_frames(robot, report)
-
-
-def _look_for_millimetres(robot: ET.Element, report: ImportReport) -> None:
-    """Tell of a joint that is farther from the last one than a link of any robot is long."""
-    for joint in robot.iterfind("joint"):
-        if (away := float(np.linalg.norm(pose_of(joint).translation()))) > _LONGEST:
-            text = f"is {away:.4g} m from the joint before it; were millimetres meant? lengths of a URDF are in metres"
-            report.add("read", f"joint '{name_of(joint)}'", text)
-            return
 
 
 def _repair_type(joint: ET.Element, report: ImportReport) -> None:
@@ -315,8 +303,6 @@ def _repair_range(
         _set_range(joint, None, None)
         joint.set("type", "continuous")
         report.add("repaired", where, f"{said} rad stop nothing; continuous instead of revolute")
-    elif joint.get("type") == "revolute" and largest > _MANY_TURNS:
-        report.add("read", where, f"{said} rad are {largest / math.tau:.1f} turns; were degrees meant?")
 
 
 def _fix_at(joint: ET.Element, position: float) -> None:
