@@ -17,14 +17,19 @@ from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.shape_inertia import inertia_of_shapes
 from simrob_drake.robots.urdf import joint_limits, link_of, mass_of, moments_of, name_of, pose_of, root_link
 
-HEAVIEST = 20_000.0
-"""Largest density of a body [kg/m³], as of tungsten and gold."""
-LIGHTEST = 1.0
-"""Smallest density of a body [kg/m³], as of air: shapes may be larger than what they stand for."""
+# Bounds of what is not doubted. Slips with units are larger: grams for kilograms make a density 1e3 times as large,
+# millimetres for metres 1e9 times as small, kg mm² for kg m² moments 1e6 times as large. Published robots reach the
+# bounds where a shape stands for something larger or smaller than itself.
+HEAVIEST = 1e5
+"""Largest density of a body [kg/m³]; gold has 2e4."""
+LIGHTEST = 0.1
+"""Smallest density of a body [kg/m³]; air has 1.2."""
+_LEAST_MOMENTS, _MOST_MOMENTS = 1e-5, 1e3  # moments of a body by those of a solid one of its mass and shapes
+_NEGLIGIBLE = 1e-3  # mass of a link by that of the robot that changes no motion
+_TOKEN = 1e-6  # volume of shapes that only stand for something, a cube of 10 mm [m³]
 _FAR = 1.0  # distance of a centre of mass from the middle of its body that is never doubted [m]
 _SPREADS = 2.0  # and as many radii of gyration of the body beside it
 _STRONG, _HEAVY = 50.0, 100.0  # payload by the robot's own mass, and the payload [kg] up to which that is not doubted
-_OFTEN = 100.0  # factor between the moments of a body and those of a solid one of its mass and shapes
 _LONGEST = 30.0  # link of a robot [m]
 _MOST_TURNS = 4 * math.pi  # limit of a joint that is not doubted [rad]
 _WHOLE = 1e-3  # deviation from a whole number of half turns that is rounding
@@ -60,8 +65,10 @@ def robot_doubts(robot: ET.Element, folder: Path | None) -> list[Doubt]:
     """
     sizes = _sizes(robot)
     doubts = list[Doubt]()
+    whole = sum(mass_of(link) for link in robot.iterfind("link"))
     for link in robot.iterfind("link"):
-        doubts += _link_doubts(link, sizes[name_of(link)], folder)
+        if mass_of(link) > _NEGLIGIBLE * whole:
+            doubts += _link_doubts(link, sizes[name_of(link)], folder)
     doubts += list(_joint_doubts(robot))
     return doubts
 
@@ -80,12 +87,12 @@ def _sizes(robot: ET.Element) -> dict[str, float]:
 def _link_doubts(link: ET.Element, size: float, folder: Path | None) -> list[Doubt]:
     """Find the doubtful numbers of a link's inertia, by its shapes, or by its size [m] if it has none."""
     inertial = link.find("inertial")
-    if inertial is None or mass_of(link) == 0:
+    if inertial is None:
         return []
     where = f"link '{name_of(link)}' <inertial>"
     own = MassProperties(mass_of(link), pose_of(inertial).translation(), float(np.trace(moments_of(inertial))))
     solid = inertia_of_shapes(link, folder, 1.0)
-    if solid is None:
+    if solid is None or solid.get_mass() < _TOKEN:
         return [Doubt(where, text) for text in _doubts_by_size(own, size)]
     centre = solid.get_com()
     moments = solid.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3()
@@ -105,7 +112,7 @@ def doubts_by_shapes(own: MassProperties, shapes: MassProperties) -> list[str]:
     if apart > _FAR + _SPREADS * math.sqrt(shapes.spread):
         texts.append(f"its centre of mass lies {apart:.3g} m from the middle of its shapes; in mm?")
     ratio = own.spread / shapes.spread
-    if ratio > _OFTEN or 0 < ratio < 1 / _OFTEN:
+    if ratio > _MOST_MOMENTS or 0 < ratio < _LEAST_MOMENTS:
         texts.append(f"its moments are {ratio:.3g} times those of a solid body of its mass and shapes")
     return texts
 

@@ -1,6 +1,5 @@
 """Mechanics of a robot's file that a station does not have: what its import lost, and mimics that no solver holds."""
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,9 +8,8 @@ from simrob_drake.importer.options import Entry, read_report
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.coupled import unheld_mimics
+from simrob_drake.stations.grouping import grouped
 from simrob_drake.stations.steps import Finding
-
-_NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path | None = None) -> list[Finding]:
@@ -31,14 +29,11 @@ def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path
         return findings
     source = source or config.robots[robot.name].urdf or report.source
     subject = f"import of {source.name}"
-    groups: dict[str, list[Entry]] = {}
-    for entry in _losses(robot, report.of("lost")):
-        groups.setdefault(_NUMBER.sub("", entry.text), []).append(entry)
-    for first, *others in groups.values():
-        text = f"{first.element}: {first.text}" if first.element else first.text
-        if others:
-            text += f"; likewise {listed([other.element for other in others])}"
-        findings.append(Finding("warning", subject, f"lost in the {subject}: {text}"))
+    losses = _losses(robot, report.of("lost"))
+    for (first, *others), text in grouped((entry.element, entry.text) for entry in losses):
+        told = f"{first}: {text}" if first else text
+        told += f"; likewise {listed(others)}" if others else ""
+        findings.append(Finding("warning", subject, f"lost in the {subject}: {told}"))
     if config.robots[robot.name].urdf is not None:
         findings.append(Finding("note", subject, f"{report.summary()}; `simrob check {source}` tells all"))
     return findings

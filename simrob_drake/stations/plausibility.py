@@ -18,6 +18,7 @@ from simrob_drake.robots.pieces import solid_inertia
 from simrob_drake.robots.plausibility import Doubt, MassProperties, doubts_by_shapes, robot_doubts
 from simrob_drake.robots.urdf_check import checked_urdf
 from simrob_drake.sections import MOST_TURN
+from simrob_drake.stations.grouping import grouped
 from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.steps import Finding
 
@@ -57,12 +58,9 @@ def plausibility_findings(station: ResolvedStation) -> list[Finding]:
 
 def _findings(doubts: Sequence[Doubt]) -> list[Finding]:
     """Return a warning for each doubt, those of the same words in one."""
-    places: dict[str, list[str]] = {}
-    for where, text in doubts:
-        places.setdefault(text, []).append(where)
     return [
-        Finding("warning", keys[0].partition(":")[0], f"{listed(keys, _LISTED)}: {text}")
-        for text, keys in places.items()
+        Finding("warning", places[0].partition(":")[0], f"{listed(places, _LISTED)}: {text}")
+        for places, text in grouped(doubts)
     ]
 
 

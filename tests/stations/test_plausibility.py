@@ -95,7 +95,9 @@ def test_payloads(payload, mass, told):
 
 
 def box(**keys):
-    return {"pieces": {"crate": {"free": True, "mass": 2.0, "box": [0.2, 0.2, 0.2], "pose": [0, 0, 0.1, 0, 0, 0], **keys}}}
+    return {
+        "pieces": {"crate": {"free": True, "mass": 2.0, "box": [0.2, 0.2, 0.2], "pose": [0, 0, 0.1, 0, 0, 0], **keys}}
+    }
 
 
 @pytest.mark.parametrize(
@@ -103,7 +105,10 @@ def box(**keys):
     [
         (box(box=[100, 100, 100], mass=1e9), "pieces.crate: a side of 100 m; were millimetres meant?"),
         (box(pose=[500, 0, 0.1, 0, 0, 0]), "pieces.crate.pose: 500 m from where it is measured"),
-        (box(pose=[0, 0, 0.1, 90, 0, 0]), r"pieces.crate.pose: an angle of 90 rad is 14.3 turns; .* 90° are 1.5708 rad"),
+        (
+            box(pose=[0, 0, 0.1, 90, 0, 0]),
+            r"pieces.crate.pose: an angle of 90 rad is 14.3 turns; .* 90° are 1.5708 rad",
+        ),
         (box(pose=[0, 0, 0.1, 0, 0, -45]), "an angle of -45 rad"),
         (box(mass=2000.0), "2.5e.05 kg/m³; grams"),
         (box(mass=1e-4), "0.0125 kg/m³; grams"),
@@ -118,7 +123,9 @@ def box(**keys):
     ],
 )
 def test_a_stations_own_keys_are_doubted(tmp_path, content, told):
-    (tmp_path / "station.yaml").write_text(yaml.safe_dump({"solver": {"kind": "discrete"}, "duration": 0.01, **content}))
+    (tmp_path / "station.yaml").write_text(
+        yaml.safe_dump({"solver": {"kind": "discrete"}, "duration": 0.01, **content})
+    )
     config = load_station(tmp_path / "station.yaml")
     for texts in (
         [finding.text for finding in check_station(config) if finding.level == "warning"],
