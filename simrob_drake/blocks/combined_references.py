@@ -16,7 +16,7 @@ _RATE = 1000.0  # samples a second of what is no polynomial [Hz]
 _REAL = 1e-9  # share of an amplitude below which its imaginary part is rounding
 
 
-def combined(references: Sequence[Reference], matrix: Vector, offset: Vector) -> Reference:
+def combine_references(references: Sequence[Reference], matrix: Vector, offset: Vector) -> Reference:
     r"""Combine references linearly: the result is :math:`M q(t) + d` of their positions :math:`q`, one below the other.
 
     Polynomials give polynomials, and sines of one frequency a sine, to rounding. Other references are sampled a
@@ -34,8 +34,9 @@ def combined(references: Sequence[Reference], matrix: Vector, offset: Vector) ->
         return _combined_sines(references, matrix, offset)
     if all(isinstance(reference, PiecewisePolynomial) for reference in references):
         return _combined_polynomials(references, matrix, offset)
-    start = min(reference.start_time() for reference in references)
-    end = max(reference.end_time() for reference in references)
+    trajectories = [reference for reference in references if not isinstance(reference, SineReference)]
+    start = min(reference.start_time() for reference in trajectories)
+    end = max(reference.end_time() for reference in trajectories)
     times = np.linspace(start, end, max(int((end - start) * _RATE), 1) + 1)
     values, rates = (
         np.hstack([reference_values(reference, times, order) for reference in references]) for order in (0, 1)
@@ -112,8 +113,8 @@ def _polynomials(reference: PiecewisePolynomial, start: float, inside: float) ->
     begin = reference.start_time(piece)
     passed = start - begin if np.isfinite(begin) else 0.0
     shift = np.polynomial.Polynomial([passed, 1.0])
-    found = []
+    found = list[Vector]()
     for row in rows:
         own = reference.getPolynomial(piece, row, 0).GetCoefficients()
-        found.append(own if passed == 0 else np.polynomial.Polynomial(own)(shift).coef)
+        found.append(np.asarray(own if passed == 0 else np.polynomial.Polynomial(own)(shift).coef, dtype=float))
     return found

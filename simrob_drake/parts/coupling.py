@@ -16,8 +16,8 @@ RELAXES = 2e-4
 _CLOSED = 1e-3  # how far apart at the start what is held together may be [m or rad]
 
 
-class Solved(Protocol):
-    """What says how a station is solved."""
+class SolverDescription(Protocol):
+    """The solver of a station, as far as couplings must know it."""
 
     @property
     def mode(self) -> str:
@@ -25,11 +25,11 @@ class Solved(Protocol):
 
     @property
     def scheme(self) -> str:
-        """Of the solver, such as ``cenic``; empty in a kinematic station."""
+        """Name of the scheme, such as ``cenic``; empty in a kinematic station."""
 
     @property
     def time_step(self) -> float:
-        """Of a discrete solver [s]; 0 for others."""
+        """Step of a discrete solver [s]; 0 for other solvers."""
 
 
 class CouplingSection(Strict, ABC):
@@ -50,7 +50,7 @@ class CouplingSection(Strict, ABC):
         """Add it to a plant that is not finalized."""
 
     def caption(self) -> str:
-        """Return it in words."""
+        """The coupling in words."""
         return self.words.format(it=self)
 
     def check(self, key: str, station: Surroundings) -> None:
@@ -70,7 +70,7 @@ class CouplingSection(Strict, ABC):
             expected = f"{'radau3, or ' if self.schemes else ''}kind: discrete with scheme: sap, which hold {key}"
             raise InvalidParameter("solver", station.scheme, expected)
 
-    def is_held(self, station: Solved) -> bool:
+    def is_held(self, station: SolverDescription) -> bool:
         """Whether the solver of a station holds this coupling."""
         if station.mode == "kinematic" or not self.constrains:
             return True
@@ -79,10 +79,10 @@ class CouplingSection(Strict, ABC):
         return station.time_step > 0 or station.scheme in self.schemes
 
     def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
-        """Add what holds it beside the plant: nothing, unless it couples axes under a continuous scheme."""
+        """Add the forces that hold the coupling where the plant has no constraint for it; most couplings add none."""
 
     def gap(self, plant: StationPlant, context: Context) -> float:
-        """Return how far what it holds together is apart in a context [m or rad]; 0 of what may be anywhere."""
+        """Distance of the parts that the coupling holds together, in a context [m or rad]; 0 if it leaves them free."""
         return 0.0
 
     def check_start(self, key: str, plant: StationPlant, context: Context) -> None:

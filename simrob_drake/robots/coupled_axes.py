@@ -23,7 +23,7 @@ _ZERO = 1e-9
 
 
 class Asked(IntEnum):
-    """How firmly a user asks an axis for a value. The axes that are asked least give way first."""
+    """Firmness with which a user asks an axis for a value. The axes that are asked least give way first."""
 
     PASSIVE = 0
     """No motor drives the axis, so that it goes where the others take it."""
@@ -38,7 +38,7 @@ class Asked(IntEnum):
 def asked_by(
     values: float | Sequence[float] | Mapping[str, float] | None, count: int, index_of: Callable[[str], int]
 ) -> list[Asked]:
-    """How firmly a user's values ask each of some axes: a number stands for all, a mapping names some.
+    """Firmness with which a user's values ask each axis: a number stands for all axes, a mapping names some.
 
     Args:
         values: a number, a list of one for each axis, a mapping by axis, or None where nothing is asked.
@@ -85,7 +85,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Dependence:
-    """How axes that give way follow from the other ones: positions ``matrix @ q + offset``.
+    """Positions ``matrix @ q + offset``, in which the axes that give way follow from the other ones.
 
     Attributes:
         matrix: shape (n, n); rows of axes that do not give way are those of the identity.
@@ -178,9 +178,9 @@ class CoupledAxes:
             matrix[axis] = -rows[row, :count]
             matrix[axis, axis] = 0.0
             offset[axis] = rows[row, count]
-            others = np.flatnonzero(np.abs(matrix[axis]) > _ZERO)
+            others = np.flatnonzero(np.abs(matrix[axis]) > _ZERO).tolist()
             if asked[axis] == Asked.UNNAMED:
-                undecided[axis] = tuple(int(other) for other in others if asked[other] == Asked.UNNAMED)
+                undecided[axis] = tuple(other for other in others if asked[other] == Asked.UNNAMED)
         left = [row for row in range(len(rows)) if row not in pivots.values()]
         conditions = tuple(self._condition(rows[row]) for row in left)
         return Dependence(matrix, offset, tuple(pivots), undecided, conditions)
@@ -188,11 +188,11 @@ class CoupledAxes:
     def _condition(self, row: Vector) -> Condition:
         """Read a condition off a reduced row of ratios, total and the equations that it was made of."""
         count = len(self.names)
-        made_of = np.flatnonzero(np.abs(row[count + 1 :]) > _ZERO)
+        made_of = np.flatnonzero(np.abs(row[count + 1 :]) > _ZERO).tolist()
         labels = tuple(self.equations[equation].label for equation in made_of)
         return Condition(row[:count], float(row[count]), labels)
 
-    def broken(self, condition: Condition, positions: Vector, bounds: Vector) -> tuple[int, int, float] | None:
+    def find_violation(self, condition: Condition, positions: Vector, bounds: Vector) -> tuple[int, int, float] | None:
         """Find where positions (m, n) break a condition.
 
         Args:

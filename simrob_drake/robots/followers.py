@@ -12,7 +12,7 @@ from simrob_drake.robots.coupled_axes import Asked, CoupledAxes, Equation
 
 
 class Follower(NamedTuple):
-    """How an axis follows another one of its robot, as its file says: position ``factor * leader + offset``."""
+    """An axis whose position is ``factor * leader + offset``, as the robot's file says."""
 
     leader: str  # name of the axis that it follows
     factor: float  # positions of the follower by those of the leader [rad/rad, m/rad, rad/m or m/m]

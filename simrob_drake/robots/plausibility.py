@@ -131,7 +131,7 @@ def _doubts_by_size(own: MassProperties, size: float) -> list[str]:
 
 
 def payload_doubt(payload: float, mass: float) -> str:
-    """Doubt what a robot can hold beside its own links; empty if it is plausible.
+    """Text of a doubt about the mass that a robot can hold; empty if the mass is plausible.
 
     Args:
         payload: mass that its motors hold at rest [kg].
@@ -152,7 +152,7 @@ def moving_mass(robot: ET.Element) -> float:
 
 
 def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
-    """Yield the doubtful numbers of joints: offsets, of which the first stands for all, and limits."""
+    """Yield the doubtful offsets and limits of joints. Of the offsets only the first is reported."""
     for joint in robot.iterfind("joint"):
         away = float(np.linalg.norm(pose_of(joint).translation()))
         if away > _LONGEST:

@@ -29,7 +29,7 @@ def inertia_of_shapes(link: ET.Element, folder: Path | None, density: float) -> 
 
 
 def _solid(element: ET.Element, folder: Path | None, density: float) -> SpatialInertia | None:
-    """Return the inertia of one shape about the link's origin; None if it has no volume or cannot be read."""
+    """Inertia of one shape about the link's origin, or None if it has no volume or cannot be read."""
     shape = element.find("geometry/*")
     try:
         solid = None if shape is None else _shape(shape, folder)
@@ -41,7 +41,7 @@ def _solid(element: ET.Element, folder: Path | None, density: float) -> SpatialI
 
 
 def _shape(element: ET.Element, folder: Path | None) -> Shape | None:
-    """Return the shape of an element of a ``<geometry>``; None if its sizes or its file are missing."""
+    """Return the shape of an element of a ``<geometry>``. Returns None if its sizes or its file are missing."""
     if element.tag == "mesh":
         scale = [float(word) for word in element.get("scale", "1").split()]
         name = element.get("filename", "")

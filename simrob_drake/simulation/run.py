@@ -160,7 +160,7 @@ class Run:
         """Return why the result may be wrong though the run went to its end."""
         plant = self.whole.ports.plant
         findings = [finding for robot in plant.robots.values() for finding in import_findings(self.config, robot)]
-        findings += plausibility_findings(self.whole.ports.station)
+        findings += plausibility_findings(self.config, self.whole.ports.station)
         if self.config.mode == "dynamic":
             findings += step_findings(self.config, plant)
         return [finding.text for finding in findings if finding.level == "warning"]

@@ -142,7 +142,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     closed = closed_station(resolve(config))
     ports, diagram = closed.ports, closed.diagram
     findings = _piece_findings(ports)
-    findings += plausibility_findings(ports.station)
+    findings += plausibility_findings(config, ports.station)
     for robot in ports.plant.robots.values():
         findings += _reference_findings(robot, closed.references.get(robot.name), config.duration)
     for robot in ports.plant.robots.values():

@@ -25,7 +25,7 @@ from simrob_drake.lifetime import built
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.parts.site import ResolvedRobot, StationRobot
-from simrob_drake.stations.coupled_references import obeying_couplings
+from simrob_drake.stations.coupled_references import obey_couplings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.station import compose
@@ -199,7 +199,7 @@ def station_references(
             expected = f"{len(robot.axes)} joints: {', '.join(robot.axes)}"
             raise InvalidParameter("reference", f"a trajectory of {reference.rows()} joints", expected)
         references[robot.name] = reference
-    return obeying_couplings(station, references, requested or {}, starts or {})
+    return obey_couplings(station, references, requested or {}, starts or {})
 
 
 def reference_samples(reference: Reference, duration: float) -> tuple[Vector, Vector]:

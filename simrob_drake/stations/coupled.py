@@ -42,7 +42,7 @@ def mimic_gears(config: StationConfig, models: Mapping[str, RobotModel]) -> dict
 
 
 class SolverTraits(NamedTuple):
-    """What couplings must know of a station to say whether its solver holds them."""
+    """The solver of a station, as far as couplings must know it."""
 
     mode: Literal["dynamic", "kinematic"]
     scheme: str  # empty in a kinematic station
@@ -67,15 +67,15 @@ def unheld_mimics(config: StationConfig, robot: str, model: RobotModel) -> list[
 
 
 def coupled_axes(config: StationConfig, mimics: Mapping[str, Gear], axes: Sequence[str]) -> CoupledAxes:
-    """The equations between the axes of a station, by their full names: of its gears, and of ``mimics`` beside them."""
+    """The equations of a station's gears, and of further ``mimics``, between axes by their full names."""
     gears = {name: gear for name, gear in config.couplings.items() if isinstance(gear, Gear)} | dict(mimics)
     return CoupledAxes(axes, [gear.equation(f"couplings.{name}") for name, gear in gears.items()])
 
 
-def contradiction(
+def expected_position(
     coupled: CoupledAxes, condition: Condition, found: tuple[int, int, float], values: Vector, units: Sequence[str]
 ) -> str:
-    """Say which coupling positions contradict, and where the axis in question would have to be.
+    """Text for error messages: the right position of an axis, and the couplings that demand it.
 
     Args:
         coupled: the axes.
@@ -85,12 +85,12 @@ def contradiction(
         units: of the n axes.
     """
     _, wrong, right = found
-    others = [axis for axis in np.flatnonzero(np.abs(condition.ratios) > 1e-9) if axis != wrong]
-    state = listed([f"{coupled.names[axis]} at {shown(values[axis])} {units[axis]}" for axis in others])
-    return f"{shown(right)} {units[wrong]}, to which {listed(condition.labels)} takes it with {state}"
+    others = [axis for axis in np.flatnonzero(np.abs(condition.ratios) > 1e-9).tolist() if axis != wrong]
+    state = listed([f"{coupled.names[axis]} at {position_text(values[axis])} {units[axis]}" for axis in others])
+    return f"{position_text(right)} {units[wrong]}, to which {listed(condition.labels)} takes it with {state}"
 
 
-def shown(value: float) -> str:
+def position_text(value: float) -> str:
     """A position in the user's unit with five digits, without what rounding leaves of zero."""
     return f"{round(value, 9) + 0.0:.5g}"
 
@@ -127,12 +127,12 @@ def coupled_start(
     dependence = fixed.solve(asked, fixed.totals(whole))
     for condition in dependence.conditions:
         _check_solvable(condition)
-        broken = fixed.broken(condition, whole[np.newaxis], bounds)
+        broken = fixed.find_violation(condition, whole[np.newaxis], bounds)
         if broken is not None:
             _, axis, right = broken
             found = (0, axis, right / sizes[axis])
-            expected = contradiction(fixed, condition, found, whole / sizes, units)
-            value = f"{shown(whole[axis] / sizes[axis])} {units[axis]}"
+            expected = expected_position(fixed, condition, found, whole / sizes, units)
+            value = f"{position_text(whole[axis] / sizes[axis])} {units[axis]}"
             raise InvalidParameter(f"initial_deg of {fixed.names[axis]}", value, expected)
 
     solved = dependence.matrix @ whole + dependence.offset
@@ -184,7 +184,8 @@ def _check_start(model: RobotModel, position: Vector) -> None:
         InvalidParameter: an axis is beyond a limit.
     """
     lower, upper = model.axis_limits
-    slack = np.where([axis in model.followers for axis in model.axes], model.bounds(ROUNDING_DEG, ROUNDING_METRES), 0.0)
+    follows = np.array([axis in model.followers for axis in model.axes])
+    slack = np.where(follows, model.bounds(ROUNDING_DEG, ROUNDING_METRES), 0.0)
     for index, axis in enumerate(model.axes):
         if not lower[index] - slack[index] <= position[index] <= upper[index] + slack[index]:
             low, high, value = np.array([lower[index], upper[index], position[index]]) / model.user_units[index]

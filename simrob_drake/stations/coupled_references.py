@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.blocks.combined_references import combined
+from simrob_drake.blocks.combined_references import combine_references
 from simrob_drake.blocks.references import Reference, SineReference, reference_values
 from simrob_drake.errors import InvalidParameter, listed
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.coupled_axes import Asked, CoupledAxes
-from simrob_drake.stations.coupled import ROUNDING_DEG, ROUNDING_METRES, contradiction, shown
+from simrob_drake.stations.coupled import ROUNDING_DEG, ROUNDING_METRES, expected_position, position_text
 from simrob_drake.stations.resolve import ResolvedStation
 
 _LOOKS = 500  # times at which references are compared with couplings
@@ -27,7 +27,7 @@ class _Axes(NamedTuple):
     bounds: Vector  # deviations that count as rounding, shape (n,) [rad or m]
 
 
-def obeying_couplings(
+def obey_couplings(
     station: ResolvedStation,
     references: Mapping[str, Reference],
     requested: Mapping[str, object],
@@ -60,13 +60,13 @@ def obeying_couplings(
 
     dependence = coupled.solve(axes.asked, totals)
     for condition in dependence.conditions:
-        found = coupled.broken(condition, positions, axes.bounds)
+        found = coupled.find_violation(condition, positions, axes.bounds)
         if found is not None:
             sample, axis, right = found
-            asked = shown(positions[sample, axis] / axes.sizes[axis])
+            asked = position_text(positions[sample, axis] / axes.sizes[axis])
             value = f"{asked} {axes.units[axis]} at {times[sample]:.2f} s"
             in_units = sample, axis, right / axes.sizes[axis]
-            expected = contradiction(coupled, condition, in_units, positions[sample] / axes.sizes, axes.units)
+            expected = expected_position(coupled, condition, in_units, positions[sample] / axes.sizes, axes.units)
             raise InvalidParameter(f"reference of {axes.names[axis]}", value, expected)
 
     solved = positions @ dependence.matrix.T + dependence.offset
@@ -76,8 +76,8 @@ def obeying_couplings(
     ]
     for axis in moved:
         if dependence.undecided.get(axis):
-            raise _undecided(coupled, axes, (axis, *dependence.undecided[axis]))
-    return _moved(station, references, played, moved, (dependence.matrix, dependence.offset))
+            raise _ambiguity(coupled, axes, (axis, *dependence.undecided[axis]))
+    return _let_follow(station, references, played, moved, (dependence.matrix, dependence.offset))
 
 
 def with_partners(station: ResolvedStation, robot: str, posture: Vector, named: Collection[int]) -> Vector:
@@ -116,14 +116,14 @@ def _axes_of(station: ResolvedStation, requested: Mapping[str, object]) -> _Axes
     robots = station.robots.values()
     return _Axes(
         names=station.coupled.names,
-        asked=[one for robot in robots for one in _asked(station, robot, is_requested=robot.name in requested)],
+        asked=[one for robot in robots for one in _firmness(station, robot, is_requested=robot.name in requested)],
         sizes=np.concatenate([robot.model.user_units for robot in robots]),
         units=[unit for robot in robots for unit in robot.model.unit_names],
         bounds=np.concatenate([robot.model.bounds(ROUNDING_DEG, ROUNDING_METRES) for robot in robots]),
     )
 
 
-def _asked(station: ResolvedStation, robot: ResolvedRobot, *, is_requested: bool) -> list[Asked]:
+def _firmness(station: ResolvedStation, robot: ResolvedRobot, *, is_requested: bool) -> list[Asked]:
     """How firmly each of the n axes of a robot is asked for its motion."""
     config = station.config
     asked = config.reference_of(robot.name).asked(robot.model)
@@ -135,7 +135,7 @@ def _asked(station: ResolvedStation, robot: ResolvedRobot, *, is_requested: bool
     servo = config.servo_of(robot.name)
     knows_model = servo.law == "computed_torque" or servo.feedforward == "inverse_dynamics"
     if config.mode == "dynamic" and not knows_model:
-        for axis in np.flatnonzero((robot.gains.kp == 0) & (robot.gains.ki == 0)):
+        for axis in np.flatnonzero((robot.gains.kp == 0) & (robot.gains.ki == 0)).tolist():
             asked[axis] = Asked.PASSIVE
     for axis in robot.prescribed:
         asked[axis] = Asked.NAMED
@@ -152,7 +152,7 @@ def _with_prescribed(robot: ResolvedRobot, reference: Reference) -> Reference:
     for number, axis in enumerate(robot.prescribed):
         matrix[axis] = 0.0
         matrix[axis, count + number] = 1.0
-    return combined(sources, matrix, np.zeros(count))
+    return combine_references(sources, matrix, np.zeros(count))
 
 
 def _looks(references: Mapping[str, Reference], duration: float) -> Vector:
@@ -162,7 +162,7 @@ def _looks(references: Mapping[str, Reference], duration: float) -> Vector:
     return np.linspace(0.0, max([duration, *finite]), _LOOKS + 1)
 
 
-def _undecided(coupled: CoupledAxes, axes: _Axes, candidates: Sequence[int]) -> InvalidParameter:
+def _ambiguity(coupled: CoupledAxes, axes: _Axes, candidates: Sequence[int]) -> InvalidParameter:
     """The error for references that leave open which of several axes gives way."""
     names = [axes.names[axis] for axis in candidates]
     labels = [one.label for one in coupled.equations if len(set(names) & one.ratios.keys()) > 1]
@@ -170,7 +170,7 @@ def _undecided(coupled: CoupledAxes, axes: _Axes, candidates: Sequence[int]) -> 
     return InvalidParameter("reference", problem, f"a value for one of them, since {listed(labels)} moves either")
 
 
-def _moved(
+def _let_follow(
     station: ResolvedStation,
     references: Mapping[str, Reference],
     played: Mapping[str, Reference],
@@ -203,7 +203,7 @@ def _moved(
             shift[axis - begins[name]] = offset[axis]
         used = [other for other in station.robots if _reads(rows, begins[other], station.robots[other])]
         columns = [begins[other] + axis for other in used for axis in range(len(station.robots[other].axes))]
-        whole[name] = combined([played[other] for other in used], rows[:, columns], shift)
+        whole[name] = combine_references([played[other] for other in used], rows[:, columns], shift)
     return whole
 
 

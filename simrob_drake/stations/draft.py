@@ -105,7 +105,7 @@ def _losses(robot: RobotModel, content: Mapping[str, Any], file: Path) -> list[s
     sections = {key: content[key] for key in ("mode", "couplings") if key in content}
     station = resolve(_config(robot, {**sections, "robot": {"initial_deg": _home(robot)}}))
     findings = import_findings(station.config, station.robots[ONLY_ROBOT], source=file)
-    findings += plausibility_findings(station)
+    findings += plausibility_findings(station.config, station)
     return [f"Warning: {finding.text}" for finding in findings if finding.level == "warning"]
 
 

@@ -14,7 +14,7 @@ class Group(NamedTuple):
     text: str  # with the numbers of the first place
 
 
-def grouped(found: Iterable[tuple[str, str]]) -> list[Group]:
+def group_by_words(found: Iterable[tuple[str, str]]) -> list[Group]:
     """Group places and texts by the words of the texts, in order."""
     groups: dict[str, Group] = {}
     for place, text in found:

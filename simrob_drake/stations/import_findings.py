@@ -8,7 +8,7 @@ from simrob_drake.importer.options import Entry, read_report
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.coupled import unheld_mimics
-from simrob_drake.stations.grouping import grouped
+from simrob_drake.stations.grouping import group_by_words
 from simrob_drake.stations.steps import Finding
 
 
@@ -30,7 +30,7 @@ def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path
     source = source or config.robots[robot.name].urdf or report.source
     subject = f"import of {source.name}"
     losses = _losses(robot, report.of("lost"))
-    for (first, *others), text in grouped((entry.element, entry.text) for entry in losses):
+    for (first, *others), text in group_by_words((entry.element, entry.text) for entry in losses):
         told = f"{first}: {text}" if first else text
         told += f"; likewise {listed(others)}" if others else ""
         findings.append(Finding("warning", subject, f"lost in the {subject}: {told}"))

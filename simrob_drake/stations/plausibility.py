@@ -12,14 +12,14 @@ import numpy as np
 from pydantic import BaseModel
 
 from simrob_drake.errors import InvalidModel, listed
-from simrob_drake.parts.site import ResolvedPiece
+from simrob_drake.parts.site import ResolvedPiece, Surroundings
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.pieces import solid_inertia
 from simrob_drake.robots.plausibility import Doubt, MassProperties, doubts_by_shapes, robot_doubts
 from simrob_drake.robots.urdf_check import checked_urdf
 from simrob_drake.sections import MOST_TURN
-from simrob_drake.stations.grouping import grouped
-from simrob_drake.stations.resolve import ResolvedStation
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.grouping import group_by_words
 from simrob_drake.stations.steps import Finding
 
 _POSES = ("pose", "other_pose", "base", "tcp_offset", "hand_pose")  # keys of poses [x y z Rz Ry Rx]
@@ -33,14 +33,18 @@ _SCALES = 0.1, 10.0  # factors of masses
 _LISTED = 3  # keys with the same doubt
 
 
-def plausibility_findings(station: ResolvedStation) -> list[Finding]:
-    """Warn of numbers that are hardly meant: of robots, pieces and the station's own keys."""
+def plausibility_findings(config: StationConfig, station: Surroundings) -> list[Finding]:
+    """Warn of numbers that are hardly meant: of robots, pieces and the station's own keys.
+
+    Args:
+        config: of the station.
+        station: its robots and pieces, resolved.
+    """
     doubts = list[Doubt]()
     for name, robot in station.robots.items():
         doubts += [Doubt(f"robot '{name}': {where}", text) for where, text in _doubts_of(robot.model)]
     for piece in station.pieces.values():
         doubts += _piece_doubts(piece)
-    config = station.config
     for key, pose in _poses(config, ""):
         doubts += _pose_doubts(key, pose)
     for name, entry in config.robots.items():
@@ -60,7 +64,7 @@ def _findings(doubts: Sequence[Doubt]) -> list[Finding]:
     """Return a warning for each doubt, those of the same words in one."""
     return [
         Finding("warning", places[0].partition(":")[0], f"{listed(places, _LISTED)}: {text}")
-        for places, text in grouped(doubts)
+        for places, text in group_by_words(doubts)
     ]
 
 

@@ -18,15 +18,14 @@ def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
     Raises:
         InvalidParameter: a position that no run could reach.
     """
-    model, reference = robot.model, config.reference_of(robot.name)
+    model = robot.model
     lower, upper = (limit / model.user_units for limit in model.axis_limits)
-    for values in reference.postures():
+    for values in config.reference_of(robot.name).postures():
         positions = model.axis_vector(values, "reference", np.nan)
-        for axis, asked in enumerate(model.asked(values)):
-            value = positions[axis]
-            if asked == Asked.NAMED and not lower[axis] - _ROUNDED <= value <= upper[axis] + _ROUNDED:
-                unit = model.unit_names[axis]
-                expected = f"within the joint's limits of {lower[axis]:.5g} to {upper[axis]:.5g} {unit}"
-                raise InvalidParameter(
-                    f"reference of {robot.prefix}{robot.axes[axis]}", f"{value:.5g} {unit}", expected
-                )
+        is_named = np.array(model.asked(values)) == Asked.NAMED
+        is_inside = (positions >= lower - _ROUNDED) & (positions <= upper + _ROUNDED)
+        for axis in np.flatnonzero(is_named & ~is_inside).tolist():
+            unit, value = model.unit_names[axis], positions[axis]
+            expected = f"within the joint's limits of {lower[axis]:.5g} to {upper[axis]:.5g} {unit}"
+            key = f"reference of {robot.prefix}{robot.axes[axis]}"
+            raise InvalidParameter(key, f"{value:.5g} {unit}", expected)

@@ -8,7 +8,7 @@ import yaml
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import Arm, load_station, simulate
-from simrob_drake.blocks.combined_references import combined
+from simrob_drake.blocks.combined_references import combine_references
 from simrob_drake.blocks.references import SineReference, hold, move, ramp, reference_values
 from simrob_drake.errors import SimrobError
 from simrob_drake.programs.program import Program
@@ -175,7 +175,7 @@ def test_programs_and_the_pendant_move_partners(gripper):
 def test_polynomials_are_combined_exactly():
     one, other = move([0, 1], [1, 3], duration=1.0), ramp([2], [5], duration=0.7, start_time=0.2)
     matrix, offset = np.array([[1.0, -2.0, 0.5], [0.0, 0.0, 3.0]]), np.array([0.1, -0.2])
-    both = combined([one, other], matrix, offset)
+    both = combine_references([one, other], matrix, offset)
     assert isinstance(both, PiecewisePolynomial)
     times = np.linspace(-0.2, 1.3, 301)
     for order in (0, 1, 2):
@@ -188,13 +188,13 @@ def test_polynomials_are_combined_exactly():
 def test_sines_are_combined_exactly():
     sine = SineReference(np.array([0.1, 0.2]), np.array([1.0, -2.0]), 0.5, np.array([0.3, 1.0]))
     matrix = np.array([[1.0, 0.5, 2.0], [0.0, -1.0, 0.0]])
-    both = combined([sine, hold([0.7])], matrix, np.array([0.0, 1.0]))
+    both = combine_references([sine, hold([0.7])], matrix, np.array([0.0, 1.0]))
     times = np.linspace(0, 3, 100)
     parts = np.hstack([sine.values(times), np.full((100, 1), 0.7)])
     np.testing.assert_allclose(both.values(times), parts @ matrix.T + [0.0, 1.0], atol=1e-12)
     other = SineReference(np.zeros(1), np.ones(1), 0.7, np.zeros(1))
     with pytest.raises(SimrobError, match="one frequency"):
-        combined([sine, other], np.eye(3), np.zeros(3))
+        combine_references([sine, other], np.eye(3), np.zeros(3))
 
 
 def test_the_axes_that_are_asked_least_give_way():
@@ -209,5 +209,5 @@ def test_the_axes_that_are_asked_least_give_way():
     ends = coupled.solve([Asked.NAMED, Asked.UNNAMED, Asked.NAMED, Asked.NAMED], coupled.totals(np.zeros(4)))
     (condition,) = ends.conditions
     assert set(condition.labels) == {"ab", "bc"}
-    assert coupled.broken(condition, np.array([[0.1, 0, 0.3, 0]]), np.full(4, 1e-9)) is None
-    assert coupled.broken(condition, np.array([[0.1, 0, 0.4, 0]]), np.full(4, 1e-9))[2] == pytest.approx(0.3)
+    assert coupled.find_violation(condition, np.array([[0.1, 0, 0.3, 0]]), np.full(4, 1e-9)) is None
+    assert coupled.find_violation(condition, np.array([[0.1, 0, 0.4, 0]]), np.full(4, 1e-9))[2] == pytest.approx(0.3)

@@ -181,8 +181,8 @@ class DriveWriter:
             self.report.add("lost", f"constraint '{name}'", problem)
             return
         if ends[1] < 0:
-            figures = {"multiplier": "0", "offset": written(zero + constant)}
-            ET.SubElement(follower, "mimic", joint=name_of(follower), **figures)
+            stands = {"joint": name_of(follower), "multiplier": "0", "offset": written(zero + constant)}
+            ET.SubElement(follower, "mimic", stands)
             return
         if leader is None:
             self.report.add("lost", f"constraint '{name}'", "its other joint is not there: it is not simulated")
@@ -193,5 +193,5 @@ class DriveWriter:
             )
             self.report.add("lost", f"constraint '{name}'", problem)
         offset = zero + constant - slope * float(model.qpos0[model.jnt_qposadr[ends[1]]])
-        figures = {"multiplier": written(slope), "offset": written(offset)}
-        ET.SubElement(follower, "mimic", joint=name_of(leader), **figures)
+        follows = {"joint": name_of(leader), "multiplier": written(slope), "offset": written(offset)}
+        ET.SubElement(follower, "mimic", follows)

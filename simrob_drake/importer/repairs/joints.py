@@ -119,12 +119,12 @@ def _name_followers(robot: ET.Element, report: ImportReport) -> None:
             )
             report.add("lost", where, f"{said}, {problem}; it moves on its own")
     for name, joint in followers.items():
-        mimic = joint.find("mimic")
-        if mimic is None:
+        follows = joint.find("mimic")
+        if follows is None:
             continue
-        mimic.tag = FOLLOWS
-        factor, offset = followed(mimic)
-        said = f"mimics '{mimic.get('joint', '')}' by {factor:g} with an offset of {offset:g}"
+        follows.tag = FOLLOWS
+        factor, offset = followed(follows)
+        said = f"mimics '{follows.get('joint', '')}' by {factor:g} with an offset of {offset:g}"
         report.add("read", f"joint '{name}'", f"{said}: stations couple them")
 
 

@@ -172,8 +172,8 @@ class RobotWriter:
             values = {key: float(_figure(mimic, key) or default) for key, default in _MIMIC.items()}
             offset = values["offset"] - values["multiplier"] * values["reference"]
             name = full if leader is None else name_of(leader)
-            figures = {"multiplier": written(values["multiplier"]), "offset": written(offset)}
-            ET.SubElement(element, "mimic", joint=name, **figures)
+            follows = {"joint": name, "multiplier": written(values["multiplier"]), "offset": written(offset)}
+            ET.SubElement(element, "mimic", follows)
 
     def _direction(self, edge: _Edge, axis: ET.Element | None, place: RigidTransform) -> Vector:
         xyz = None if axis is None else axis.find("xyz")
