@@ -12,6 +12,7 @@ from simrob_drake.importer.options import ENTRY_KINDS, EntryKind, ImportReport
 from simrob_drake.linear import LinearModel
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.plausibility import moving_mass, payload_doubt
 from simrob_drake.stations.findings import Finding
 
 _COLOURS: dict[EntryKind, str] = {
@@ -97,7 +98,9 @@ def payload_lines(robot: RobotModel) -> list[str]:
         if np.isfinite(masses[axis]):
             shown = " ".join(f"{value:.3g}" for value in (posture / robot.user_units).round(3) + 0.0)
             least = f"{masses[axis]:.3g} kg, by the motor of {list(robot.axes)[axis]}"
-            lines.append(f"payload at {next(iter(robot.tools))} {where} ({shown}): {least}")
+            doubt = payload_doubt(float(masses[axis]), moving_mass(robot.element))
+            line = f"payload at {next(iter(robot.tools))} {where} ({shown}): {least}"
+            lines.append(f"{line}; {doubt}" if doubt else line)
     return lines
 
 

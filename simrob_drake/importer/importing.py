@@ -18,12 +18,12 @@ import yaml
 from simrob_drake.arguments import as_path
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
-from simrob_drake.files import ROBOT_FILE, NotRead, opened, text_of
+from simrob_drake.files import ROBOT_FILE, opened, text_of
 from simrob_drake.folders import cache_entry, filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.importer.hands import add_hand, of_hand
 from simrob_drake.importer.meshes.places import mesh_files
-from simrob_drake.importer.options import REPORT_FILE, ImportOptions, ImportReport
+from simrob_drake.importer.options import REPORT_FILE, ImportOptions, ImportReport, read_report
 from simrob_drake.importer.packages import MANIFEST, package_root, robot_file
 from simrob_drake.importer.probe import probe
 from simrob_drake.importer.reading.source import read_source
@@ -47,9 +47,9 @@ from simrob_drake.importer.trees import HOME, KD, KP, Notes, take_notes
 from simrob_drake.robots.catalog import RobotModel, described_robot, load_robot_from_urdf
 from simrob_drake.robots.grasps import GRASP, grasp_frame
 from simrob_drake.robots.parse import lone_robot
-from simrob_drake.robots.urdf import LARGEST_URDF, add_frame, name_of, with_absolute_meshes
+from simrob_drake.robots.urdf import add_frame, name_of, with_absolute_meshes
 from simrob_drake.robots.urdf_check import check_urdf
-from simrob_drake.yaml_files import parse_json, read_yaml
+from simrob_drake.yaml_files import read_yaml
 
 _HEADER = """\
 # Draft of an import; edit it freely.
@@ -269,10 +269,9 @@ def import_summary(robot: RobotModel) -> str:
 
 
 def _summary(folder: Path) -> str:
-    try:
-        return str(parse_json(text_of(folder / REPORT_FILE, LARGEST_URDF), folder)["summary"])
-    except (NotRead, InvalidConfig, LookupError, TypeError):
-        return ""
+    """The summary of the import in a folder; empty if there is none."""
+    report = read_report(folder)
+    return "" if report is None else report.summary()
 
 
 def _imported_once(source: Path, options: ImportOptions) -> RobotModel:

@@ -5,10 +5,13 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from simrob_drake.errors import InvalidModel
+from simrob_drake.errors import InvalidConfig, InvalidModel
+from simrob_drake.files import NotRead, text_of
 from simrob_drake.sections import ORIGIN, Boolean, Pose, Positive, Strict
+from simrob_drake.yaml_files import parse_json
 
 REPORT_FILE = "report.json"  # what an import did, beside what it wrote
+_LARGEST_REPORT = 10_000_000  # bytes: a robot of thousands of links has some hundred thousand
 
 
 class ImportOptions(Strict):
@@ -96,3 +99,13 @@ class ImportReport:
             "summary": self.summary(),
             "entries": [asdict(entry) for entry in self.entries],
         }
+
+
+def read_report(folder: Path) -> ImportReport | None:
+    """Read the report that an import left in the folder of a robot; None if there is none that can be read."""
+    try:
+        content = parse_json(text_of(folder / REPORT_FILE, _LARGEST_REPORT), folder)
+        entries = [Entry(entry["kind"], entry["element"], entry["text"]) for entry in content["entries"]]
+        return ImportReport(Path(content["source"]), entries)
+    except (NotRead, InvalidConfig, LookupError, TypeError):
+        return None

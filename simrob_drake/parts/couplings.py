@@ -14,6 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
     FixedOffsetFrame,
+    Joint,
     LinearBushingRollPitchYaw,
     LinearSpringDamper,
     RigidBody,
@@ -25,60 +26,16 @@ from pydrake.systems.primitives import ConstantVectorSource
 from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, transform_from_pose
+from simrob_drake.parts.coupling import RELAXES, STIFFNESS, CouplingSection
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.site import WORLD, Site, StationPlant, StationRobot, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
+from simrob_drake.robots.coupled_axes import Equation
 from simrob_drake.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
 
 _ANCHOR = "couplings_anchor"
-_CLOSED = 1e-3  # how far apart at the start what is held together may be [m or rad]
-STIFFNESS, RELAXES = 2000.0**2, 2e-4  # stiffness of a coupling by what it holds [1/s²], and its damper by that [s]
 _HALF_APART = 0.025  # m: of the points on a hinge's axis
 _SHORTEST = 1e-9  # m: Drake wants a length, though it need not have one
-
-
-class CouplingSection(Strict, ABC):
-    """A section of ``couplings``."""
-
-    constrains: ClassVar[bool] = True  # whether it is a constraint, or so stiff a spring that it counts as one
-    schemes: ClassVar[tuple[str, ...]] = ("radau3", "radau1", "implicit_euler", "velocity_implicit_euler")
-    """Continuous schemes that hold it."""
-    words: ClassVar[str]  # what it is, with its own figures
-    kind: str
-
-    @abstractmethod
-    def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized."""
-
-    def caption(self) -> str:
-        """Return it in words."""
-        return self.words.format(it=self)
-
-    def check(self, key: str, station: Surroundings) -> None:
-        """Check that forces move the station, that its solver can hold this, and that all it names is there.
-
-        Raises SimrobError: something is not so; names the key.
-        """
-        if station.mode == "kinematic":
-            raise InvalidParameter(key, "a coupling in a kinematic station", "left out: its reference moves all joints")
-        if self.constrains and station.time_step == 0 and station.scheme not in self.schemes:
-            expected = f"{'radau3, or ' if self.schemes else ''}kind: discrete with scheme: sap, which hold {key}"
-            raise InvalidParameter("solver", station.scheme, expected)
-        if isinstance(self, Between):
-            for part in ("body", "other"):
-                check_frame(station, f"{key}.{part}", getattr(self, part))
-
-    def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
-        """Add what holds it beside the plant: nothing, unless it couples axes under a continuous scheme."""
-
-    def gap(self, plant: StationPlant, context: Context) -> float:
-        """Return how far what it holds together is apart in a context [m or rad]; 0 of what may be anywhere."""
-        return 0.0
-
-    def check_start(self, key: str, plant: StationPlant, context: Context) -> None:
-        """Check that the station starts in a posture that it allows; raises InvalidParameter: it does not."""
-        if (gap := self.gap(plant, context)) > _CLOSED:
-            raise InvalidParameter(key, f"{gap:.4g} m (or rad) off at the start", f"at most {_CLOSED:g} off")
 
 
 class Attachment(NamedTuple):
@@ -119,6 +76,11 @@ class Between(Strict, ABC):
     def places(self) -> tuple[RigidTransform, RigidTransform]:
         """Where it holds, on the one and on the other."""
 
+    def check_bodies(self, key: str, station: Surroundings) -> None:
+        """Check that the station has both bodies; raises SimrobError: it lacks one."""
+        for part in ("body", "other"):
+            check_frame(station, f"{key}.{part}", getattr(self, part))
+
     def ends(self, plant: StationPlant) -> list[Attachment]:
         """Return both ends."""
         frames = [frame_of(plant, name) for name in (self.body, self.other)]
@@ -155,8 +117,9 @@ class BetweenPoints(Between, CouplingSection):
     """Where on the other [m]; in the world's axes unless `other` is given."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that they are two."""
+        """Check that they are two, and that the station has both; raises SimrobError: not so."""
         super().check(key, station)
+        self.check_bodies(key, station)
         if self.body == self.other:
             raise InvalidParameter(f"{key}.other", self.other, "another one than body")
 
@@ -210,6 +173,11 @@ class BetweenFrames(Between, CouplingSection):
     """The frame on the body, [x y z Rz Ry Rx]."""
     other_pose: Pose = ORIGIN
     """The frame on the other."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the station has both bodies; raises SimrobError: it lacks one."""
+        super().check(key, station)
+        self.check_bodies(key, station)
 
     @property
     def places(self) -> tuple[RigidTransform, RigidTransform]:
@@ -268,49 +236,81 @@ class Gear(CouplingSection):
     2; a planetary gear couples three axes; a rack slides by its pinion's radius a radian.
     """
 
+    schemes: ClassVar[tuple[str, ...]] = (*CouplingSection.schemes, "cenic")
+    engines: ClassVar[tuple[str, ...]] = ("mujoco",)
+    guides_references: ClassVar[bool] = True
     kind: Literal["gear"]
     ratios: Annotated[dict[str, Number], Field(min_length=2)]
-    """How much each axis counts, by name (<robot>.<axis> where there are several robots): {sun: 1, planet: 2}."""
+    """How much each axis counts, by name (<robot>.<axis> where there are several robots): {sun: 1, planet: 2}. The
+    first axis follows the others where a reference gives one value for all axes."""
     total: Number | None = None
     """What the sum of positions [rad or m] times ratios stays; that of the initial posture unless given."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station has the axes, and a solver that holds them."""
+        """Check that the station has the axes, and a solver that holds them.
+
+        Raises:
+            SimrobError: an unknown axis, or a solver that cannot hold the gear; the message names the key.
+        """
         super().check(key, station)
         known = [f"{robot.prefix}{axis}" for robot in station.robots.values() for axis in robot.axes]
         for name in self.ratios:
             one_of(f"axis for {key}.ratios", name, known)
-        if len(self.ratios) > 2 and station.time_step and not hasattr(MultibodyPlant, "AddTendonConstraint"):
+        if len(self.ratios) == 2 or station.mode == "kinematic":
+            return
+        if station.scheme == "cenic":
+            expected = f"radau3, or kind: discrete: cenic holds gears of two axes, and {key} has {len(self.ratios)}"
+            raise InvalidParameter("solver.scheme", station.scheme, expected)
+        if station.time_step and not hasattr(MultibodyPlant, "AddTendonConstraint"):
             older = "of two: older Drake couples no more"
             raise InvalidParameter(f"{key}.ratios", f"of {len(self.ratios)} axes", older)
 
+    def equation(self, key: str) -> Equation:
+        """The gear as an equation between positions of axes, with its key in the station as its label."""
+        return Equation(key, self.ratios, self.total)
+
     def _counts(self, robot: StationRobot) -> Vector:
+        """Ratios of a robot's axes, shape (n,); 0 for axes that are not coupled."""
         return np.array([self.ratios.get(f"{robot.prefix}{axis}", 0.0) for axis in robot.axes])
 
-    def _kept(self, plant: StationPlant) -> float:
+    def kept(self, plant: StationPlant) -> float:
+        """What the sum of positions times ratios stays [rad or m]."""
         initial = sum(float(self._counts(robot) @ robot.initial) for robot in plant.robots.values())
         return initial if self.total is None else self.total
 
-    def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized, and discrete."""
-        if not plant.plant.time_step():
-            return
-        joints, ratios, kept = [], [], self._kept(plant)
+    def levers(self, plant: StationPlant) -> list[tuple[Joint, float]]:
+        """The coupled joints of a plant, each with its ratio in the joint's own sense."""
+        levers = []
         for robot in plant.robots.values():
-            for joint, axis, ratio in zip(robot.joints, robot.model.axes.values(), self._counts(robot), strict=True):
+            counts = self._counts(robot)
+            for joint, axis, ratio in zip(robot.joints, robot.model.axes.values(), counts, strict=True):
                 if ratio:
-                    joints.append(joint.index())
-                    ratios.append(ratio * axis.sign)
-        if len(joints) == 2:
-            driven, driver = (plant.plant.get_joint(joint) for joint in joints)
-            plant.plant.AddCouplerConstraint(driven, driver, -ratios[1] / ratios[0], kept / ratios[0])
+                    levers.append((joint, float(ratio) * axis.sign))
+        return levers
+
+    def gap(self, plant: StationPlant, context: Context) -> float:
+        """How far the sum of positions times ratios is from what it should stay, in a context [rad or m]."""
+        positions = plant.plant.GetPositions(context)
+        each = (self._counts(robot) @ robot.axis_map.positions(positions) for robot in plant.robots.values())
+        return abs(float(sum(each)) - self.kept(plant))
+
+    def add(self, plant: StationPlant) -> None:
+        """Add a constraint to a plant that is not finalized, if its solver holds constraints."""
+        if not plant.holds_constraints:
+            return
+        levers, kept = self.levers(plant), self.kept(plant)
+        if len(levers) == 2:
+            (driven, ratio), (driver, other_ratio) = levers
+            plant.plant.AddCouplerConstraint(driven, driver, -other_ratio / ratio, kept / ratio)
         else:
+            joints = [joint.index() for joint, _ in levers]
+            ratios = [ratio for _, ratio in levers]
             plant.plant.AddTendonConstraint(joints, ratios, -kept, 0.0, 0.0)
 
     def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
-        """Add the stiff spring that couples the axes under a continuous scheme."""
+        """Add the stiff spring that couples the axes under a continuous scheme without constraints."""
         plant, robots = site.plant.plant, site.plant.robots.values()
-        if plant.time_step():
+        if site.plant.holds_constraints or site.plant.engine is not None:
             return
         each = [(robot.axis_map, self._counts(robot)) for robot in robots]
         place = sum(counts @ axes.state_matrix[: len(counts)] for axes, counts in each)
@@ -318,7 +318,7 @@ class Gear(CouplingSection):
         spread = sum(counts @ axes.velocity_matrix for axes, counts in each)
         mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
         stiffness = STIFFNESS / (spread @ mobility @ spread)
-        law = stiffness * np.append(-place - RELAXES * speed, self._kept(site.plant))
+        law = stiffness * np.append(-place - RELAXES * speed, self.kept(site.plant))
         one = fed(builder, f"{key}.one", ConstantVectorSource([1.0]))
         bus = joined(builder, f"{key}.bus", site.state, one)
         site.generalized_forces.append(mapped(builder, f"{key}.force", np.outer(spread, law), bus))
@@ -326,7 +326,7 @@ class Gear(CouplingSection):
         site.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
 
     def caption(self) -> str:
-        """Return it in words."""
+        """The gear in words."""
         return "a gear: " + " + ".join(f"{ratio:g} {axis}" for axis, ratio in self.ratios.items()) + " stays as it is"
 
 

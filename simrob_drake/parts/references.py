@@ -20,6 +20,7 @@ from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.axis_map import AxisValues, PositiveAxisValues
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.coupled_axes import Asked
 from simrob_drake.sections import Duration, Frequency, Instant, NotNegative, Strict
 
 
@@ -42,6 +43,19 @@ class ReferenceSection(Strict, ABC):
 
     @abstractmethod
     def _words(self, model: RobotModel) -> str: ...
+
+    def targets_by_axis(self) -> list[AxisValues | None]:
+        """Values per axis that say where axes go; None where the section leaves all of them at their start."""
+        return [getattr(self, "target_deg", None)]
+
+    def postures(self) -> list[AxisValues]:
+        """Positions per axis at which the section wants the robot, in the user's units."""
+        return [values for values in self.targets_by_axis() if values is not None]
+
+    def asked(self, model: RobotModel) -> list[Asked]:
+        """How firmly the section asks each of the n axes of a robot for a motion: see :class:`Asked`."""
+        each = [model.asked(values) for values in self.targets_by_axis()]
+        return [max(firmness) for firmness in zip(*each, strict=True)]
 
     def axis_values(self) -> dict[str, AxisValues | None]:
         """Return the figures per axis, by their keys, to be checked against a robot's axes: all that are in degrees."""
@@ -200,6 +214,10 @@ class Sequence(ReferenceSection):
             raise ValueError(f"the times of a sequence rise from target to target, by {SHORTEST:g} s or more")
         return self
 
+    def targets_by_axis(self) -> list[AxisValues | None]:
+        """Values per axis of each posture."""
+        return [target.target_deg for target in self.targets]
+
     def axis_values(self) -> dict[str, AxisValues | None]:
         """Return the targets."""
         return {f"targets at {target.time:g} s": target.target_deg for target in self.targets}
@@ -225,6 +243,14 @@ class SineWave(ReferenceSection):
     """Swings a second [Hz]."""
     phase_deg: AxisValues = 0.0
     """Angle at the start, per axis; 0 starts in the middle."""
+
+    def targets_by_axis(self) -> list[AxisValues | None]:
+        """The amplitudes per axis: they say which axes move."""
+        return [self.amplitude_deg]
+
+    def postures(self) -> list[AxisValues]:
+        """None: the amplitudes are no positions."""
+        return []
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> SineReference:
         """Return the swing about ``start`` (n,) [rad or m]."""
@@ -262,6 +288,10 @@ class Table(ReferenceSection):
         if self.interpolation == "hermite":
             return hermite(times, *np.hsplit(np.asarray(values), 2))
         return table(times, values, linear=self.interpolation == "linear")
+
+    def asked(self, model: RobotModel) -> list[Asked]:
+        """All axes are asked by name: each has a column in the file."""
+        return [Asked.NAMED] * len(model.axes)
 
     def rows(self, axes: list[str]) -> Samples:
         """Return the times (m,) [s] and the values (m, n), or (m, 2n) with speeds, of the file.

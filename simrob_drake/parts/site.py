@@ -168,6 +168,7 @@ class StationPlant:
     # pairs of shapes that do not touch themselves, since such balls touch in their place
     replaced_pairs: tuple[tuple[GeometryId, GeometryId], ...] = ()
     engine: Any = None  # what is stepped in the plant's place, with its ports; None where that itself is, or nothing
+    holds_constraints: bool = False  # whether the solver of the plant holds constraints, so that no spring has to
 
     @property
     def stepped(self) -> Any:

@@ -167,7 +167,8 @@ def tool_links(root: ET.Element, palm: str = "") -> list[str]:
 
 
 _MOST = 5  # fingers of a hand
-FOLLOWS = "follows"  # what an import calls a ``mimic``, which no solver of ours does: the joint has a motor of its own
+FOLLOWS = "follows"
+"""Element in which an import writes a ``mimic``, since Drake's parser would heed that under discrete solvers only."""
 
 
 class Gripper(Strict):

@@ -16,9 +16,11 @@ from simrob_drake.files import ROBOT_FILE, models_root, robot_files
 from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
 from simrob_drake.robots.bodies import Gripper, fingers_of, links_without_inertia, tool_links
+from simrob_drake.robots.coupled_axes import Asked, asked_by
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
-from simrob_drake.robots.motors import Drives, Motors, set_drives
+from simrob_drake.robots.followers import Follower, followers_among, with_followers
+from simrob_drake.robots.motors import Drives, Gains, set_drives
 from simrob_drake.robots.urdf import DRAKE, joint_figure, joint_limits, movable_joints, name_of, root_link
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
 from simrob_drake.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
@@ -34,21 +36,6 @@ class Axis(Strict):
     """-1 where the axis is positive in the other sense than its joint."""
     aliases: tuple[str, ...] = ()
     """Other names by which users may call it."""
-
-
-class Gains(Strict):
-    """Servo gains that a robot brings along; a station may set others."""
-
-    kp: AxisValues | None = None
-    """Proportional gain [N·m/rad, or N/m of a prismatic axis]."""
-    ki: AxisValues | None = None
-    """Integral gain [N·m/(rad·s) or N/(m·s)]."""
-    kd: AxisValues | None = None
-    """Derivative gain [N·m·s/rad or N·s/m]."""
-    motor: Motors | None = None
-    """Its motors, as in a station's `servo`."""
-    torque_limit: AxisValues | None = None
-    """Largest torque or force of the motor [N·m or N]; the effort limit of the URDF unless given."""
 
 
 def _axes_by_name(axes: Any) -> Any:
@@ -249,10 +236,19 @@ class RobotModel(Strict):
         """Largest jerk of every axis, shape (n,) [rad/s³ or m/s³]; infinite where none is told."""
         return self.user_units * self.axis_vector(self.jerk_deg or {}, "jerk_deg", np.inf)
 
+    @cached_property
+    def followers(self) -> dict[str, Follower]:
+        """The axes that follow another axis (``mimic``), by name, in the senses of the axes [rad or m]."""
+        return followers_among({name: (axis.joint, axis.sign) for name, axis in self.axes.items()}, self.joints)
+
+    def with_followers(self, positions: Vector) -> Vector:
+        """Positions (..., n) [rad or m] with each follower where its leader takes it."""
+        return with_followers(list(self.axes), self.followers, positions)
+
     @property
     def home(self) -> Vector:
-        """The home posture, shape (n,) [rad or m]."""
-        return self.user_units * self.axis_vector(self.home_deg, "home_deg")
+        """The home posture, shape (n,) [rad or m], in which followers are where their leaders take them."""
+        return self.with_followers(self.user_units * self.axis_vector(self.home_deg, "home_deg"))
 
     def posture(self, name: str, others: Vector) -> Vector:
         """Return a named posture, shape (n,) [rad or m], ``home`` among them; axes that it leaves out are as others.
@@ -262,9 +258,8 @@ class RobotModel(Strict):
         known = {"home": self.home_deg, **self.postures}
         where = f"postures.{name}"
         own = known[one_of(f"posture of {self.name}", name, known)]
-        return self.user_units * self.axis_vector(
-            own, where, others / self.user_units if name in self.postures else 0.0
-        )
+        position = self.axis_vector(own, where, others / self.user_units if name in self.postures else 0.0)
+        return self.with_followers(self.user_units * position)
 
     @cached_property
     def fingers(self) -> dict[int, tuple[float, float]]:
@@ -306,6 +301,10 @@ class RobotModel(Strict):
         if vector.ndim == 1 and vector.size != count:
             raise InvalidParameter(name, values, f"one number, or {count} numbers, one an axis of {self.name}")
         return np.broadcast_to(vector, (count,)).copy()
+
+    def asked(self, values: AxisValues | None) -> list[Asked]:
+        """How firmly a user's values per axis ask each of the n axes: see :func:`asked_by`."""
+        return asked_by(values, len(self.axes), self.axis_index)
 
     def axis_index(self, axis: str, where: str = "") -> int:
         """Return the place of an axis given by its name or an alias."""
@@ -376,7 +375,11 @@ def _usual_home(robot: RobotModel) -> dict[str, float]:
         for axis, low, high in zip(robot.axes, lower, upper, strict=True)
         if not low <= 0 <= high
     }
-    return midway | {axis: opened for axis, (_, opened) in fingers.items() if opened}
+    home = midway | {axis: opened for axis, (_, opened) in fingers.items() if opened}
+    if not robot.followers:
+        return home
+    positions = robot.model_copy(update={"home_deg": home or 0.0}).home / robot.user_units
+    return {axis: float(f"{value:.6g}") for axis, value in zip(robot.axes, positions, strict=True) if value}
 
 
 def described_robot(path: Path) -> RobotModel | None:

@@ -203,3 +203,18 @@ def add_play(robot: ET.Element, play: Mapping[str, float]) -> None:
         loose.extend(map(copied, joint.findall("axis")))
         ET.SubElement(loose, "limit", lower=written(-half), upper=written(half), effort="0")
         child.set("link", name_of(gear))
+
+
+class Gains(Strict):
+    """Servo gains that a robot brings along; a station may set others."""
+
+    kp: AxisValues | None = None
+    """Proportional gain [N·m/rad, or N/m of a prismatic axis]."""
+    ki: AxisValues | None = None
+    """Integral gain [N·m/(rad·s) or N/(m·s)]."""
+    kd: AxisValues | None = None
+    """Derivative gain [N·m·s/rad or N·s/m]."""
+    motor: Motors | None = None
+    """Its motors, as in a station's `servo`."""
+    torque_limit: AxisValues | None = None
+    """Largest torque or force of the motor [N·m or N]; the effort limit of the URDF unless given."""

@@ -170,7 +170,7 @@ def _check_joint(joint: ET.Element, refuse: Refuse) -> None:
     if kind == "fixed":
         return
     if joint.find("mimic") is not None:
-        raise refuse(where, "mimics another joint, which no solver but a discrete one can do; give it a motor instead")
+        raise refuse(where, "mimics another joint; import the robot, so that stations couple the two")
     axis = joint.find("axis")
     if axis is not None and not any(float(number) for number in axis.get("xyz", "1 0 0").split()):
         raise refuse(f"{where} <axis>", "is zero; it is a direction")

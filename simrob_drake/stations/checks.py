@@ -140,18 +140,15 @@ def check_station(config: StationConfig) -> list[Finding]:
     closed = closed_station(resolve(config))
     ports, diagram = closed.ports, closed.diagram
     findings = _piece_findings(ports)
-    if config.gravity < 0:
-        text = f"{config.gravity:g} m/s² pulls up: {-config.gravity:g} pulls down, along -z"
-        findings.append(Finding("warning", "gravity", text))
     for robot in ports.plant.robots.values():
         findings += _reference_findings(config, robot, closed.references.get(robot.name))
     for robot in ports.plant.robots.values():
-        findings += _import_findings(config, robot) + _effort_findings(config, robot) + _motor_findings(robot)
+        findings += _effort_findings(config, robot) + _motor_findings(robot)
         if config.mode == "kinematic" or robot.model.base == "fixed":
             findings += _holding_findings(ports, robot, closed.references.get(robot.name))
         else:
             findings += _standing_findings(ports, robot)
-    for name, coupling in config.couplings.items():
+    for name, coupling in ports.config.couplings.items():
         findings.append(Finding("note", f"couplings.{name}", coupling.caption()))
     for name in config.controllers:
         text = "what it asks of the robot beyond the reference is not looked at: a run shows it"
@@ -177,16 +174,6 @@ def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -
     context = plant.plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant.plant, context, position)
     return -robot.axis_map.efforts(plant.plant.CalcGravityGeneralizedForces(context))
-
-
-def _import_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
-    urdf = config.robots[robot.name].urdf
-    if urdf is None or robot.model.folder == urdf.parent.resolve():
-        return []
-    from simrob_drake.importer.importing import import_summary
-
-    text = f"{import_summary(robot.model)}; `simrob check {urdf}` tells all"
-    return [Finding("note", f"import of {urdf.name}", text)]
 
 
 def _piece_findings(ports: StationPorts) -> list[Finding]:

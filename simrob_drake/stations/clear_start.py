@@ -57,9 +57,12 @@ class ClearStart:
         self._clearance, self._robot, self._duration, self._torque = clearance, robot, duration, torque
         self._random, self._home, self._near = np.random.default_rng(0), robot.model.home, robot.model.home
         self._chain = max(clearance.chains(robot), key=lambda chain: len(chain[1]))
-        self._axes = [axis for axis in range(len(robot.axes)) if axis not in robot.model.fingers]  # those stay open
+        follows = [axis in robot.model.followers for axis in robot.axes]
+        # Fingers stay open, and followers are where their leaders take them.
+        self._axes = [axis for axis in range(len(robot.axes)) if axis not in robot.model.fingers and not follows[axis]]
         self._postures = self._random.uniform(*span(robot), (_RANDOM, len(robot.axes)))
         self._postures[:, [*robot.model.fingers]] = self._home[[*robot.model.fingers]]
+        self._postures = robot.model.with_followers(self._postures)
         bodies = [clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)]
         moves = np.array([not clearance.plant.IsAnchored(body) for body in bodies], dtype=bool)
         seen = np.array([self._heights(posture) for posture in [self._home, *self._postures]])
@@ -87,7 +90,7 @@ class ClearStart:
     def _eased(self, posture: Vector) -> Vector:
         """Return a posture from which faults are taken step by step, always by the axis that takes most."""
         for _ in range(_EASED):
-            near = [posture, *turned(self._robot, posture, self._axes)]
+            near = [posture, *map(self._robot.model.with_followers, turned(self._robot, posture, self._axes))]
             best = min(near, key=self._fault)
             if best is posture:
                 break
@@ -123,6 +126,7 @@ class ClearStart:
         """Yield postures that are clear, the best first: home, those with few changes, those with more, any."""
         good = _DEXTERITY * float(np.quantile([self._dexterity(posture) for posture in self._postures], 0.8))
         first = untangled(self._clearance, self._robot, self._home, self._axes)
+        first = self._robot.model.with_followers(first)
         self._near = first
         for postures in ([self._home], [first], *map(self._changed, (1, 2, 3)), list(self._postures)):
             rated = [(self._dexterity(posture), row) for row, posture in enumerate(postures)]
@@ -137,6 +141,7 @@ class ClearStart:
             for axis in self._random.choice(self._axes, min(count, len(self._axes)), replace=False):
                 slides = self._robot.model.prismatic[axis]
                 posture[axis] += self._random.choice(SLIDES if slides else np.deg2rad(TURNS))
+            posture = self._robot.model.with_followers(posture)
             if self._within(posture):
                 found[posture.tobytes()] = posture
         return list(found.values())
@@ -167,17 +172,26 @@ class ClearStart:
         most = np.minimum(model.bounds(*_STEP), _SWIFT * model.speed_limits * self._duration)
         most[[*model.fingers]] = 0.0
         step: Vector = np.sign(room) * np.minimum(most, _ROOM * np.abs(room))
-        if self._is_clear(posture, step):
+        step = self._with_followers(posture, step)
+        may_move = not model.followers or self._within(posture + step)
+        if may_move and self._is_clear(posture, step):
             return posture + step
         moved = np.zeros_like(step)
-        for axis in range(len(step)):
+        followers = self._robot.model.followers
+        for axis in (axis for axis, name in enumerate(self._robot.axes) if name not in followers):
             for way in (step[axis], -step[axis]):
                 tried = moved.copy()
                 tried[axis] = way
+                tried = self._with_followers(posture, tried)
                 if self._within(posture + tried) and self._is_clear(posture, tried, _PARTS[1::2]):
                     moved = tried
                     break
         return posture + moved if moved.any() and self._is_clear(posture, moved) else None
+
+    def _with_followers(self, posture: Vector, step: Vector) -> Vector:
+        """Return a step (n,) from a posture with the steps that followers make with it [rad or m]."""
+        model = self._robot.model
+        return model.with_followers(posture + step) - posture if model.followers else step
 
     def _is_clear(self, posture: Vector, step: Vector, parts: Vector = _PARTS) -> bool:
         return not any(any(self._faults(posture + part * step)) for part in parts)

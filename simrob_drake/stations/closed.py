@@ -25,6 +25,7 @@ from simrob_drake.lifetime import built
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.parts.site import ResolvedRobot, StationRobot
+from simrob_drake.stations.coupled_references import obey_couplings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.station import compose
@@ -179,7 +180,8 @@ def station_references(
 
     Samples that are given are joined by straight lines, as Simulink joins them, but by a smooth curve where their
     derivatives are needed. The configuration's references begin at ``starts`` (n,) [rad], else at the initial posture.
-    Raises SimrobError: a reference that does not fit the robot, or leaves its joint limits.
+    Coupled axes that nobody asks for follow those that are asked.
+    Raises SimrobError: a reference that does not fit the robot, leaves its joint limits, or contradicts a coupling.
     """
     references = {}
     for robot in station.robots.values():
@@ -197,7 +199,7 @@ def station_references(
             expected = f"{len(robot.axes)} joints: {', '.join(robot.axes)}"
             raise InvalidParameter("reference", f"a trajectory of {reference.rows()} joints", expected)
         references[robot.name] = reference
-    return references
+    return obey_couplings(station, references, requested or {}, starts or {})
 
 
 def reference_samples(reference: Reference, duration: float) -> tuple[Vector, Vector]:

@@ -26,6 +26,7 @@ from simrob_drake.robots.motors import CommandBusConfig, Drives, Motors
 from simrob_drake.sections import (
     FASTEST_RATE,
     ORIGIN,
+    Boolean,
     Duration,
     FileName,
     NotNegative,
@@ -153,7 +154,9 @@ class RobotConfig(Renamed):
     """Pose of the root link in the world, [x y z Rz Ry Rx]; over the floor, if that is inclined and the robot stands on
     feet of its own."""
     initial_deg: AxisValues = 0.0
-    """Joint positions at the start, per axis."""
+    """Joint positions at the start, per axis; coupled axes that are not named are where their couplings take them."""
+    mimic: Boolean = True
+    """Whether axes that mimic others in the robot's file are coupled to them; each has a motor in any case."""
     tcp: str | None = None
     """Tool, or link, that `tcp_pose` follows; the last piece of the robot's chain unless given."""
     tcp_offset: Pose | None = None

@@ -21,7 +21,9 @@ from simrob_drake.stations.clear_start import ClearStart
 from simrob_drake.stations.clearance import Clearance
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.import_findings import import_findings
 from simrob_drake.stations.load import ONLY_ROBOT
+from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.stances import Stance, Stances
 from simrob_drake.stations.steps import apply_solver, step_findings
@@ -36,6 +38,7 @@ _ARM: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e
 _CREEPS = f"In discrete steps, since {_ARM['scheme']} was tried and creeps: some links are too light for it."
 _DISCRETE: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}
 _REPEATED = ("mesh_path", "xacro_arg")  # options that may be given several times
+_COUPLED = "By the robot's file these axes follow others, see couplings: {followers}."
 _HOLDING = "Fingers ({fingers}) move together, as by one motor, and hold by friction: surfaces, and the solver lagged."
 _GRIPS: dict[str, Any] = {
     "contact": {"model": "hydroelastic", "friction": {"static": 0.5, "dynamic": 0.5}},
@@ -76,9 +79,34 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
         "mode": "kinematic" if kinematic else "dynamic",
         "robot": section,
     }
+    if robot.followers:
+        content["couplings"] = _couplings(robot)
+        remarks.append(_COUPLED.format(followers=", ".join(robot.followers)))
+    remarks += _losses(robot, content, file)
     remarks += _held(robot, content) if kinematic or robot.base == "fixed" else _on_feet(robot, content)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     return _header(robot, file, options, kinematic) + "".join(f"# {remark}\n" for remark in remarks) + text
+
+
+def _couplings(robot: RobotModel) -> dict[str, Any]:
+    """The section ``couplings`` with a gear for each axis that follows another one."""
+    return {
+        f"{axis}_follows": {
+            "kind": "gear",
+            "ratios": {name: float(f"{ratio:.9g}") for name, ratio in follower.ratios(axis).items()},
+            "total": float(f"{follower.offset:.9g}") + 0.0,
+        }
+        for axis, follower in robot.followers.items()
+    }
+
+
+def _losses(robot: RobotModel, content: Mapping[str, Any], file: Path) -> list[str]:
+    """What the import of a robot from a file lost of its mechanics, a comment for each finding."""
+    sections = {key: content[key] for key in ("mode", "couplings") if key in content}
+    station = resolve(_config(robot, {**sections, "robot": {"initial_deg": _home(robot)}}))
+    findings = import_findings(station.config, station.robots[ONLY_ROBOT], source=file)
+    findings += plausibility_findings(station.config, station)
+    return [f"Warning: {finding.text}" for finding in findings if finding.level == "warning"]
 
 
 def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
@@ -86,13 +114,14 @@ def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     if not kinematic:
         content["servo"] = _servo(robot, "per_joint")
     content["floor"] = {"size": 3}
-    looked_at = Clearance(_config(robot, {**content, "robot": {"initial_deg": robot.home_deg}}))
+    looked_at = Clearance(_config(robot, {**content, "robot": {"initial_deg": _home(robot)}}))
     start = ClearStart(looked_at, looked_at.station.robots[ONLY_ROBOT], _MOVE, torque=not kinematic).find()
     if (height := round(start.height, 4)) > 0:
         content["robot"]["base"] = [0.0, 0.0, height, 0.0, 0.0, 0.0]
     _begin(robot, content, start.posture)
     moves = bool((start.target != start.posture).any())
-    move = {"kind": "move", "target_deg": _by_axis(robot, _in_user_units(robot, start.target)), "duration": _MOVE}
+    target = _leading(robot, _in_user_units(robot, start.target))
+    move = {"kind": "move", "target_deg": target, "duration": _MOVE}
     content["reference"] = move if moves else {"kind": "hold"}
     remarks = list(start.remarks)
     content["duration"] = 3.0
@@ -115,13 +144,11 @@ def _grips(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     (leader, *others), ways = robot.fingers, {place: ends[1] - ends[0] for place, ends in robot.fingers.items()}
     axes = [*robot.axes]
     content["servo"] |= {"realization": "implicit", "feedforward": "inverse_dynamics"}
-    content["couplings"] = {
-        f"{axes[place]}_follows": {
-            "kind": "gear",
-            "ratios": {axes[place]: 1.0, axes[leader]: float(f"{-ways[place] / ways[leader]:.6g}")},
-        }
-        for place in others
-    }
+    couplings = content.setdefault("couplings", {})
+    for place in others:
+        if axes[place] not in robot.followers and axes[leader] not in robot.followers:
+            ratio = float(f"{-ways[place] / ways[leader]:.6g}")
+            couplings[f"{axes[place]}_follows"] = {"kind": "gear", "ratios": {axes[place]: 1.0, axes[leader]: ratio}}
     content |= _GRIPS
     return [_HOLDING.format(fingers=", ".join(axes[place] for place in robot.fingers))]
 
@@ -153,7 +180,7 @@ def _on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
 def at_home(robot: RobotModel) -> Clearance:
     """Return a robot with a free base at home on a floor, to look at how it may stand."""
     content: dict[str, Any] = {"mode": "dynamic", "servo": _servo(robot, "implicit"), **_HOLDS}
-    return Clearance(_config(robot, {**content, "robot": {"initial_deg": robot.home_deg}}))
+    return Clearance(_config(robot, {**content, "robot": {"initial_deg": _home(robot)}}))
 
 
 def _stance_text(stance: Stance) -> str:
@@ -172,8 +199,14 @@ def _stand(robot: RobotModel, content: dict[str, Any], stance: Stance) -> None:
 def _begin(robot: RobotModel, content: dict[str, Any], posture: Vector) -> None:
     values = _in_user_units(robot, posture)
     content["robot"].pop("initial_deg", None)
-    if values.any():
-        content["robot"]["initial_deg"] = {axis: value for axis, value in _named(robot, values).items() if value}
+    named = {axis: value for axis, value in _named(robot, values).items() if value and axis not in robot.followers}
+    if named:
+        content["robot"]["initial_deg"] = named
+
+
+def _home(robot: RobotModel) -> dict[str, float]:
+    """The home posture of a robot by axis, in the user's units; followers are where their leaders take them."""
+    return _named(robot, _in_user_units(robot, robot.home))
 
 
 def _in_user_units(robot: RobotModel, posture: Vector) -> Vector:
@@ -214,6 +247,13 @@ def _servo(robot: RobotModel, realization: str) -> dict[str, Any]:
 def _by_axis(robot: RobotModel, values: Vector) -> float | dict[str, float]:
     """Return one number if it is the same for all axes."""
     return float(values[0]) if len(set(values.tolist())) == 1 else _named(robot, values)
+
+
+def _leading(robot: RobotModel, values: Vector) -> float | dict[str, float]:
+    """Return values of the axes that lead others or stand alone: their followers obey the couplings."""
+    if not robot.followers:
+        return _by_axis(robot, values)
+    return {axis: value for axis, value in _named(robot, values).items() if axis not in robot.followers}
 
 
 def _named(robot: RobotModel, values: Vector) -> dict[str, float]:

@@ -10,6 +10,7 @@ from simrob_drake.dynamics import Dynamics
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.robots.motors import rated_torques
+from simrob_drake.robots.plausibility import moving_mass, payload_doubt
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding, Level
 from simrob_drake.stations.ports import StationPorts
@@ -145,7 +146,11 @@ def _payload_findings(
     if np.isfinite(masses.min()):
         weakest = robot.axes[int(np.argmin(masses))]
         text = f"at rest along the reference it holds {masses.min():.3g} kg more at {robot.tcp}"
-        findings.append(Finding("note", subject, f"{text}, by the motor of {weakest}"))
+        text += f", by the motor of {weakest}"
+        # Motors too weak for their own robot have a warning each already.
+        doubt = payload_doubt(float(masses.min()), moving_mass(robot.model.element)) if masses.min() > 0 else ""
+        level: Level = "warning" if doubt else "note"
+        findings.append(Finding(level, subject, f"{text}; {doubt}" if doubt else text))
     rated = robot.model.payload
     bound = config.verdict.payload
     if rated is not None and bound != "none" and robot.load > bound * rated:

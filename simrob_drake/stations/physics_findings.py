@@ -13,6 +13,8 @@ from simrob_drake.stations.contact import pairs_without_surface
 from simrob_drake.stations.contact_points import is_flat, uses_contact_points
 from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.ignored_settings import ignored_settings
+from simrob_drake.stations.import_findings import import_findings
+from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.steps import step_findings
 
@@ -22,6 +24,9 @@ def physics_findings(
 ) -> list[Finding]:
     """Find what makes runs of a station differ from what it describes, at the start and along ``references``."""
     findings = _loop_findings(config, ports)
+    findings += plausibility_findings(config, ports.station)
+    for robot in ports.plant.robots.values():
+        findings += import_findings(config, robot)
     if config.mode == "kinematic":
         return findings
     findings += ignored_settings(config)

@@ -77,7 +77,10 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
     _add_floor(plant, resolved, collision)
     points = add_contact_points(plant, scene_graph, resolved, [*robots.values()])
     apply_materials(plant, scene_graph, resolved)
-    station = StationPlant(plant, scene_graph, robots, free_pieces, resolved.ground)
+    holds_constraints = plant.time_step() > 0 or (config.mode == "dynamic" and config.solver.scheme == "cenic")
+    station = StationPlant(
+        plant, scene_graph, robots, free_pieces, resolved.ground, holds_constraints=holds_constraints
+    )
     for coupling in config.couplings.values() if config.mode == "dynamic" else ():
         coupling.add(station)
     plant.Finalize()

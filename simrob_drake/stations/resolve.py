@@ -1,7 +1,8 @@
 """A station's configuration with the robots and pieces behind its names: read once, and checked as a whole."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,19 +13,23 @@ from simrob_drake.errors import InvalidModel, InvalidParameter, UnknownName, one
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
+from simrob_drake.parts.couplings import Gear
 from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
+from simrob_drake.robots.coupled_axes import CoupledAxes
 from simrob_drake.robots.motors import Drives
 from simrob_drake.robots.pieces import FORMS, TCP, PieceModel, PieceShape, described_piece, piece_file, with_changes
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
+from simrob_drake.stations.coupled import coupled_axes, mimic_gears, solver_traits, starting_positions
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.prescribed import with_prescribed_axes
 from simrob_drake.stations.servos import check_motors, drives_of, servo_gains, station_motors
-from simrob_drake.stations.solver_config import FixedSteps, MujocoSolver
+from simrob_drake.stations.solver_config import MujocoSolver
+from simrob_drake.stations.target_limits import check_targets
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 
@@ -32,7 +37,16 @@ from simrob_drake.yaml_files import YAML_SUFFIXES
 class ResolvedStation(Surroundings):
     """A station, resolved."""
 
-    config: StationConfig  # its configuration
+    config: StationConfig  # its configuration, with the gears of axes that mimic others in their robots' files
+    # gears of such axes that the solver cannot hold, by name: references obey them, and nothing else does
+    unheld: Mapping[str, Gear] = field(default_factory=dict)
+    mimics: tuple[str, ...] = ()  # keys of the gears that come from the robots' files, not from the station
+
+    @cached_property
+    def coupled(self) -> CoupledAxes:
+        """The couplings between axes, of all robots in order, by their full names."""
+        axes = [f"{robot.prefix}{axis}" for robot in self.robots.values() for axis in robot.axes]
+        return coupled_axes(self.config, self.unheld, axes)
 
 
 _SERVO_KEYS = "kp", "ki", "kd", "torque_limit", "integral_limit", "speed_limit"
@@ -44,26 +58,31 @@ def resolve(config: StationConfig) -> ResolvedStation:
     driven = {name for loop in readers_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
     config = config.model_copy(update={"inputs": (*config.inputs, *sorted(driven))}) if driven else config
     models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}
+    mimics = mimic_gears(config, models)
+    held = {name: gear for name, gear in mimics.items() if gear.is_held(solver_traits(config))}
+    unheld = {name: gear for name, gear in mimics.items() if name not in held}
+    config = config.model_copy(update={"couplings": {**config.couplings, **held}}) if held else config
+    starts = starting_positions(config, models, unheld)
     pieces = {piece.name: piece for piece in _pieces(config, models)}
     for name in config.pieces:
         if name in config.robots or name == WORLD:
             raise InvalidParameter(f"pieces.{name}", name, "a name that no robot of the station has, nor the world")
     ground = _ground(config.floor, config.contact.model if config.contact else "", pieces)
-    robots = {name: _robot(config, name, model, pieces, ground) for name, model in models.items()}
+    robots = {name: _robot(config, name, model, pieces, ground, starts[name]) for name, model in models.items()}
     sensors = dict(config.sensors)
     for name in sensors_read(readers_of(config.controllers), sensors):
         if isinstance(sensors[name], SampledSensor):
             sensors[name] = sensors[name].model_copy(update={"in_loop": True})
     return ResolvedStation(
-        mode=config.mode,
-        scheme=config.solver.scheme if config.mode == "dynamic" else "",
-        time_step=config.solver.time_step if isinstance(config.solver, FixedSteps) else 0.0,
+        **solver_traits(config)._asdict(),
         has_contact=config.contact is not None,
         ground=ground,
         robots=robots,
         pieces=pieces,
         sensors=dict(sorted(sensors.items(), key=lambda entry: len(entry[1].read(sensors)))),
         config=config,
+        unheld=unheld,
+        mimics=tuple(mimics),
     )
 
 
@@ -77,6 +96,8 @@ def check_parts(station: ResolvedStation) -> None:
     if free and config.mode == "kinematic":
         raise InvalidParameter(f"pieces.{free[0]}.free", True, "false in a kinematic station, which moves robots only")
     _check_engine(config)
+    for robot in station.robots.values():
+        check_targets(config, robot)
     for name, sensor in config.sensors.items():
         sensor.check(f"sensors.{name}", station)
     for name, monitor in config.monitors.items():
@@ -97,10 +118,11 @@ def _check_engine(config: StationConfig) -> None:
     if config.contact is not None and config.contact.model != "point":
         expected = "point with solver.kind mujoco, which knows no pressure over a surface"
         raise InvalidParameter("contact.model", config.contact.model, expected)
-    for key, held in (("prescribed", config.prescribed), ("couplings", config.couplings)):
-        if held:
-            expected = "left out with solver.kind mujoco, which is given a tree of joints moved by forces"
-            raise InvalidParameter(key, ", ".join(held), expected)
+    unknown = [name for name, coupling in config.couplings.items() if "mujoco" not in coupling.engines]
+    for key, refused in (("prescribed", list(config.prescribed)), ("couplings", unknown)):
+        if refused:
+            expected = "left out with solver.kind mujoco, which is given a tree of joints moved by forces, and gears"
+            raise InvalidParameter(key, ", ".join(refused), expected)
 
 
 def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
@@ -160,8 +182,18 @@ def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, Resolv
 
 
 def _robot(
-    config: StationConfig, name: str, model: RobotModel, pieces: Mapping[str, ResolvedPiece], ground: Ground
+    config: StationConfig,
+    name: str,
+    model: RobotModel,
+    pieces: Mapping[str, ResolvedPiece],
+    ground: Ground,
+    initial: Vector,
 ) -> ResolvedRobot:
+    """Resolve a robot of a station whose axes begin at ``initial`` (n,) [rad or m].
+
+    Raises:
+        SimrobError: a key of its section that does not fit the robot.
+    """
     entry = config.robots[name]
     servo, reference = config.servo_of(name), config.reference_of(name)
     values: dict[str, AxisValues | None] = {
@@ -203,7 +235,7 @@ def _robot(
             gains=servo_gains(model, servo, dampers=config.motors_are_dampers(name)),
             motors=tuple(station_motors(model, servo)),
             stops=(stiffness, damping),
-            initial=_initial_position(entry, name, model),
+            initial=initial,
             carried=carried,
             load=sum(pieces[piece].model.mass for piece in carried),
             held=held,
@@ -216,17 +248,6 @@ def _robot(
     )
     check_motors(config, resolved)
     return resolved
-
-
-def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:
-    position = model.user_units * model.axis_vector(entry.initial_deg, f"robots.{robot}.initial_deg")
-    lower, upper = model.axis_limits
-    for index, axis in enumerate(model.axes):
-        if not lower[index] <= position[index] <= upper[index]:
-            low, high, value = np.array([lower[index], upper[index], position[index]]) / model.user_units[index]
-            limits = f"within {low:.5g} to {high:.5g} {model.unit_names[index]}"
-            raise InvalidParameter(f"initial_deg of {axis}", f"{value:.5g}", limits)
-    return position
 
 
 def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator[ResolvedPiece]:

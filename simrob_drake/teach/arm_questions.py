@@ -16,6 +16,7 @@ from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Arm, Workcell
 from simrob_drake.programs.branches import Branch
 from simrob_drake.programs.moves.joints import targets_on
+from simrob_drake.stations.coupled_references import with_partners
 
 BASE, TOOL = "base", "tool"  # frames of every arm: of its foot, and of its tool centre point where its reference has it
 
@@ -108,14 +109,18 @@ def retaught(
 
 
 def jog_move(arm: Arm, targets_deg: Mapping[str, float], duration: float | None = None) -> dict[str, Any]:
-    """Return the move that brings axes by name or alias to targets, others staying, as a program's file has it.
+    """Return the move that brings axes by name or alias to targets, as a program's file has it.
+
+    Axes that are coupled to these move with them; others stay.
 
     It takes a time [s], unless given half as fast as the joints can. Raises JointLimitExceeded, UnknownName: what would
     do.
     """
     posture, model = arm.reference, arm.cell.robot(arm.name).model
-    for place, position in targets_on(model, targets_deg, "the jog").items():
+    targets = targets_on(model, targets_deg, "the jog")
+    for place, position in targets.items():
         posture[place] = position
+    posture = with_partners(arm.cell.model.resolved, arm.name, posture, targets)
     time = _EASY * arm.plan.move_abs_j(posture, points=1).duration if duration is None else duration
     move = {"targets": posture.tolist(), "duration": float(max(1, np.ceil(time / _TICK - 1e-9)) * _TICK)}
     return {"move_abs_j": move if arm.cell.config.only_robot else {**move, "robot": arm.name}}

@@ -554,7 +554,11 @@ JOINTS = [
         "repaired: joint 'float': floats below 'odom', which is left out",
     ),
     Defect("nothing moves", fixed_all, "error: has no joint that moves"),
-    Defect("mimic", add(FINGER.format('<axis xyz="1 0 0"/><mimic joint="elbow"/>')), "lost: mimics 'elbow'"),
+    Defect(
+        "mimic",
+        add(FINGER.format('<axis xyz="1 0 0"/><mimic joint="elbow"/>')),
+        "read: mimics 'elbow' by 1 with an offset of 0: stations couple them",
+    ),
     Defect("mimic of nothing", swap(ELBOW_LIMIT, f"{ELBOW_LIMIT}<mimic/>"), "lost: joint 'elbow': mimics ''"),
     Defect("no axis", swap('<axis xyz="0 0.6 0.8"/>', ""), "defaulted: joint 'elbow': has no axis; 1 0 0"),
     Defect("axis zero", swap("0 0.6 0.8", "0 0 0"), "error: joint 'elbow' <axis>: xyz=\"0 0 0\" is no direction"),

@@ -35,7 +35,10 @@ def station(folder, parts, **sections):
 ARM, WHEEL = ("revolute", "0 0 0", "0 1 0", 2.0, "0.3 0 0", 0.05), ("revolute", "1 0 0", "0 1 0", 1.0, "0 0 0", 0.02)
 
 
-@pytest.mark.parametrize(("solver", "within"), [(TIGHT, 1e-3), (STIFF, 1e-5)])
+CENIC = {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-4, "max_step": 1e-3}
+
+
+@pytest.mark.parametrize(("solver", "within"), [(TIGHT, 1e-3), (STIFF, 1e-5), (CENIC, 5e-3)])
 def test_a_geared_pair_turns_as_one_inertia(tmp_path, solver, within):
     """An arm that falls drives a wheel of half its radius: (I1 + 4 I2) q1'' = m g c cos q1, and q2 = -2 q1."""
     gears = {"mesh": {"kind": "gear", "ratios": {"arm_joint": 2, "wheel_joint": 1}}}
@@ -125,7 +128,8 @@ def test_what_is_held_by_the_world_stays(tmp_path, held, solver):
     [
         ({"kind": "gear", "ratios": {"arm_joint": 1, "wheel_jiont": 1}}, {}, "wheel_joint"),
         ({"kind": "gear", "ratios": {"arm_joint": 1, "wheel_joint": 1}},
-         {"solver": {"kind": "continuous", "scheme": "cenic"}}, "discrete with scheme: sap, which hold couplings.tie"),
+         {"solver": {"kind": "continuous", "scheme": "runge_kutta3"}},
+         "discrete with scheme: sap, which hold couplings.tie"),
         ({"kind": "rod", "body": "arm", "length": 0.5}, {}, r"couplings.tie.* 0\.5 m \(or rad\) off at the start"),
         ({"kind": "ball", "body": "arm", "other": "wheel"}, {}, "1 m .* off at the start"),
         ({"kind": "ball", "body": "arm", "other": "arm"}, {}, "another one than body"),

@@ -17,6 +17,7 @@ _OF_JOINT = 1  # mjtWrap
 _FIXED, _NONE, _AFFINE = 0, 0, 1  # mjtGain; mjtBias twice
 _CONNECT, _WELD, _COUPLED = 0, 1, 2  # mjtEq
 _SITE = 6  # mjtObj
+_POLYNOMIAL = 5  # coefficients of a coupling of two joints
 _HOME = "home"
 
 
@@ -160,7 +161,37 @@ class DriveWriter:
                 between = "' and '".join(name_of(self.bodies[body]) for body in ends)
                 ET.SubElement(self.robot, "loop_joint", name=f"{name} of '{between}'")
                 continue
-            if kind == _COUPLED and ends[0] in first and ends[1] in first:
-                ET.SubElement(first[ends[0]], "mimic", joint=name_of(first[ends[1]]))
+            if kind == _COUPLED and ends[0] in first:
+                self._write_coupling(index, name, ends, first)
                 continue
             self.report.add("lost", f"constraint '{name}'", "is not simulated")
+
+    def _write_coupling(self, index: int, name: str, ends: Sequence[int], first: Mapping[int, ET.Element]) -> None:
+        """Write an equality of two joints as a ``mimic`` of the first one.
+
+        MuJoCo counts both from their positions in its zero posture, y - y0 = sum of c_k (x - x0)^k, and holds a joint
+        at y0 + c_0 where there is no other one. Of the polynomial its slope in the zero posture is taken.
+        """
+        model = self.model
+        constant, slope, *higher = np.asarray(model.eq_data[index][:_POLYNOMIAL]).tolist()
+        follower, leader = first[ends[0]], first.get(ends[1])
+        zero = float(model.qpos0[model.jnt_qposadr[ends[0]]])
+        if follower.find("mimic") is not None:
+            problem = f"joint '{name_of(follower)}' follows another one already: this coupling is not simulated"
+            self.report.add("lost", f"constraint '{name}'", problem)
+            return
+        if ends[1] < 0:
+            stands = {"joint": name_of(follower), "multiplier": "0", "offset": written(zero + constant)}
+            ET.SubElement(follower, "mimic", stands)
+            return
+        if leader is None:
+            self.report.add("lost", f"constraint '{name}'", "its other joint is not there: it is not simulated")
+            return
+        if any(higher):
+            problem = (
+                f"a polynomial of higher degree; joint '{name_of(follower)}' follows by its slope at zero, {slope:g}"
+            )
+            self.report.add("lost", f"constraint '{name}'", problem)
+        offset = zero + constant - slope * float(model.qpos0[model.jnt_qposadr[ends[1]]])
+        follows = {"joint": name_of(leader), "multiplier": written(slope), "offset": written(offset)}
+        ET.SubElement(follower, "mimic", follows)

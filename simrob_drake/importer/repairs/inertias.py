@@ -5,17 +5,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, Shape, Sphere
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import CalcSpatialInertia, RotationalInertia, SpatialInertia
+from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import EntryKind, ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.structure import number
 from simrob_drake.robots.bodies import bodies, carriers
+from simrob_drake.robots.plausibility import robot_doubts
+from simrob_drake.robots.shape_inertia import inertia_of_shapes
 from simrob_drake.robots.urdf import (
-    DRAKE,
     MOMENTS,
     impossible,
     link_of,
@@ -27,17 +27,12 @@ from simrob_drake.robots.urdf import (
     set_inertia,
     set_moments,
 )
-from simrob_drake.robots.urdf_check import SHAPE_SIZES, shape_defect
 
 ROUNDING = 1e-3
 """Moments that miss what a body can have by less than this part of the largest are rounded ones, and are mended."""
 SMALL_MASS = 0.1  # of a link that has neither mass nor shape, such as the one between two axes that cross [kg]
 _MARGIN = 1e-9  # of the largest moment: what writing and reading may cost
-_HEAVIEST, _LIGHTEST = 20_000.0, 1.0  # kg/m³, as tungsten and gold, and as air
-_FAR = 1.0  # m, between a centre of mass and the middle of the shapes
 _ON_AXIS = 1e-6  # m
-_LEAST_VOLUME = 1e-9  # m³, a cube of 1 mm: less is a decal, not a body
-_MAKERS = {"box": Box, "cylinder": Cylinder, "capsule": Capsule, "sphere": Sphere, "ellipsoid": Ellipsoid}
 
 
 @dataclass(frozen=True)
@@ -87,8 +82,8 @@ def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptio
         else:
             problem = "has no usable inertia: dynamic stations refuse this robot; estimate it with --estimate-inertia"
             report.add("open", f"link '{name}'", problem)
-    for link in robot.iterfind("link"):
-        _report_implausible(link, folder, report)
+    for where, doubt in robot_doubts(robot, folder):
+        report.add("read", where, doubt)
 
 
 def _read(inertial: ET.Element) -> _Inertial:
@@ -137,7 +132,7 @@ def mended(moments: Vector) -> Vector | None:
 
 def _estimated(link: ET.Element, inertia: _Inertial, folder: Path | None, density: float) -> tuple[EntryKind, str]:
     """Estimate what an inertia should have been that is taken out, and return what was done."""
-    estimate = _of_shapes(link, folder, density)
+    estimate = inertia_of_shapes(link, folder, density)
     if estimate is not None and inertia.mass > 0:
         scaled = SpatialInertia(inertia.mass, estimate.get_com(), estimate.get_unit_inertia())
         whole = f"scaled to its mass of {inertia.mass:g} kg"
@@ -154,7 +149,9 @@ def _estimate_body(
     carrier: str, links: list[ET.Element], folder: Path | None, density: float, report: ImportReport
 ) -> None:
     """Give a body without mass that of the shapes of its links, or a small one."""
-    estimates = [(link, estimate) for link in links if (estimate := _of_shapes(link, folder, density)) is not None]
+    estimates = [
+        (link, estimate) for link in links if (estimate := inertia_of_shapes(link, folder, density)) is not None
+    ]
     for link, estimate in estimates:
         how = f"has no inertia; estimated: {_write(link, estimate)} of its shapes at {density:g} kg/m³"
         report.add("defaulted", f"link '{name_of(link)}'", how)
@@ -214,70 +211,6 @@ def _is_on_axis(inertia: _Inertial, link: str, fixed: dict[str, ET.Element], axi
     return float(np.linalg.norm(np.cross(place, axis / np.linalg.norm(axis)))) < _ON_AXIS
 
 
-def _report_implausible(link: ET.Element, folder: Path | None, report: ImportReport) -> None:
-    """Tell of figures that a body can have, but hardly one of this shape: the usual slips with units."""
-    inertial = link.find("inertial")
-    if inertial is None or mass_of(link) == 0:
-        return
-    inertia, solid = _read(inertial), _of_shapes(link, folder, 1.0)
-    if solid is None or inertia.moments is None:
-        return
-    where, volume = f"link '{name_of(link)}' <inertial>", solid.get_mass()
-    density = inertia.mass / volume
-    if not _LIGHTEST <= density <= _HEAVIEST:
-        report.add("read", where, f"mass {inertia.mass:g} kg in {volume:.3g} m³ is {density:.3g} kg/m³; grams, or mm?")
-    com = solid.get_com()
-    spread = float(np.trace(solid.Shift(com).CalcRotationalInertia().CopyToFullMatrix3())) / volume
-    if not spread > 0:  # lost in rounding: the shapes lie absurdly far out
-        return
-    apart = float(np.linalg.norm(inertia.place.translation() - com))
-    if apart > _FAR + 2 * np.sqrt(spread):
-        report.add("read", where, f"its centre of mass lies {apart:.3g} m from the middle of its shapes; in mm?")
-    ratio = float(np.trace(inertia.moments)) / inertia.mass / spread
-    if ratio > 100 or 0 < ratio < 0.01:
-        report.add("read", where, f"its moments are {ratio:.3g} times those of a solid body of its mass and shapes")
-
-
-def _of_shapes(link: ET.Element, folder: Path | None, density: float) -> SpatialInertia | None:
-    """Return the inertia of a link's collision shapes, or of its visuals if it has none, as if they were solid [kg/m³].
-
-    It is about the link's origin, in its axes; None if it has no shape with a volume. Shapes are positive, and those
-    that overlap count twice; meshes lie below the robot's folder, and are left out without one.
-    """
-    for role in ("collision", "visual"):
-        parts = [part for element in link.iterfind(role) if (part := _solid(element, folder, density)) is not None]
-        for part in parts[1:]:
-            parts[0] += part
-        if parts and parts[0].get_mass() >= _LEAST_VOLUME * density:
-            return parts[0]
-    return None
-
-
 def _ball(mass: float, density: float) -> SpatialInertia:
     """Return the inertia of a solid ball of a mass [kg] and density [kg/m³] at a link's origin."""
     return SpatialInertia.SolidSphereWithMass(mass=mass, radius=(3 * mass / (4 * np.pi * density)) ** (1 / 3))
-
-
-def _solid(element: ET.Element, folder: Path | None, density: float) -> SpatialInertia | None:
-    shape = element.find("geometry/*")
-    try:
-        solid = None if shape is None else _shape(shape, folder)
-        inertia = None if solid is None else CalcSpatialInertia(shape=solid, density=density)
-    except (RuntimeError, ValueError, SystemExit):  # flat or empty meshes; failed assertions come as SystemExit
-        return None
-    pose = pose_of(element)
-    return None if inertia is None else inertia.ReExpress(pose.rotation()).Shift(-pose.translation())
-
-
-def _shape(element: ET.Element, folder: Path | None) -> Shape | None:
-    if element.tag == "mesh":
-        scale = [float(word) for word in element.get("scale", "1").split()]
-        name = element.get("filename", "")
-        if folder is None or not name or not all(scale):
-            return None
-        return Convex(str(folder / name), scale * 3 if len(scale) == 1 else scale)
-    sizes = SHAPE_SIZES.get(element.tag)
-    if sizes is None or shape_defect(element):
-        return None
-    values = (float(word) for key in sizes for word in element.attrib[key].split())
-    return _MAKERS[element.tag.removeprefix(DRAKE)](*values)

@@ -3,11 +3,13 @@
 import difflib
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 
 import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
+from simrob_drake.errors import nearest, shortened
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.structure import drop_lost_frames, number
@@ -25,6 +27,7 @@ from simrob_drake.robots.urdf import (
     pose_of,
     written,
 )
+from simrob_drake.robots.urdf_check import numbers_in
 
 _TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")
 _OF_OTHER_FORMATS = ("revolute2", "screw", "ball", "universal", "gearbox", "spherical", "cylindrical")
@@ -35,11 +38,11 @@ _WAYS_OUT = {
 _DEFAULT_AXIS = "1 0 0"  # of the URDF format
 
 DEFAULT_STROKE = 1.0  # of a prismatic joint without limits, to each side [m]
-_LONGEST = 30.0  # link of a robot [m]
-_MANY_TURNS = 4 * math.pi
 _ENDLESS = 1e4  # rad: larger limits are a way to write that there are none
 _ROUNDED = 1e-4  # rad or m: limits that differ by less were rounded
 _ACCELERATION = f"{DRAKE}acceleration"
+_FIXED_AT = "simrob_fixed_at"
+"""Attribute of a joint that was fixed where its equal limits hold it [rad or m], until its followers are repaired."""
 
 
 def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
@@ -51,25 +54,16 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
         where, kind = f"joint '{name_of(joint)}'", joint.get("type", "")
         if kind in _WAYS_OUT:
             raise report.refusal(where, f"is {kind}, which no motor can drive; {_WAYS_OUT[kind]}")
-        _drop_mimic(joint, where, report)
         if kind != "fixed":
             _repair_axis(joint, where, report)
             _repair_limits(joint, where, report)
             _repair_dynamics(joint, where, options, report)
-    _look_for_millimetres(robot, report)
+    _name_followers(robot, report)
+    _fix_still_followers(robot, report)
     _widen_followers(robot, report)
     if not movable_joints(robot):
         raise report.refusal("", "has no joint that moves, so no motor could; a rigid thing is a piece, not a robot")
     drop_lost_frames(robot, report)
-
-
-def _look_for_millimetres(robot: ET.Element, report: ImportReport) -> None:
-    """Tell of a joint that is farther from the last one than a link of any robot is long."""
-    for joint in robot.iterfind("joint"):
-        if (away := float(np.linalg.norm(pose_of(joint).translation()))) > _LONGEST:
-            text = f"is {away:.4g} m from the joint before it; were millimetres meant? lengths of a URDF are in metres"
-            report.add("read", f"joint '{name_of(joint)}'", text)
-            return
 
 
 def _repair_type(joint: ET.Element, report: ImportReport) -> None:
@@ -101,35 +95,123 @@ def _free_root(robot: ET.Element, report: ImportReport) -> None:
     report.add("repaired", f"joint '{name_of(joints[0])}'", why)
 
 
-def _drop_mimic(joint: ET.Element, where: str, report: ImportReport) -> None:
-    mimic = joint.find("mimic")
-    if mimic is None:
-        return
-    fixed = joint.get("type") == "fixed"
-    if fixed:
-        joint.remove(mimic)
-    mimic.tag = FOLLOWS
-    why = "fixed joints move with nothing" if fixed else "no continuous solver can do that; it has a motor of its own"
-    report.add("dropped" if fixed else "lost", where, f"mimics '{mimic.get('joint', '')}': {why}")
+def _name_followers(robot: ET.Element, report: ImportReport) -> None:
+    """Turn every ``mimic`` into what stations make a coupling of, in place; leave out those without a meaning.
+
+    A joint that follows a fixed joint, or follows with a multiplier of 0, stands: it becomes fixed there.
+    """
+    joints = {name_of(joint): joint for joint in robot.iterfind("joint")}
+    followers = {name: joint for name, joint in joints.items() if joint.find("mimic") is not None}
+    for name, joint in followers.items():
+        mimic, where = child_of(joint, "mimic"), f"joint '{name}'"
+        leader = mimic.get("joint", "")
+        said = f"mimics '{leader}'"
+        _repair_mimic(mimic, where, report)
+        if joint.get("type") == "fixed":
+            joint.remove(mimic)
+            report.add("dropped", where, f"{said}: fixed joints move with nothing")
+        elif followed(mimic)[0] == 0:
+            continue  # it stands, whatever leads it
+        elif leader not in joints or _leads_back(joints, name):
+            joint.remove(mimic)
+            problem = (
+                "which leads back to itself" if leader in joints else f"which is no joint{nearest(leader, joints)}"
+            )
+            report.add("lost", where, f"{said}, {problem}; it moves on its own")
+    for name, joint in followers.items():
+        follows = joint.find("mimic")
+        if follows is None:
+            continue
+        follows.tag = FOLLOWS
+        factor, offset = followed(follows)
+        said = f"mimics '{follows.get('joint', '')}' by {factor:g} with an offset of {offset:g}"
+        report.add("read", f"joint '{name}'", f"{said}: stations couple them")
+
+
+def _repair_mimic(mimic: ET.Element, where: str, report: ImportReport) -> None:
+    """Put the format's defaults in the place of a multiplier and an offset that are no numbers, in place."""
+    for key, default in (("multiplier", "1"), ("offset", "0")):
+        text = mimic.get(key)
+        if text is not None and len(numbers_in(text) or []) != 1:
+            mimic.set(key, default)
+            problem = f"{key}='{shortened(text)}' of its mimic is no number; {default}, as the format has it"
+            report.add("lost", where, problem)
+
+
+def _leads_back(joints: Mapping[str, ET.Element], name: str) -> bool:
+    """Whether the joint that a joint mimics follows that joint itself, directly or through others."""
+    passed, here = set[str](), name
+    while here in joints and here not in passed:
+        passed.add(here)
+        mimic = joints[here].find("mimic")
+        if mimic is None:
+            return False
+        here = mimic.get("joint", "")
+    return here == name
+
+
+def _fix_still_followers(robot: ET.Element, report: ImportReport) -> None:
+    """Fix the joints that follow what does not move, in place, where that holds them.
+
+    In a chain each one is fixed after its leader.
+    """
+    while True:
+        joints = {name_of(joint): joint for joint in robot.iterfind("joint")}
+        for name, joint in joints.items():
+            follows = joint.find(FOLLOWS)
+            if follows is None:
+                continue
+            factor, offset = followed(follows)
+            leader = joints.get(follows.get("joint", ""), joint)
+            if factor and leader.get("type") in MOVABLE_JOINTS:
+                continue
+            # The position of a fixed joint counts as 0, but one that was fixed here stands where it was fixed.
+            position = factor * float(leader.get(_FIXED_AT, "0")) + offset
+            joint.remove(follows)
+            _fix_at(joint, position)
+            joint.set(_FIXED_AT, written(position))
+            why = f"follows '{name_of(leader)}', which does not move" if factor else "follows with a multiplier of 0"
+            report.add("repaired", f"joint '{name}'", f"{why}; fixed at {position:g}")
+            break
+        else:
+            for joint in joints.values():
+                joint.attrib.pop(_FIXED_AT, None)
+            return
 
 
 def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
-    """Let every joint that follows another go as far as that takes it."""
+    """Let every joint that follows another go as far as that takes it, in place; in a chain the leaders come first."""
     joints = {name_of(joint): joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS}
-    for name, joint in joints.items():
+    done: set[str] = set()
+
+    def widen(name: str) -> None:
+        """Widen the limits of a joint after those of the joint that it follows."""
+        joint = joints[name]
         follows = joint.find(FOLLOWS)
-        leader = None if follows is None else joints.get(follows.get("joint", ""))
-        if follows is None or leader is None:
-            continue
+        if name in done or follows is None:
+            return
+        done.add(name)
+        leader = joints[follows.get("joint", "")]
+        widen(name_of(leader))
         factor, offset = followed(follows)
-        taken, own = [factor * end + offset for end in joint_limits(leader)], joint_limits(joint)
-        wide = min(*taken, *own), max(*taken, *own)
-        if np.isfinite(wide).all() and not np.allclose(wide, own, rtol=0, atol=_ROUNDED):
+        ends = [factor * end + offset for end in joint_limits(leader)]
+        own = joint_limits(joint)
+        wide = min(*ends, *own), max(*ends, *own)
+        if np.allclose(wide, own, rtol=0, atol=_ROUNDED):
+            return
+        said = f"[{own[0]:.4g}, {own[1]:.4g}] leave out where '{name_of(leader)}' takes it, which it follows"
+        if np.isfinite(wide).all():
             limit = child_of(joint, "limit")
             limit.set("lower", f"{wide[0]:.12g}")
             limit.set("upper", f"{wide[1]:.12g}")
-            problem = f"[{own[0]:.4g}, {own[1]:.4g}] leave out where '{name_of(leader)}' takes it, which it follows"
-            report.add("repaired", f"joint '{name}'", f"its limits {problem}; [{wide[0]:.4g}, {wide[1]:.4g}]")
+            report.add("repaired", f"joint '{name}'", f"its limits {said}; [{wide[0]:.4g}, {wide[1]:.4g}]")
+        elif joint.get("type") == "revolute":
+            _set_range(joint, None, None)
+            joint.set("type", "continuous")
+            report.add("repaired", f"joint '{name}'", f"its limits {said}; continuous instead of revolute")
+
+    for name in joints:
+        widen(name)
 
 
 def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
@@ -211,17 +293,8 @@ def _repair_range(
         report.add("repaired", where, f"lower {low:g} is above upper {high:g}; exchanged")
         low, high = high, low
     if low == high:
-        x, y, z = (float(word) for word in child_of(joint, "axis").get("xyz", "").split())
-        length = math.hypot(x, y, z)
-        direction = [x / length, y / length, z / length]
-        if joint.get("type") == "prismatic":
-            motion = RigidTransform([low * part for part in direction])
-        else:
-            motion = RigidTransform(RotationMatrix(AngleAxis(angle=low, axis=direction)), [0, 0, 0])
-        place(joint, pose_of(joint) @ motion)
-        joint.set("type", "fixed")
-        for element in [child for child in joint if child.tag in ("axis", "limit", "dynamics")]:
-            joint.remove(element)
+        _fix_at(joint, low)
+        joint.set(_FIXED_AT, written(low))
         report.add("repaired", where, f"lower and upper are both {low:g}, so it can't move; fixed there")
         return
     _set_range(joint, low, high)
@@ -230,8 +303,21 @@ def _repair_range(
         _set_range(joint, None, None)
         joint.set("type", "continuous")
         report.add("repaired", where, f"{said} rad stop nothing; continuous instead of revolute")
-    elif joint.get("type") == "revolute" and largest > _MANY_TURNS:
-        report.add("read", where, f"{said} rad are {largest / math.tau:.1f} turns; were degrees meant?")
+
+
+def _fix_at(joint: ET.Element, position: float) -> None:
+    """Make a joint fixed at a position [rad or m], in place."""
+    x, y, z = (float(word) for word in child_of(joint, "axis").get("xyz", "").split())
+    length = math.hypot(x, y, z)
+    direction = [x / length, y / length, z / length]
+    if joint.get("type") == "prismatic":
+        motion = RigidTransform([position * part for part in direction])
+    else:
+        motion = RigidTransform(RotationMatrix(AngleAxis(angle=position, axis=direction)), [0, 0, 0])
+    place(joint, pose_of(joint) @ motion)
+    joint.set("type", "fixed")
+    for element in [child for child in joint if child.tag in ("axis", "limit", "dynamics")]:
+        joint.remove(element)
 
 
 def _set_range(joint: ET.Element, lower: float | None, upper: float | None) -> None:

@@ -19,13 +19,25 @@ from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.shapes import PLAIN
 from simrob_drake.importer.sdf.frames import MODEL, SCOPE, WORLD, Frames, named, own_pose
 from simrob_drake.importer.trees import ROOT, add_between
-from simrob_drake.robots.urdf import DRAKE, MOMENTS, add_colour, add_frame, add_joint, add_motor, name_of, place, text
+from simrob_drake.robots.urdf import (
+    DRAKE,
+    MOMENTS,
+    add_colour,
+    add_frame,
+    add_joint,
+    add_motor,
+    name_of,
+    place,
+    text,
+    written,
+)
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in
 from simrob_drake.yaml_files import read_yaml
 
 _MOVING = ("revolute", "continuous", "prismatic", "ball", "universal", "revolute2", "screw")
 _AXES = {"universal": ("axis", "axis2"), "revolute2": ("axis", "axis2"), "ball": ("x", "y", "z")}
 _IN_MODEL_FRAME = (1, 4)  # the last version in which axes were in the model's frame
+_MIMIC = {"multiplier": "1", "offset": "0", "reference": "0"}  # what SDF puts in the place of what is missing
 _DEFAULT_INERTIA = {"ixx": "1", "iyy": "1", "izz": "1"}
 
 
@@ -69,6 +81,8 @@ class RobotWriter:
         }
         self._free = FreeNames(self._names.values())
         self._origins: dict[str, RigidTransform] = {}  # of the links of the URDF in the model
+        self._parts: dict[tuple[str, str], ET.Element] = {}  # joints of the URDF, by the SDF joint and its axis
+        self._mimics: list[tuple[_Edge, ET.Element, ET.Element]] = []  # joints of the URDF with their <mimic>
 
     def written(self) -> ET.Element:
         """Return the ``robot`` element; raises InvalidModel: frames that name none, or a joint that is none."""
@@ -85,6 +99,7 @@ class RobotWriter:
             root = next((link for link in rest if link not in reached), rest[0])
             self._add_link(root, self._frames.pose(root))
             self._grow()
+        self._write_mimics()
         for edge in self._edges:
             where = f"{edge.name}' between '{edge.parent}' and '{edge.child}"
             ET.SubElement(self.robot, "loop_joint", name=where)
@@ -137,10 +152,28 @@ class RobotWriter:
                 ET.SubElement(element, "axis", xyz=text(sense * direction))
                 write_limits(element, axis)
                 write_drive(self.robot, element, axis, joint if len(parts) == 1 else None, self.report)
+                self._parts[edge.name, part] = element
+                self._mimics += [
+                    (edge, element, mimic) for mimic in (axis.findall("mimic") if axis is not None else [])
+                ]
             carrier, start = to, RigidTransform()
         if len(parts) > 1:
             message = f"is {kind}; {len(parts)} joints, between which are links of next to no mass"
             self.report.add("approximated" if kind == "ball" else "repaired", f"joint '{edge.name}'", message)
+
+    def _write_mimics(self) -> None:
+        """Write what joints mimic, once all joints are there: the leader may stand later in the file.
+
+        SDF counts the position of the leader from a reference: follower = multiplier (leader - reference) + offset.
+        """
+        for edge, element, mimic in self._mimics:
+            full = named(edge.prefix, mimic.get("joint", ""))
+            leader = self._parts.get((full, mimic.get("axis", "axis")))
+            values = {key: float(_figure(mimic, key) or default) for key, default in _MIMIC.items()}
+            offset = values["offset"] - values["multiplier"] * values["reference"]
+            name = full if leader is None else name_of(leader)
+            follows = {"joint": name, "multiplier": written(values["multiplier"]), "offset": written(offset)}
+            ET.SubElement(element, "mimic", follows)
 
     def _direction(self, edge: _Edge, axis: ET.Element | None, place: RigidTransform) -> Vector:
         xyz = None if axis is None else axis.find("xyz")
@@ -218,9 +251,6 @@ def write_drive(
     ET.SubElement(joint, "dynamics", {key: value for key, value in friction.items() if float(value)})
     if float(_figure(axis, "dynamics/spring_stiffness") or 0):
         report.add("lost", f"joint '{name_of(joint)}'", "has a spring, and springs at joints are not simulated")
-    mimic = None if axis is None else axis.find("mimic")
-    if mimic is not None:
-        ET.SubElement(joint, "mimic", joint=mimic.get("joint", ""))
     gears = {key: value for key in _GEARS if (value := _figure(source, f"{DRAKE}{key}"))}
     if gears:
         motor = add_motor(robot, name_of(joint), drive=f"{name_of(joint)}_drive")

@@ -14,6 +14,7 @@ from simrob_drake.programs.moves.move_j import plan_move_abs_j
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import Duration, Number
+from simrob_drake.stations.coupled_references import with_partners
 
 _ROUNDING = 1e-9  # rad or m
 
@@ -39,11 +40,13 @@ class JointMove(Move):
         return self.model_dump(mode="json")
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Move an arm there, straight in the joints."""
+        """Move an arm there, straight in the joints, with the axes that are coupled to those that are named."""
         planning = cell.planning(robot)
         posture = planning.start.copy()
-        for place, position in targets_on(planning.model, self.target_deg, "the target").items():
+        targets = targets_on(planning.model, self.target_deg, "the target")
+        for place, position in targets.items():
             posture[place] = position
+        posture = with_partners(cell.model.resolved, planning.robot, posture, targets)
         return run([plan_move_abs_j(planning, posture, duration=self.duration)], None)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:

@@ -3,7 +3,7 @@
 Its bound stands in ``VerdictConfig``.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from simrob_drake.parts.couplings import Between
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.verdict.contact_forces import measure_friction_share, measure_resting_force
-from simrob_drake.results.verdict.verdict import Criterion, Measure, Measured, Verdict
+from simrob_drake.results.verdict.verdict import NOTHING_LEFT_OUT, Criterion, Measured, Verdict
 from simrob_drake.robots.motors import rated_torques
 
 if TYPE_CHECKING:
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 AT_LIMIT = 0.999  # from which part of it on an axis is at its limit of torque
 _LOOKS = 40  # in a run, at its couplings
+_PRESSES = "a finger, which presses on what it holds as hard as it may"
+_IDLE = "no motor drives it"
 _WENT_ON = "completed", "monitor"  # how runs end at whose end axes should be where they are asked to be
 
 
@@ -31,6 +33,7 @@ class _Axes(NamedTuple):
     times: Vector | None = None
     limits: Vector = np.zeros(0)
     limit_units: tuple[str, ...] = ()
+    left_out: Mapping[int, str] = NOTHING_LEFT_OUT  # axes that are not judged, each with the reason; their values are 0
 
 
 def _of_each_robot(
@@ -44,12 +47,18 @@ def _of_each_robot(
         if not known:
             return None
         times, limits = ([getattr(axes, key) for _, axes in known] for key in ("times", "limits"))
+        left_out = {
+            f"{robot.prefix}{robot.axes[axis]}": reason
+            for robot, axes in known
+            for axis, reason in axes.left_out.items()
+        }
         return Measured(
             [f"{robot.prefix}{axis}" for robot, _ in known for axis in robot.axes],
             np.concatenate([axes.values for _, axes in known]),
             None if times[0] is None else np.concatenate(times),
             [slides for robot, _ in known for slides in robot.model.prismatic],
             (np.concatenate(limits), [unit for _, axes in known for unit in axes.limit_units]),
+            left_out,
         )
 
     return of_run
@@ -62,32 +71,51 @@ def largest(values: Vector, times: Vector) -> tuple[Vector, Vector]:
 
 
 def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
-    """Return how far the axes of a robot were from their reference, shape (m, n) [rad or m]."""
-    if run.config.mode == "kinematic":  # there they are where they are asked to be
+    """Return how far the axes of a robot were from their reference, shape (m, n) [rad or m].
+
+    Axes that are left out have errors of 0. Returns None for a kinematic run, in which axes are where they should be.
+    """
+    if run.config.mode == "kinematic":
         return None
-    errors = _of_arm(robot, np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name)))
-    idle = (robot.gains.kp == 0) & ~run.axes("tau", robot.name).any(axis=0)
-    if not idle.all():  # hinges without a motor among others are asked nothing
-        errors[:, idle] = 0.0
+    errors = np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name))
+    errors[:, list(_without_error(run, robot))] = 0.0
     return errors
 
 
+def _without_error(run: RecordedRun, robot: StationRobot) -> dict[int, str]:
+    """Return the axes of a robot that nobody expects at their reference, by index, each with the reason."""
+    left_out = _fingers(robot)
+    idle = (robot.gains.kp == 0) & ~run.axes("tau", robot.name).any(axis=0)
+    if not idle.all():  # a robot without any motor is judged as a whole
+        left_out |= dict.fromkeys(np.flatnonzero(idle).tolist(), _IDLE)
+    return left_out
+
+
+def _fingers(robot: StationRobot) -> dict[int, str]:
+    """Return the fingers of a robot by index, each with the reason why it is not judged."""
+    return dict.fromkeys(robot.model.fingers, _PRESSES)
+
+
 def _of_arm(robot: StationRobot, values: Vector) -> Vector:
-    """Return values (m, n), nought for fingers: those press on what they hold, as hard as they may."""
+    """Return values (m, n) with 0 for fingers, which press on what they hold as hard as they may."""
     values[:, list(robot.model.fingers)] = 0.0
     return values
 
 
 @_of_each_robot
 def _final_error(run: RecordedRun, robot: StationRobot) -> _Axes | None:
+    """Measure how far axes are from their reference at the end."""
     errors = _errors(run, robot)
-    return None if errors is None or run.ending not in _WENT_ON else _Axes(errors[-1])
+    if errors is None or run.ending not in _WENT_ON:
+        return None
+    return _Axes(errors[-1], left_out=_without_error(run, robot))
 
 
 @_of_each_robot
 def _largest_error(run: RecordedRun, robot: StationRobot) -> _Axes | None:
+    """Measure how far axes were from their reference at most."""
     errors = _errors(run, robot)
-    return None if errors is None else _Axes(*largest(errors, run.times))
+    return None if errors is None else _Axes(*largest(errors, run.times), left_out=_without_error(run, robot))
 
 
 @_of_each_robot
@@ -108,12 +136,13 @@ def torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
 @_of_each_robot
 def _torque_share(run: RecordedRun, robot: StationRobot) -> _Axes:
     units = tuple(robot.model.effort_units)
-    return _Axes(*largest(torque_shares(run, robot), run.times), robot.gains.torque_limit, units)
+    shares = largest(torque_shares(run, robot), run.times)
+    return _Axes(*shares, robot.gains.torque_limit, units, _fingers(robot))
 
 
 @_of_each_robot
 def _torque_time(run: RecordedRun, robot: StationRobot) -> _Axes:
-    return _Axes((torque_shares(run, robot) > AT_LIMIT).mean(axis=0))
+    return _Axes((torque_shares(run, robot) > AT_LIMIT).mean(axis=0), left_out=_fingers(robot))
 
 
 def _speed_shares(run: RecordedRun, robot: StationRobot) -> Vector:
@@ -281,6 +310,6 @@ CRITERIA = (
 
 def verdict_of(run: RecordedRun) -> Verdict:
     """Return the verdict on a single run."""
-    measures = [Measure(criterion, tuple(entries)) for criterion in CRITERIA if (entries := criterion.entries(run))]
+    measures = [measure for criterion in CRITERIA if (measure := criterion.of(run)) is not None]
     touched = run.touch.depths or run.touch.slides
     return Verdict(tuple(measures), run.config.sample_rate, run.touch.rate if touched else None)

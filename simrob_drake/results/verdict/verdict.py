@@ -1,8 +1,9 @@
 """Criteria by which runs are judged, and the verdict on a run: its figures, what passes a bound, and both in words."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,10 @@ if TYPE_CHECKING:  # a run has a verdict
     from simrob_drake.results.record.run import RecordedRun
 
 
+NOTHING_LEFT_OUT: Mapping[Any, str] = MappingProxyType({})
+"""Of a criterion that judges all of its subjects."""
+
+
 @dataclass(frozen=True)
 class Measured:
     """What a criterion measured in a run, of k subjects: axes, feet, pairs of bodies."""
@@ -25,6 +30,7 @@ class Measured:
     # which axes slide, shape (k,), so that what is in rad of others is in m; none unless given
     slides: Sequence[bool] = ()
     limits: tuple[Vector, Sequence[str]] = (np.zeros(0), ())  # what shares are shares of, shape (k,), and their units
+    left_out: Mapping[str, str] = NOTHING_LEFT_OUT  # subjects that are not judged, each with the reason
 
 
 class MeasuredValue(NamedTuple):
@@ -55,11 +61,11 @@ class Criterion:
     per_time: bool = False  # it is a part of the run's time: over runs that follow each other it is averaged
     least: bool = False  # the smaller, the worse
 
-    def entries(self, run: "RecordedRun") -> list[MeasuredValue]:
-        """Return what it finds in a run, of each subject."""
+    def of(self, run: "RecordedRun") -> "Measure | None":
+        """Return what the criterion finds in a run; None where there is nothing to measure."""
         found = self.measure(run)
-        if found is None:
-            return []
+        if found is None or not len(found.subjects):
+            return None
         count, (limits, units) = len(found.subjects), found.limits
         columns = (
             found.subjects,
@@ -70,10 +76,12 @@ class Criterion:
             units or [""] * count,
         )
         bounds = {slides: self._bound(run.config.verdict, slides) for slides in set(columns[2])}
-        return [
+        entries = [
             MeasuredValue(subject, value, "m" if slides else self.unit, bounds[slides], time, limit, unit)
             for subject, value, slides, time, limit, unit in zip(*columns, strict=True)
+            if subject not in found.left_out
         ]
+        return Measure(self, tuple(entries), dict(found.left_out))
 
     def _bound(self, bounds: VerdictConfig, slides: bool) -> float | None:
         ending = "" if self.unit != "rad" else "_m" if slides else "_deg"
@@ -95,11 +103,15 @@ class Measure:
 
     criterion: Criterion
     entries: tuple[MeasuredValue, ...]
+    left_out: Mapping[str, str] = NOTHING_LEFT_OUT  # subjects that are not judged, each with the reason
 
     @cached_property
     def worst(self) -> MeasuredValue:
-        """The entry that is farthest beyond its bound, or nearest to it."""
-        return max(self.entries, key=self._severity)
+        """The entry that is farthest beyond its bound, or nearest to it; one without a subject if all are left out."""
+        nothing = MeasuredValue(
+            subject="", value=0.0, unit=self.criterion.unit, bound=None, time=None, limit=0.0, limit_unit=""
+        )
+        return max(self.entries, key=self._severity, default=nothing)
 
     @cached_property
     def warning(self) -> str:
@@ -118,6 +130,8 @@ class Measure:
 
     def __str__(self) -> str:
         """Say in a few words what was worst."""
+        if not self.entries:
+            return f"{self.criterion.title} not judged"
         return f"{self.criterion.title} {in_words(self.worst.value, self.worst.unit)} ({self.worst.subject})"
 
     def _severity(self, entry: MeasuredValue) -> tuple[bool, float]:
@@ -126,10 +140,18 @@ class Measure:
         return self.criterion.passes(entry), entry.value / entry.bound if entry.bound else entry.value
 
     def summary(self) -> dict[str, Any]:
-        """Return it for ``summary.json``: the worst, and the value of each subject."""
+        """Return it for ``summary.json``: the worst, and the value of each subject.
+
+        Subjects that are not judged have no value (null), and ``left_out`` says why.
+        """
         worst = self.worst
-        about = {"of": worst.subject, "value": worst.value, "unit": worst.unit, "bound": worst.bound}
-        return {**about, "time": worst.time, "each": {entry.subject: entry.value for entry in self.entries}}
+        values: dict[str, float | None] = {entry.subject: entry.value for entry in self.entries}
+        about: dict[str, Any] = {"of": worst.subject, "value": worst.value, "unit": worst.unit, "bound": worst.bound}
+        if not self.entries:
+            about |= {"of": None, "value": None}
+        each = values | dict.fromkeys(self.left_out)
+        reasons = {"left_out": dict(self.left_out)} if self.left_out else {}
+        return {**about, "time": worst.time, "each": each, **reasons}
 
 
 @dataclass(frozen=True)
@@ -178,9 +200,11 @@ def joined(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Verdict:
     """
     begins, whole = np.cumsum([0.0, *durations]).tolist(), sum(durations)
     found: dict[Criterion, dict[str, MeasuredValue]] = {}
+    left_out: dict[Criterion, dict[str, str]] = {}
     for verdict, begin, duration in zip(verdicts, begins, durations, strict=False):
         for measure in verdict.measures:
             own = found.setdefault(measure.criterion, {})
+            left_out.setdefault(measure.criterion, {}).update(measure.left_out)
             for entry in measure.entries:
                 here = entry._replace(time=None if entry.time is None else begin + entry.time)
                 known = own.get(entry.subject)
@@ -189,7 +213,15 @@ def joined(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Verdict:
                     own[entry.subject] = here._replace(value=share + (known.value if known else 0.0))
                 elif known is None or measure._severity(here) > measure._severity(known):
                     own[entry.subject] = here
-    measures = tuple(Measure(criterion, tuple(entries.values())) for criterion, entries in found.items())
+    measures = tuple(
+        # An axis that is judged in one of the runs, as one that has a motor in some of them only, is judged.
+        Measure(
+            criterion,
+            tuple(entries.values()),
+            {subject: why for subject, why in left_out[criterion].items() if subject not in entries},
+        )
+        for criterion, entries in found.items()
+    )
     rates = [verdict.contact_rate for verdict in verdicts if verdict.contact_rate]
     moves = tuple(move.later(at) for one, at in zip(verdicts, begins, strict=False) for move in one.moves)
     return Verdict(measures, min(v.sample_rate for v in verdicts), min(rates) if rates else None, moves)

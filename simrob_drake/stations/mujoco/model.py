@@ -52,7 +52,7 @@ from simrob_drake.parts.site import StationPlant
 from simrob_drake.stations.dynamic import stops_of
 from simrob_drake.stations.mujoco.coordinates import Coordinates, Names
 from simrob_drake.stations.mujoco.drives import OutputSensors, add_force, add_motors, add_sensors, add_servos
-from simrob_drake.stations.mujoco.tree import add_shapes, add_tree, touching_pairs
+from simrob_drake.stations.mujoco.tree import add_gears, add_shapes, add_tree, touching_pairs
 from simrob_drake.stations.resolve import ResolvedStation
 
 LEAST_IMPEDANCE = 1e-4
@@ -188,6 +188,8 @@ def mujoco_model(
     spec.compiler.degree = False
     _set_options(spec, plant, step, integrator or ("discrete" if plant.robots else "implicitfast"))
     add_tree(spec, plant, names)
+    if driver != "motion":
+        add_gears(spec, station, plant, names)
     shapes, outputs = add_shapes(spec, plant, names, seen=seen), dict[str, OutputSensors]()
     pairs = [] if driver == "motion" else surfaces(plant)
     _add_pairs(spec, shapes, pairs)

@@ -23,9 +23,11 @@ from pydrake.multibody.tree import Joint, JointActuatorIndex, PrismaticJoint, Re
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.parts.couplings import Gear
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.parts.targets import own_name
 from simrob_drake.stations.mujoco.coordinates import Names, free_name
+from simrob_drake.stations.resolve import ResolvedStation
 
 _LEAST = 1e-9  # MuJoCo takes no body without moments of inertia, as point masses on a link are [kg m²]
 _JOINTS = {RevoluteJoint: mujoco.mjtJoint.mjJNT_HINGE, PrismaticJoint: mujoco.mjtJoint.mjJNT_SLIDE}
@@ -35,7 +37,7 @@ def add_tree(spec: mujoco.MjSpec, station: StationPlant, names: Names) -> None:
     """Add a finalized plant's bodies and joints, each in its carrier; raises InvalidParameter: a joint MJCF lacks."""
     plant = station.plant
     if plant.num_constraints() or plant.num_force_elements() > 1:  # of which gravity is one
-        raise InvalidParameter("robots", "joints coupled to each other", "left out: MJCF gets a tree of free joints")
+        raise InvalidParameter("robots", "constraints of their files", "left out: MJCF gets a tree of free joints")
     armature = {
         motor.joint().index(): motor.default_reflected_inertia()
         for motor in (plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators()))
@@ -48,6 +50,38 @@ def add_tree(spec: mujoco.MjSpec, station: StationPlant, names: Names) -> None:
             onto = spec.worldbody if carrier is plant.world_body() else spec.body(names.body(carrier))
             waiting.append(joint.child_body())
             _add_joint(onto, station, joint, names, armature.get(joint.index(), 0.0))
+
+
+# A gear is as stiff as MuJoCo can step: its deviation decays within about two steps, without overshoot.
+_GEAR_STEPS = 2.0
+_GEAR_IMPEDANCE = 0.9999
+
+
+def add_gears(spec: mujoco.MjSpec, station: ResolvedStation, plant: StationPlant, names: Names) -> None:
+    """Add the gears of a station as equality constraints.
+
+    Two axes are coupled directly; more axes by a tendon of constant length: the sum of positions times ratios.
+    """
+    for name, gear in station.config.couplings.items():
+        if not isinstance(gear, Gear):
+            continue
+        equality = spec.add_equality(name=f"couplings.{name}", active=True)
+        equality.solref = [_GEAR_STEPS * spec.option.timestep, 1.0]
+        equality.solimp = [_GEAR_IMPEDANCE, _GEAR_IMPEDANCE, 1e-3, 0.5, 2.0]
+        levers, kept = gear.levers(plant), gear.kept(plant)
+        if len(levers) == 2:
+            (driven, ratio), (driver, other_ratio) = levers
+            equality.type = mujoco.mjtEq.mjEQ_JOINT
+            equality.name1, equality.name2 = names.joint(driven), names.joint(driver)
+            equality.data[:5] = [kept / ratio, -other_ratio / ratio, 0.0, 0.0, 0.0]
+            continue
+        tendon = spec.add_tendon(name=f"couplings.{name}")
+        for joint, ratio in levers:
+            tendon.wrap_joint(names.joint(joint), ratio)
+        # MuJoCo measures the tendon's length from that in its own zero posture, where the sum is 0.
+        equality.type = mujoco.mjtEq.mjEQ_TENDON
+        equality.name1 = tendon.name
+        equality.data[:5] = [kept, 0.0, 0.0, 0.0, 0.0]
 
 
 def _add_joint(onto: mujoco.MjsBody, station: StationPlant, joint: Joint, names: Names, armature: float) -> None:
