@@ -168,3 +168,53 @@ def test_readings_keep_their_bounds():
     assert between(1.5, 1, 2).ok
     assert near(1, 1.5, 0.5) == Reading(1.0, "", 1.0, 2.0)
     assert exercise_of("01").exercise.number == 1
+
+
+CHEATS = [
+    """
+import sys
+from simrob_drake.course.measuring import Reading
+checks = sys.modules.get("check", sys)
+checks.point_0 = lambda answer: Reading(9.0)
+checks.at_least = lambda *_: Reading(9.0)
+""",
+    """
+import simrob_drake.course.measuring as measuring
+measuring.Reading.__init__ = lambda self, *_, **__: vars(self).update(value=9.0, unit="", least=0.0, most=99.0)
+""",
+    """
+import gc
+for found in gc.get_objects():
+    if getattr(found, "__name__", "") == "point_0":
+        found.__code__ = (lambda answer: None).__code__
+""",
+]
+
+
+@pytest.mark.parametrize("cheat", CHEATS)
+def test_an_answer_cannot_change_what_measures_it(tmp_path, cheat):
+    entry = own_exercise(tmp_path / "own", "return at_least(number(answer, 'f'), 2)")
+    (point,) = checked(entry, tmp_path, f"{cheat}\ndef f():\n    return 1.0\n")
+    assert not point.ok
+    assert point.reading is not None
+    assert point.reading.value == 1.0
+
+
+def test_values_pass_between_the_processes_whole(tmp_path):
+    entry = own_exercise(
+        tmp_path / "own",
+        "value = {'a': [1, (2.5, None)], 3: 'x'}; return at_least(value_of(answer, 'same', value) == value, 1)",
+        "return near(numbers(answer, 'twice', [[1.0, 2.0]], shape=(1, 2))[0, 1], 4, 0)",
+        "return near(answer.LENGTH, 0.5, 0)",
+        "return at_least(value_of(answer, 'made'), 0)",
+    )
+    text = """
+import numpy as np
+LENGTH = 0.5
+same = lambda x: x
+twice = lambda x: 2 * np.array(x)
+made = lambda: object()
+"""
+    points = checked(entry, tmp_path, text)
+    assert [point.ok for point in points] == [True, True, True, False]
+    assert "is of object; it must be numbers, texts, lists, mappings or arrays" in points[3].problem

@@ -5,6 +5,7 @@ from abc import abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, EventStatus
@@ -128,6 +129,23 @@ class SampledBlock(Block):
         self._stage = self.DeclareDiscreteState(np.array([_ASLEEP])) if at_once else None
         if at_once:
             self.DeclareInitializationDiscreteUpdateEvent(self._begin)
+
+    @property
+    def remembered(self) -> list[str]:
+        """Names of the parts of its memory, outputs first."""
+        return [*self._reported, *self._kept]
+
+    def arguments(self) -> dict[str, Any]:
+        """Arguments with which a block of the same ports, memory and timing can be made."""
+        memory = self.now(self.CreateDefaultContext())[0]
+        return {
+            "period": self.period,
+            "reads": {name: self.get_input_port(index).size() for name, index in self._inputs.items()},
+            "memory": {name: memory[name] for name in self.remembered},
+            "gives": [*self._reported],
+            "delay": self._delay,
+            "at_once": self._stage is not None,
+        }
 
     @abstractmethod
     def sample(self, memory: Named, read: Named) -> Changes:
