@@ -203,10 +203,8 @@ def _robot(
     for key, value in values.items():
         if value is not None:
             model.axis_vector(value, key)
-    if config.mode == "dynamic" and model.base == "floating" and (servo.follows_motion or servo.feedforward != "none"):
-        expected = "left out: a robot on its own feet does not know what carries it"
-        key = "law" if servo.law == "computed_torque" else "feedforward"
-        raise InvalidParameter(f"servo.{key}", getattr(servo, key), expected)
+    if config.mode == "dynamic" and model.base == "floating":
+        _check_servo_without_model(servo)
     if model.feet is None and entry.feet is not None:
         raise InvalidParameter(f"robots.{name}.feet", entry.feet, f"left out: {model.name} has no feet")
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
@@ -248,6 +246,19 @@ def _robot(
     )
     check_motors(config, resolved)
     return resolved
+
+
+def _check_servo_without_model(servo: ServoConfig) -> None:
+    """Check that the servos of a robot that stands on its feet do not compute torques by its model.
+
+    Raises:
+        InvalidParameter: they do; with the key and what would be right.
+    """
+    reason = "the model of a robot that stands free lacks the forces that carry it"
+    if servo.law == "computed_torque":
+        raise InvalidParameter("servo.law", servo.law, f"pid or cascade: {reason}")
+    if servo.feedforward != "none":
+        raise InvalidParameter("servo.feedforward", servo.feedforward, f"none: {reason}")
 
 
 def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator[ResolvedPiece]:

@@ -1,11 +1,18 @@
 """The schema beside the stations is the one of the code."""
 
+import ast
 import json
+import re
+from pathlib import Path
+
+import pytest
 
 from simrob_drake.files import diagrams_root
 from simrob_drake.parts import monitors
 from simrob_drake.parts.monitors.sections import Fall
 from simrob_drake.stations.schema import SCHEMA_FILE, station_schema
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_the_schema_file_is_up_to_date():
@@ -26,3 +33,29 @@ def test_every_key_of_the_schema_is_explained():
         f"{name}.{key}": entry for name, section in sections.items() for key, entry in section["properties"].items()
     }
     assert [key for key, entry in keys.items() if "description" not in entry and not key.endswith(".kind")] == []
+
+
+CLASS_NAME = re.compile(r"^[A-Z][a-z]+[A-Z]")
+
+
+def descriptions(schema):
+    """Yield every description of a schema."""
+    if isinstance(schema, dict):
+        if isinstance(schema.get("description"), str):
+            yield schema["description"]
+        for part in schema.values():
+            yield from descriptions(part)
+    elif isinstance(schema, list):
+        for part in schema:
+            yield from descriptions(part)
+
+
+@pytest.mark.parametrize("file", [*ROOT.glob("models/*.schema.json"), ROOT / "diagrams" / "station.schema.json"])
+def test_no_description_of_a_key_names_a_class(file):
+    """Users of YAML do not know the classes behind it."""
+    package = ROOT / "simrob_drake"
+    trees = [ast.parse(source.read_text()) for source in package.rglob("*.py")]
+    classes = {node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
+    inner = {name for name in classes if CLASS_NAME.match(name)}
+    words = {word for text in descriptions(json.loads(file.read_text())) for word in re.findall(r"\w+", text)}
+    assert inner & words == set()

@@ -262,6 +262,6 @@ class EvenSteps(Strict):
     turn_deg: Number = 0.0
     """How far each step turns it to the left [deg]."""
     ramp_steps: Integer = Field(default=3, ge=0)
-    """EvenSteps in which the step length grows at the start and shrinks at the end, which go in addition."""
+    """Number of additional steps at the start, in which the step length grows, and at the end, in which it shrinks."""
     settle: Pace = 0.6
     """Time to shift the weight at the start and at the end [s]."""

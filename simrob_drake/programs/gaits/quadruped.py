@@ -27,7 +27,7 @@ class Trot(EvenSteps, SolvedGait):
     usual: ClassVar[str] = "trot"
 
     ramp_steps: Integer = Field(default=4, ge=0)
-    """EvenSteps in which the step length grows at the start and shrinks at the end, which go in addition."""
+    """Number of additional steps at the start, in which the step length grows, and at the end, in which it shrinks."""
     lift: Positive = 0.05
     """Height of the swinging feet [m]."""
     lead: Number = 0.0
