@@ -128,7 +128,11 @@ def test_check_foretells_no_sag():
         ("irb120_kinematic", {"servo": {"law": "computed_torque"}}, "needs kp .* and kd"),
         ("irb120_dynamic", {**COMPUTED, "servo.feedforward": "gravity"}, "leave feedforward out"),
         ("irb120_dynamic", {**COMPUTED, "servo.ki": 5}, "servo.ki is 5.* it must be 0 with law computed_torque"),
-        ("humanoid_dynamic", {"servo.feedforward": "gravity"}, "servo.feedforward is gravity; it must be none: .* stands free"),
+        (
+            "humanoid_dynamic",
+            {"servo.feedforward": "gravity"},
+            "servo.feedforward is gravity; it must be none: .* stands free",
+        ),
     ],
 )
 def test_what_does_not_go_together_is_refused(station, overrides, message):

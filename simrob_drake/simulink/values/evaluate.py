@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector
+from simrob_drake.simulink.values.growth import LARGEST, Budget, check_growth, check_size
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, written
 from simrob_drake.simulink.values.systems import SYSTEMS
 
-LARGEST, _MOST_PRODUCTS = 1_000_000, 30_000  # elements of a matrix, and blocks of a product of such with signals
+_MOST_SIGNAL_PRODUCTS = 30_000
+"""Most blocks that a product of matrices of signals may become."""
 
 
 def matrix(value: Any) -> Vector:
@@ -33,6 +35,24 @@ def matrix(value: Any) -> Vector:
 def _is_value(element: Any) -> bool:
     """Tell whether an element is a number, or stands for one that only a run of the model has."""
     return isinstance(element, int | float) or hasattr(element, "terms")
+
+
+def _entries(value: Any) -> int:
+    """Count the entries of a cell array or a structure with all that is in it, as if nothing in it were shared.
+
+    Raises:
+        NotUnderstood: they are more than anything may have.
+    """
+    waiting = [value]
+    entries = 0
+    while waiting:
+        part = waiting.pop()
+        entries = check_size(entries + 1)
+        if isinstance(part, dict):
+            waiting += part.values()
+        elif isinstance(part, list):
+            waiting += part
+    return entries
 
 
 def count(value: Any) -> int:
@@ -210,6 +230,7 @@ class Evaluator:
     def __init__(self, lookup: Lookup, algebra: Algebra) -> None:
         self._outside, self._algebra = lookup, algebra
         self._ends: list[int] = []  # what `end` is in the indices around
+        self._budget = Budget()
 
     def evaluated(self, node: Expression) -> Any:
         """Return the value of an expression's tree.
@@ -220,6 +241,8 @@ class Evaluator:
         """
         try:
             return self._of(node)
+        except MemoryError as problem:
+            raise NotUnderstood("needs more memory than there is") from problem
         except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
             raised = problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
             raise raised from problem
@@ -254,6 +277,7 @@ class Evaluator:
             if name not in self._algebra and not self.find(name):
                 raise
         values = [self._of(argument) for argument in arguments]
+        self._budget.spend(check_growth(name, values))
         try:
             found = self._algebra[name](*values)
         except TypeError as problem:
@@ -292,7 +316,8 @@ class Evaluator:
             return np.asarray(flat[index.reshape(-1, order="F")].reshape(shape, order="F"))
         if len(arguments) != 2:
             raise NotUnderstood(f"has an index of {len(arguments)} dimensions")
-        places = (self._index(*one).reshape(-1) for one in zip(arguments, array.shape, strict=True))
+        places = [self._index(*one).reshape(-1) for one in zip(arguments, array.shape, strict=True)]
+        self._budget.spend(check_size(math.prod(map(len, places))))
         return np.asarray(array[np.ix_(*places)])
 
     def _index(self, node: Expression, size: int) -> Any:
@@ -335,6 +360,7 @@ class Evaluator:
         if not rows:
             return np.zeros((0, 0))
         values = [[self._of(node) for node in row] for row in rows]
+        self._budget.spend(check_growth("horzcat", [value for row in values for value in row]))
         texts = [value for row in values for value in row if isinstance(value, str)]
         if len(texts) == sum(map(len, values)):
             several = len(texts) > 1 and any(node.kind == "string" for row in rows for node in row)
@@ -345,6 +371,7 @@ class Evaluator:
 
     def _cell(self, rows: tuple[tuple[Expression, ...], ...]) -> list[Any]:
         values = [[self._of(node) for node in row] for row in rows]
+        self._budget.spend(sum(_entries(value) for row in values for value in row))
         return values if len(rows) > 1 and len(rows[0]) > 1 else [one for row in values for one in row]
 
     def _unary(self, operator: str, operand: Expression) -> Vector:
@@ -364,9 +391,14 @@ class Evaluator:
         if operator in ("==", "~=") and (isinstance(left, str) or isinstance(right, str)):
             return matrix((left == right) == (operator == "=="))
         first, second, each = matrix(left), matrix(right), self._algebra
+        self._budget.spend(check_growth(operator, [first, second]))
         lone = first.size == 1 or second.size == 1
-        if operator == "*" and object in (first.dtype, second.dtype) and first.size * second.shape[1] > _MOST_PRODUCTS:
-            raise NotUnderstood(f"multiplies matrices of signals by more than {_MOST_PRODUCTS} products")
+        if (
+            operator == "*"
+            and object in (first.dtype, second.dtype)
+            and first.size * second.shape[1] > _MOST_SIGNAL_PRODUCTS
+        ):
+            raise NotUnderstood(f"multiplies matrices of signals by more than {_MOST_SIGNAL_PRODUCTS} products")
         if operator in ("/", "\\"):  # A \\ B is (B' / A')'
             return self._quotient(first, second) if operator == "/" else self._quotient(second.T, first.T).T
         with np.errstate(all="ignore"):
