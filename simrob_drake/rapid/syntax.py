@@ -71,16 +71,27 @@ def modules_of(text: str, file: str) -> list[Module]:
             found = _parser().parse(text).children
             break
         except UnexpectedInput as problem:
+            if len(faults) == _MOST_FAULTS:
+                raise RapidError(f"{file}: line {faults[0].line}", faults[0].text) from None
+            missing = _missing_end(problem, text, file)
+            if missing is not None:
+                fault, text = missing
+                faults.append(fault)
+                if not text:
+                    raise RapidError(f"{file}: line {faults[0].line}", faults[0].text) from None
+                continue
             faults.append(_fault(problem, text, file))
             begin, end = _statement_at(text, problem.pos_in_stream)
             if (after := _after_all(text)) <= begin:  # what is copied there, editors and controllers do not look at
                 begin, end = after, len(text)
-            if begin == end or len(faults) == _MOST_FAULTS:
+            if begin == end:
                 raise RapidError(f"{file}: line {faults[0].line}", faults[0].text) from None
             text = text[:begin] + re.sub(r"[^\n]", " ", text[begin:end]) + text[end:]
+    faults.sort(key=lambda fault: fault.line)
     if not found:
-        line = faults[0].line if faults else 1
-        raise RapidError(f"{file}: line {line}", "there is no MODULE ... ENDMODULE")
+        if faults:
+            raise RapidError(f"{file}: line {faults[0].line}", faults[0].text)
+        raise RapidError(f"{file}: line 1", "there is no MODULE ... ENDMODULE")
     return [
         Module(file, str(tree.children[0]), tuple(tree.children[2:]), tuple(faults) if tree is found[0] else ())
         for tree in found
@@ -131,6 +142,98 @@ def _fault(problem: Any, text: str, file: str) -> Remark:
     line = text.count("\n", 0, place) + 1
     here = text[place:].partition("\n")[0].strip()
     return Remark(file, line, f"'{shortened(here, 60)}' is not understood here" if here else "ends before it is whole")
+
+
+_BLOCKS = {
+    "ENDWHILE": "WHILE",
+    "ENDFOR": "FOR",
+    "ENDIF": "IF",
+    "ENDTEST": "TEST",
+    "ENDRECORD": "RECORD",
+    "ENDPROC": "PROC",
+    "ENDFUNC": "FUNC",
+    "ENDTRAP": "TRAP",
+    "ENDMODULE": "MODULE",
+}
+"""The words that end a block, from the innermost kinds to the outermost, with those that begin it."""
+
+_OUTSIDE_ROUTINES = {"PROC", "FUNC", "TRAP", "SCOPE", "RECORD", "ALIAS", "ENDMODULE", "MODULE", "$END"}
+"""Tokens that stand outside of routines."""
+
+
+def _missing_end(problem: Any, text: str, file: str) -> tuple[Remark, str] | None:
+    """Find what is missing before a token: the end of a block, or the semicolon of the line before.
+
+    Returns the fault, at the line where the end is missing, and the text with it put in, on the same lines; the text
+    is empty if the file ends within its module. Returns None if something else is wrong.
+    """
+    from lark.exceptions import UnexpectedToken
+
+    if not isinstance(problem, UnexpectedToken):
+        return None
+    stack = problem.interactive_parser.parser_state.value_stack
+    place = next((end for node in reversed(stack) if (end := _end_of(node)) is not None), None)
+    if place is None:
+        return None
+    token = problem.token
+    accepted = problem.accepts
+    line_before = text.count("\n", 0, place) + 1
+    is_next_line = token.type == "$END" or token.line > line_before
+    begin = text.rfind("\n", 0, place) + 1
+    if (word := _MISPLACED.match(text, begin)) is not None and "SEMICOLON" in accepted:
+        return _misplaced(word, stack, text, file)
+    if "SEMICOLON" in accepted and is_next_line and text[place - 1] != ";":
+        statement = shortened(text[begin:place].strip(), 60)
+        fault = Remark(file, line_before, f"a ';' is missing after '{statement}'")
+        return fault, f"{text[:place]};{text[place:]}"
+    if token.type not in {*_BLOCKS, *_OUTSIDE_ROUTINES}:
+        return None
+    opened_kinds = {getattr(node, "type", "") for node in stack}
+    if token.type in _BLOCKS and _BLOCKS[token.type] not in opened_kinds:
+        fault = Remark(file, token.line, f"{token} ends nothing that was begun")
+        return fault, text[: token.start_pos] + " " * len(token) + text[token.end_pos :]
+    for end, begin_word in _BLOCKS.items():
+        if end in accepted and end != token.type:
+            opened = [node for node in stack if getattr(node, "type", "") == begin_word]
+            where = f" of line {opened[-1].line}" if opened else ""
+            found = "the end of the file" if token.type == "$END" else f"'{token}' in line {token.line}"
+            line = opened[-1].line if opened else line_before
+            fault = Remark(file, line, f"the {begin_word}{where} has no {end} before {found}")
+            if end == "ENDMODULE":
+                return fault, ""
+            return fault, f"{text[:place]} {end} {text[place:]}"
+    return None
+
+
+_MISPLACED = re.compile(r"[ \t]*(?:LOCAL[ \t]+)?(PROC|FUNC|TRAP|END[A-Z]+)\b", re.IGNORECASE)
+"""A line that begins or ends a block. Where no block can begin or end, the parser takes the word for a name."""
+
+
+def _misplaced(word: re.Match[str], stack: Sequence[Node], text: str, file: str) -> tuple[Remark, str]:
+    """Explain a word that begins a routine within another one, or ends a block that was not begun.
+
+    Returns the fault, and the text with what is missing put in, or with the word left out.
+    """
+    line = text.count("\n", 0, word.start(1)) + 1
+    name = word.group(1).upper()
+    around = [node for node in stack if getattr(node, "type", "") in ("PROC", "FUNC", "TRAP")]
+    if name in ("PROC", "FUNC", "TRAP") and around:
+        kind = around[-1].type
+        fault = Remark(
+            file, around[-1].line, f"the {kind} of line {around[-1].line} has no END{kind} before line {line}"
+        )
+        return fault, f"{text[: word.start()]} END{kind} {text[word.start() :]}"
+    blank = " " * len(word.group(1))
+    fault = Remark(file, line, f"{word.group(1)} ends nothing that was begun")
+    return fault, text[: word.start(1)] + blank + text[word.end(1) :]
+
+
+def _end_of(node: Node) -> int | None:
+    """Place in the text where a token or a tree of the parser's stack ends. Returns None if it has no place."""
+    place: int | None = getattr(node, "end_pos", None)
+    if place is None and hasattr(node, "meta"):
+        place = getattr(node.meta, "end_pos", None)
+    return place
 
 
 def _after_all(text: str) -> int:

@@ -270,3 +270,37 @@ def test_all_that_every_program_knows_is_as_its_types_say():
 def test_a_procedure_with_parameters_is_not_called_by_a_variable():
     with pytest.raises(RapidError, match="Kind3 with 0 arguments, of 1 that it has"):
         told('CallByVar "Kind",3;', "PROC Kind3(num x) Tell x; ENDPROC")
+
+
+BODY = "MODULE T\nPROC main()\n{}\nENDPROC\nENDMODULE\n"
+
+
+FIRST_FAULTS = {
+    BODY.format(" MoveJ p1,v100,z10,tool0\n MoveL p2,v100,z10,tool0;"): (
+        "3: a ';' is missing after 'MoveJ p1,v100,z10,tool0'"
+    ),
+    BODY.format(" MoveJ p1,v1\n ! a comment; and more\n MoveL p2,v1;"): "3: a ';' is missing after 'MoveJ p1,v1'",
+    BODY.format(" WHILE TRUE DO\n a;\n b;"): "3: the WHILE of line 3 has no ENDWHILE before 'ENDPROC' in line 6",
+    BODY.format(" IF a=1 THEN\n a;\n FOR i FROM 1 TO 3 DO\n b;\n ENDIF"): (
+        "5: the FOR of line 5 has no ENDFOR before 'ENDIF' in line 7"
+    ),
+    "MODULE T\nPROC main()\n a;\n\nPROC b()\n c;\nENDPROC\nENDMODULE\n": (
+        "2: the PROC of line 2 has no ENDPROC before line 5"
+    ),
+    "MODULE T\nCONST num a:=1\nPROC main()\nENDPROC\nENDMODULE": "2: a ';' is missing after 'CONST num a:=1'",
+    BODY.format(" a;\n ENDWHILE\n b;"): "4: ENDWHILE ends nothing that was begun",
+}
+
+
+@pytest.mark.parametrize(("text", "first"), FIRST_FAULTS.items())
+def test_the_first_fault_comes_first_with_what_was_expected(text, first):
+    module, *_ = modules_of(text, "T.mod")
+    assert str(module.faults[0]) == f"T.mod: line {first}"
+    assert len(module.faults) == 1
+    routines = [node for node in module.declarations if node.data == "routine"]
+    assert len(routines) == 1 + text.count("PROC b()")
+
+
+def test_a_module_without_an_end_is_refused_with_its_line():
+    with pytest.raises(RapidError, match="line 1: the MODULE of line 1 has no ENDMODULE before the end of the file"):
+        modules_of("MODULE T\nPROC main()\n a;\nENDPROC\n", "T.mod")
