@@ -85,6 +85,7 @@ class Run:
             ports,
             history,
             held=self._held_ports(),
+            begins_in_motion=self.stepper.begins_in_motion,
             prepare=self.prepare,
             tolerant=tolerant,
         )
@@ -148,11 +149,22 @@ class Run:
         return self._sampled(sampler, failed)
 
     def _held_ports(self) -> list[OutputPort]:
-        """Return the torques, where the scheme lets references stand still over a step: that is what was applied."""
-        if self.config.mode == "kinematic" or self.config.solver.scheme != "cenic":
+        """Torques that are one value for a whole step of the solver.
+
+        ``cenic`` holds references over a step, and servos act on the state at its end.
+        MuJoCo reports the torques of the step that ended, where servos are in its
+        motors. Blocks of other schemes compute torques from the present state.
+        """
+        if self.config.mode == "kinematic":
             return []
+        scheme = self.config.solver.scheme
         ports = self.whole.ports
-        return [ports.outputs[f"{robot.prefix}torque"] for robot in ports.plant.robots.values()]
+        held = []
+        for robot in ports.plant.robots.values():
+            is_implicit = self.config.servo_of(robot.name).realization == "implicit"
+            if scheme == "cenic" or (scheme == "mujoco" and is_implicit):
+                held.append(ports.outputs[f"{robot.prefix}torque"])
+        return held
 
     def _warnings(self) -> list[str]:
         """Return why the result may be wrong though the run went to its end."""
