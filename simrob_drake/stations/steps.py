@@ -17,6 +17,7 @@ from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import largest_explicit_steps, servo_inertias
+from simrob_drake.stations.prescribed import constraining_couplings, is_discrete_with_contact
 from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, FixedSteps
 
 _EXPLICIT_SCHEMES = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3", *FIXED_STEP_SCHEMES)
@@ -44,6 +45,7 @@ def step_findings(
 ) -> list[Finding]:
     """Compare servos and stops with the steps of the solver, as they start and along ``references``, by robot."""
     findings = _creeping(config, plant, references or {})
+    findings += _uncertain_torques(config)
     solver = config.solver
     for robot in plant.robots.values():
         if config.servo_of(robot.name).realization == "implicit":
@@ -66,6 +68,19 @@ def step_findings(
             level: Level = "warning" if unstable else "ok" if solver.fixed_steps else "note"
             findings.append(Finding(level, "steps", text + remedy * unstable))
     return findings
+
+
+def _uncertain_torques(config: StationConfig) -> list[Finding]:
+    """Name what makes the torques of prescribed joints uncertain under a discrete solver."""
+    couplings = constraining_couplings(config)
+    if not (config.prescribed and couplings and is_discrete_with_contact(config)):
+        return []
+    text = (
+        f"the torques of the prescribed joints {', '.join(config.prescribed)} may be wrong by "
+        f"thousands of N or N·m while bodies touch: Drake's solver {config.solver.scheme} does "
+        f"not report the forces of couplings ({', '.join(couplings)}); set solver.scheme to radau3"
+    )
+    return [Finding("warning", "steps", text)]
 
 
 def likely_cause(config: StationConfig, plant: StationPlant) -> str:
