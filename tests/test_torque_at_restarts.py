@@ -139,3 +139,40 @@ def test_the_start_of_a_run_that_goes_on_belongs_to_its_first_step() -> None:
     np.testing.assert_array_equal(steps.continuous[:, 0], [2, 2, 3])
     alone = StateHistory(np.array([0.0]), np.array([[7.0]]))
     assert alone.steps(np.array([0.0]), begins_in_motion=True).continuous[0, 0] == 7.0
+
+
+@pytest.mark.parametrize("limit", [7.5, 17.0, 25.0])
+def test_a_monitor_sees_the_torques_that_are_reported(limit: float) -> None:
+    """Not those of a servo whose reference has moved on, while the solver holds it.
+
+    Joint 3 gives up to 6.9 N·m, and joint 2 up to 18.1 N·m.
+    """
+    overrides = {
+        "solver": CENIC,
+        "servo.realization": "implicit",
+        "reference": MOVE,
+        "floor": None,
+        "pieces": {},
+        "duration": DURATION,
+        "monitors": {"weak": {"kind": "torque_limit", "limit": {"joint_2": 40, "joint_3": limit}, "hold": 0}},
+    }
+    result = Runner(load_station("irb120_dynamic", overrides)).run()
+    assert np.abs(result["tau.joint_3"]).max() == pytest.approx(6.86, abs=0.01)
+    assert result.ending == "completed", result.message
+
+
+def test_a_monitor_ends_a_run_where_the_reported_torque_is_beyond_its_limit() -> None:
+    overrides = {
+        "solver": CENIC,
+        "servo.realization": "implicit",
+        "reference": MOVE,
+        "floor": None,
+        "pieces": {},
+        "duration": DURATION,
+    }
+    plain = Runner(load_station("irb120_dynamic", overrides)).run()
+    first = plain.times[np.abs(plain["tau.joint_2"]) > 15.0][0]
+    monitor = {"weak": {"kind": "torque_limit", "limit": {"joint_2": 15.0}, "hold": 0}}
+    stopped = Runner(load_station("irb120_dynamic", {**overrides, "monitors": monitor})).run()
+    assert stopped.ending == "monitor"
+    assert stopped.stop_time == pytest.approx(first, abs=0.02)  # two steps

@@ -257,10 +257,17 @@ class StateHistory:
             [*self.abstract[: int(kept.sum())], *later.abstract],
         )
 
-    def last(self) -> "StateHistory":
-        """Return the last state alone."""
-        discrete = [group[-1:] for group in self.discrete]
-        return StateHistory(self.times[-1:], self.continuous[-1:], discrete, self.abstract[-1:])
+    def last(self, count: int = 1) -> "StateHistory":
+        """Copy the last states, ``count`` of them if there are so many.
+
+        They are copies since a recorder cannot grow while somebody looks at its memory.
+        """
+        return StateHistory(
+            self.times[-count:].copy(),
+            self.continuous[-count:].copy(),
+            [group[-count:].copy() for group in self.discrete],
+            self.abstract[-count:],
+        )
 
 
 def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector) -> Vector:

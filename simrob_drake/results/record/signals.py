@@ -219,17 +219,26 @@ class Stop:
 class Watch:
     """Asks the monitors of a station about each recorded step, in their order."""
 
-    def __init__(self, site: Site, sampler: Sampler) -> None:
-        """Watch a station whose ports a sampler evaluates."""
-        self._site, self._sampler = site, sampler
+    def __init__(
+        self, site: Site, sampler: Sampler, *, held: Collection[OutputPort] = (), begins_in_motion: bool = False
+    ) -> None:
+        """Watch a station whose ports a sampler evaluates.
+
+        ``held`` and ``begins_in_motion`` are as those of a :class:`Sampler`.
+        """
+        self._site = site
+        self._sampler = sampler
+        self._held = held
+        self._begins_in_motion = begins_in_motion
         self._onsets = dict.fromkeys(site.monitors, NOT_YET)
         self._count = 0
+        self._before: StateHistory | None = None  # the last steps of the call before
         self.stop: Stop | None = None  # why the run ends; None as long as it does not
 
     def look(self, steps: StateHistory) -> bool:
         """Look at the steps that follow those of the last call; tell whether one of them ends the run."""
         ports = {name: self._ports(name) for name in self._site.monitors}
-        values = self._sampler.evaluate(list(dict.fromkeys(port for own in ports.values() for port in own)), steps)
+        values = self._values({port for own in ports.values() for port in own}, steps)
         for row, time in enumerate(steps.times.tolist()):
             for name, trigger in self._site.monitors.items():
                 seen = [values[port][row] for port in ports[name]]
@@ -239,6 +248,18 @@ class Watch:
                     return True
         self._count += len(steps.times)
         return False
+
+    def _values(self, ports: Collection[OutputPort], steps: StateHistory) -> dict[OutputPort, Any]:
+        """Evaluate ports at the ends of steps; held ports have the values of these steps."""
+        held = [port for port in ports if port in self._held]
+        others = [port for port in ports if port not in self._held]
+        values = self._sampler.evaluate(others, steps)
+        if held:
+            known = steps if self._before is None else self._before.joined(steps)
+            own = known.steps(steps.times, begins_in_motion=self._begins_in_motion)
+            values |= self._sampler.evaluate(held, own)
+            self._before = known.last(2)  # the second last tells when the last step began
+        return values
 
     def holds(self, name: str, sampler: Sampler, time: float) -> bool:
         """Tell whether a monitor's condition holds at a time of a sampler's run [s]."""
