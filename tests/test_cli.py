@@ -225,7 +225,7 @@ MISTAKES = {
     "a negative mass": (["run", "irb120_dynamic", "--set", "pieces.load.mass=-1"], "pieces.load.mass"),
     "a far reference": (["run", "irb120_dynamic", "--set", "reference.target_deg=120"], "within the joint's limits"),
     "a missing table": (
-        ["run", "irb120_dynamic", "--set", "reference.kind=table", "--set", "reference.file=no.csv"],
+        ["run", "irb120_dynamic", "--set", "reference={kind: table, file: no.csv}"],
         "no.csv: cannot be read",
     ),
     "a missing URDF": (

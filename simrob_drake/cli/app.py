@@ -169,7 +169,8 @@ def _own_warnings() -> Iterator[None]:
 
         def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
             if category.__module__.startswith(f"{simrob_drake.__name__}."):
-                errors.print(Text.assemble(("warning", "yellow"), f" {message}"))
+                label = getattr(category, "label", "warning")
+                errors.print(Text.assemble((label, "yellow"), f" {message}"))
             else:
                 otherwise(message, category, *place, **more)
 

@@ -22,6 +22,7 @@ from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.sections import Duration, Instant, NotNegative, Number, Positive, Strict, Triple
 from simrob_drake.simulation import Moment, OnStep, ReferenceLike, Runner, Ticks
+from simrob_drake.stations.change_of_kind import settings_with
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, with_settings
 from simrob_drake.stations.resolve import resolve
@@ -133,8 +134,11 @@ class Timeline:
     def settings(self) -> dict[str, Any]:
         """Return the settings that hold now, by key."""
         now = self.steps(self.now)
-        settings = [change.set for change in self.changes if change.set and self.steps(change.time) <= now]
-        return {key: value for one in settings for key, value in one.items()}
+        settings: dict[str, Any] = {}
+        for change in self.changes:
+            if change.set and self.steps(change.time) <= now:
+                settings = settings_with(settings, change.set)
+        return settings
 
     def station(self, config: StationConfig, duration: float) -> StationConfig:
         """Return a station as it is for a time [s] without changes from now on; raises InvalidConfig: a wrong key."""

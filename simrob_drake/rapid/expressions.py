@@ -8,7 +8,16 @@ from typing import Any
 
 from simrob_drake.errors import SimrobError, nearest
 from simrob_drake.rapid.syntax import Datum, Module, Node, RapidError, Remark, Routine, Scope, declared, expression
-from simrob_drake.rapid.values import LeftOut, NoData, RecordValue, SignalName, Value, WrongType, shape
+from simrob_drake.rapid.values import (
+    LeftOut,
+    NoData,
+    RecordValue,
+    SignalName,
+    Value,
+    WrongType,
+    orient_faults,
+    shape,
+)
 
 _LONGEST = 1000  # letters of a string
 _OPERATORS: Mapping[str, Callable[[float, float], float]] = {
@@ -57,9 +66,16 @@ class Call:
         return self.arguments[index]
 
     def value(self, index: int, kind: str = "") -> Any:
-        """Return an argument, as a value of a type if one is named."""
+        """Return an argument, as a value of a type if one is named; reports quaternions in it whose norm is not 1."""
         node = self.argument(index)
-        return self.task.typed(node, kind) if kind else self.task.value(node)
+        return self._reported(node, self.task.typed(node, kind)) if kind else self.task.value(node)
+
+    def _reported(self, node: Node, value: Value) -> Value:
+        """Return a value that is about to be used, and report its quaternions whose norm is not 1."""
+        name = str(node.children[0]) if node.data == "name" else ""
+        for text, is_wrong in orient_faults(value, name):
+            self.remark(text, lost=is_wrong)
+        return value
 
     def has(self, *names: str) -> bool:
         """Tell whether an option is given."""
@@ -68,7 +84,7 @@ class Call:
     def option(self, name: str, kind: str, otherwise: Any = None) -> Any:
         """Return the value of an option, if it is given."""
         node = self.options.get(name)
-        return otherwise if node is None else self.task.typed(node, kind)
+        return otherwise if node is None else self._reported(node, self.task.typed(node, kind))
 
     def known(self, value: Callable[[], Any], otherwise: str) -> Any:
         """Return a value, or predefined data, which is told, where no module declares what it names."""

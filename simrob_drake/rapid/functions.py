@@ -134,7 +134,8 @@ FUNCTIONS: Mapping[str, Callable[[Call], Value]] = {
     "orientzyx": _of(
         lambda *turns: orient_of(RollPitchYaw(*map(math.radians, turns[::-1])).ToRotationMatrix()), "num", "num", "num"
     ),
-    "norient": _of(lambda orient: orient_of(rotation_of(orient)), "orient"),
+    # It is there to normalise: a norm that is not 1 is no fault.
+    "norient": lambda call: orient_of(rotation_of(call.task.typed(call.argument(0), "orient"))),
     "posemult": _of(lambda one, other: pose_of(transform_of(one) @ transform_of(other)), "pose", "pose"),
     "poseinv": _of(lambda pose: pose_of(transform_of(pose).inverse()), "pose"),
     "posevect": _of(lambda pose, place: pos_of(1e3 * (transform_of(pose) @ place_of(place))), "pose", "pos"),

@@ -161,11 +161,14 @@ _OUTSIDE_ROUTINES = {"PROC", "FUNC", "TRAP", "SCOPE", "RECORD", "ALIAS", "ENDMOD
 """Tokens that stand outside of routines."""
 
 
-def _missing_end(problem: Any, text: str, file: str) -> tuple[Remark, str] | None:
+Repair = tuple[Remark, str]
+"""A fault, and the text in which it is mended on the same lines; empty if nothing can be done after the fault."""
+
+
+def _missing_end(problem: Any, text: str, file: str) -> Repair | None:
     """Find what is missing before a token: the end of a block, or the semicolon of the line before.
 
-    Returns the fault, at the line where the end is missing, and the text with it put in, on the same lines; the text
-    is empty if the file ends within its module. Returns None if something else is wrong.
+    Returns None if something else is wrong.
     """
     from lark.exceptions import UnexpectedToken
 
@@ -175,44 +178,57 @@ def _missing_end(problem: Any, text: str, file: str) -> tuple[Remark, str] | Non
     place = next((end for node in reversed(stack) if (end := _end_of(node)) is not None), None)
     if place is None:
         return None
-    token = problem.token
-    accepted = problem.accepts
-    line_before = text.count("\n", 0, place) + 1
-    is_next_line = token.type == "$END" or token.line > line_before
+    if "SEMICOLON" in problem.accepts:
+        repair = _missing_semicolon(problem.token, stack, place, text, file)
+        if repair is not None:
+            return repair
+    if problem.token.type in {*_BLOCKS, *_OUTSIDE_ROUTINES}:
+        return _missing_block_end(problem, stack, place, text, file)
+    return None
+
+
+def _missing_semicolon(token: Node, stack: Sequence[Node], place: int, text: str, file: str) -> Repair | None:
+    """Find the statement before a token that has no semicolon, where one could stand.
+
+    A word that cannot stand there, such as PROC within a procedure, looks like such a statement as well.
+    """
     begin = text.rfind("\n", 0, place) + 1
-    if (word := _MISPLACED.match(text, begin)) is not None and "SEMICOLON" in accepted:
+    word = _MISPLACED.match(text, begin)
+    if word is not None:
         return _misplaced(word, stack, text, file)
-    if "SEMICOLON" in accepted and is_next_line and text[place - 1] != ";":
-        statement = shortened(text[begin:place].strip(), 60)
-        fault = Remark(file, line_before, f"a ';' is missing after '{statement}'")
-        return fault, f"{text[:place]};{text[place:]}"
-    if token.type not in {*_BLOCKS, *_OUTSIDE_ROUTINES}:
+    line = text.count("\n", 0, place) + 1
+    is_next_line = token.type == "$END" or token.line > line
+    if not is_next_line or text[place - 1] == ";":
         return None
-    opened_kinds = {getattr(node, "type", "") for node in stack}
-    if token.type in _BLOCKS and _BLOCKS[token.type] not in opened_kinds:
+    statement = shortened(text[begin:place].strip(), 60)
+    return Remark(file, line, f"a ';' is missing after '{statement}'"), f"{text[:place]};{text[place:]}"
+
+
+def _missing_block_end(problem: Any, stack: Sequence[Node], place: int, text: str, file: str) -> Repair | None:
+    """Find the block that does not end before a token which ends another one, or stands outside of routines."""
+    token = problem.token
+    kinds = {getattr(node, "type", "") for node in stack}
+    if token.type in _BLOCKS and _BLOCKS[token.type] not in kinds:
         fault = Remark(file, token.line, f"{token} ends nothing that was begun")
         return fault, text[: token.start_pos] + " " * len(token) + text[token.end_pos :]
-    for end, begin_word in _BLOCKS.items():
-        if end in accepted and end != token.type:
-            opened = [node for node in stack if getattr(node, "type", "") == begin_word]
-            where = f" of line {opened[-1].line}" if opened else ""
-            found = "the end of the file" if token.type == "$END" else f"'{token}' in line {token.line}"
-            line = opened[-1].line if opened else line_before
-            fault = Remark(file, line, f"the {begin_word}{where} has no {end} before {found}")
-            if end == "ENDMODULE":
-                return fault, ""
-            return fault, f"{text[:place]} {end} {text[place:]}"
-    return None
+    end = next((end for end in _BLOCKS if end in problem.accepts and end != token.type), None)
+    if end is None:
+        return None
+    begun = [node.line for node in stack if getattr(node, "type", "") == _BLOCKS[end]]
+    line = begun[-1] if begun else text.count("\n", 0, place) + 1
+    found = "the end of the file" if token.type == "$END" else f"'{token}' in line {token.line}"
+    fault = Remark(file, line, f"the {_BLOCKS[end]} of line {line} has no {end} before {found}")
+    return fault, "" if end == "ENDMODULE" else f"{text[:place]} {end} {text[place:]}"
 
 
 _MISPLACED = re.compile(r"[ \t]*(?:LOCAL[ \t]+)?(PROC|FUNC|TRAP|END[A-Z]+)\b", re.IGNORECASE)
 """A line that begins or ends a block. Where no block can begin or end, the parser takes the word for a name."""
 
 
-def _misplaced(word: re.Match[str], stack: Sequence[Node], text: str, file: str) -> tuple[Remark, str]:
+def _misplaced(word: re.Match[str], stack: Sequence[Node], text: str, file: str) -> Repair:
     """Explain a word that begins a routine within another one, or ends a block that was not begun.
 
-    Returns the fault, and the text with what is missing put in, or with the word left out.
+    What is missing is put in, or the word is left out.
     """
     line = text.count("\n", 0, word.start(1)) + 1
     name = word.group(1).upper()

@@ -158,6 +158,40 @@ def rotation_of(orient: RecordValue) -> RotationMatrix:
     return RotationMatrix(Quaternion(wxyz / np.linalg.norm(wxyz)))
 
 
+# Norms of quaternions that programs write: with four decimals they miss 1 by up to 1e-4.
+_ROUNDED_NORM = 1e-4
+_WRONG_NORM = 1e-3  # from here on somebody meant another orientation
+
+
+def orient_faults(value: "Value", name: str = "") -> list[tuple[str, bool]]:
+    """Find the quaternions in a value whose norm is not 1.
+
+    Args:
+        value: data of any type, such as a ``robtarget`` or an array of them.
+        name: what messages call it; components are appended to it.
+
+    Returns:
+        for each such quaternion a text that has its norm, and whether the norm is so far
+        from 1 that it cannot be rounding.
+    """
+    if isinstance(value, list):
+        return [fault for row, one in enumerate(value, 1) for fault in orient_faults(one, f"{name}{{{row}}}")]
+    if not isinstance(value, RecordValue):
+        return []
+    if value.kind != "orient":
+        parts = [(part, f"{name}.{part}" if name else part) for part in value.parts]
+        return [fault for part, called in parts for fault in orient_faults(value.parts[part], called)]
+    norm = float(np.linalg.norm(np.array(value.flat(), dtype=float)))
+    deviation = abs(norm - 1.0)
+    is_load = name.endswith("aom")  # axes of a load's inertia, which nothing here turns by
+    if deviation <= _ROUNDED_NORM or (norm == 0 and not is_load):  # of zero rotation_of complains
+        return []
+    quaternion = f"the quaternion {texted(value)}{f' of {name}' if name else ''}"
+    text = f"{quaternion} has a norm of {norm:.6g}; it must be 1 within {_WRONG_NORM:g}"
+    taken = "" if norm == 0 else "; it is normalised here"
+    return [(f"{text}{taken}", deviation > _WRONG_NORM)]
+
+
 def transform_of(pose: RecordValue) -> RigidTransform:
     """Return a ``pose`` [mm], or the place and orientation of a ``robtarget``, as a transform [m]."""
     return RigidTransform(rotation_of(pose["rot"]), place_of(pose["trans"]))

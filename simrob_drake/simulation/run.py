@@ -27,6 +27,7 @@ from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig, check_effort
 from simrob_drake.stations.physics_findings import physics_warnings
+from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.solver_config import FixedSteps
 
 OnStep = Callable[[float, Vector], None]
@@ -80,17 +81,27 @@ class Run:
         ports, stop = self.whole.ports, watch.stop if outcome.ending == "monitor" else None
         history = recorder.history(stop.count if stop else None)
         tolerant = outcome.ending in _WITHOUT_ALL
+        held = held_ports(ports)
+        begins_in_motion = self.stepper.begins_in_motion
         sampler = Sampler(
             self.whole.diagram,
             ports,
             history,
-            held=self._held_ports(),
+            held=held,
+            begins_in_motion=begins_in_motion,
             prepare=self.prepare,
             tolerant=tolerant,
         )
         if stop is not None and not (isinstance(self.config.solver, FixedSteps) and self.config.mode == "dynamic"):
             hold = ports.monitors[stop.name].hold
-            probe = Sampler(self.whole.diagram, ports, history, prepare=self.prepare)
+            probe = Sampler(
+                self.whole.diagram,
+                ports,
+                history,
+                held=held,
+                begins_in_motion=begins_in_motion,
+                prepare=self.prepare,
+            )
             cut_at_stop(
                 probe, lambda s, time: watch.holds(stop.name, s, time), self.stepper.step, onset=stop.onset, hold=hold
             )
@@ -147,18 +158,31 @@ class Run:
         sampler.cut(known[-1] if known.size else 0.0)
         return self._sampled(sampler, failed)
 
-    def _held_ports(self) -> list[OutputPort]:
-        """Return the torques, where the scheme lets references stand still over a step: that is what was applied."""
-        if self.config.mode == "kinematic" or self.config.solver.scheme != "cenic":
-            return []
-        ports = self.whole.ports
-        return [ports.outputs[f"{robot.prefix}torque"] for robot in ports.plant.robots.values()]
+
+def held_ports(ports: StationPorts) -> list[OutputPort]:
+    """Torques of a station that are one value for a whole step of the solver.
+
+    ``cenic`` holds references over a step, and servos act on the state at its end. MuJoCo
+    reports the torques of the step that ended, where servos are in its motors. Blocks of
+    other schemes compute torques from the present state.
+    """
+    config = ports.config
+    if config.mode == "kinematic":
+        return []
+    scheme = config.solver.scheme
+    held = []
+    for robot in ports.plant.robots.values():
+        is_implicit = config.servo_of(robot.name).realization == "implicit"
+        if scheme == "cenic" or (scheme == "mujoco" and is_implicit):
+            held.append(ports.outputs[f"{robot.prefix}torque"])
+    return held
 
 
 def watched(stepper: Stepper, whole: ClosedStation, *watchers: Callable[[Context], None]) -> tuple[Recorder, Watch]:
     """Return who records what is stepped, and who asks the station's monitors about that."""
     ports = whole.ports
-    watch = Watch(ports, Sampler(whole.diagram, ports, _NOTHING))
+    sampler = Sampler(whole.diagram, ports, _NOTHING)
+    watch = Watch(ports, sampler, held=held_ports(ports), begins_in_motion=stepper.begins_in_motion)
     look = watch.look if ports.monitors else None
     return Recorder(stepper.simulator, *watchers, look=look, pace=stepper.pace()), watch
 

@@ -139,11 +139,20 @@ class Runner:
         config = with_pushes(with_duration(self.config, duration), pushes)
         if on_step is not None and not callable(on_step):
             raise InvalidParameter("on_step", on_step, "a function of time and positions")
-        start, hand = self._started(config, start), ByHand(config, commands)
+        begins_in_motion = _checked_start(config, start) is not None
+        start = self._started(config, start)
+        hand = ByHand(config, commands)
         requested = by_robot(config, reference)
         diagrams = self._playing(config, requested, start, watched=ticks is not None)
         references = diagrams.references
-        stepper = Stepper(config, diagrams.stepped, diagrams.edges, blocks=self._blocks, ticks=ticks)
+        stepper = Stepper(
+            config,
+            diagrams.stepped,
+            diagrams.edges,
+            blocks=self._blocks,
+            ticks=ticks,
+            begins_in_motion=begins_in_motion,
+        )
         if start is None:
             check_start_overlap(config, stepper.built.ports, stepper.simulator.get_context())
         else:
@@ -176,7 +185,9 @@ class Runner:
         if not 0 < at < config.duration:
             raise InvalidParameter("at", at, f"a moment within the run, over 0 and below {config.duration:g} s")
         start = self._started(config, None)
-        return Fork(config, at, self._playing(config, by_robot(config, reference), start), self._blocks, start)
+        diagrams = self._playing(config, by_robot(config, reference), start)
+        begins_in_motion = _checked_start(config, None) is not None
+        return Fork(config, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion)
 
     @drake_asserts()
     def check(self, reference: ReferencesLike = None) -> None:
@@ -277,12 +288,27 @@ def simulate_diagram(
         system.get_name() for system in diagram.GetSystems() if type(system).__module__.split(".")[0] not in _NOT_OWN
     ]
     blocks = {name: diagram.GetSubsystemByName(name) for name in names}
-    stepper = Stepper(config, lambda time: built, sorted(set(ports.edges)), blocks=blocks)
+    begins_in_motion = False
     if context is not None:
         expected = "a Context of the diagram, such as diagram.CreateDefaultContext() gives"
         instance(context, "context", Context, expected)
+        begins_in_motion = _is_moving(ports, context)
+    stepper = Stepper(
+        config,
+        lambda time: built,
+        sorted(set(ports.edges)),
+        blocks=blocks,
+        begins_in_motion=begins_in_motion,
+    )
+    if context is not None:
         stepper.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
     return Run(config, built, stepper).result(progress=progress, on_step=on_step, references={}, start=None)
+
+
+def _is_moving(ports: StationPorts, context: Context) -> bool:
+    """Tell whether any joint of a station moves in a context of its root diagram."""
+    velocities = [ports.value(f"{robot.prefix}velocity", context) for robot in ports.plant.robots.values()]
+    return any(velocity.any() for velocity in velocities)
 
 
 def _built_of(config: StationConfig) -> StationConfig:
@@ -318,11 +344,19 @@ class Fork:
         diagrams: StationDiagrams,
         blocks: Mapping[str, LeafSystem],
         start: State | None,
+        *,
+        begins_in_motion: bool,
     ) -> None:
-        """Step a station up to a moment ``at`` [s]; its diagrams play its references and pushes."""
-        self._config, self._diagrams, self._blocks = config, diagrams, blocks
+        """Step a station up to a moment ``at`` [s]; its diagrams play its references and pushes.
+
+        ``begins_in_motion`` says whether the run goes on from the end of another one.
+        """
+        self._config = config
+        self._diagrams = diagrams
+        self._blocks = blocks
         self._references = diagrams.references
-        self._stepper = self._stepping(config.model_copy(update={"duration": at}))
+        until_then = config.model_copy(update={"duration": at})
+        self._stepper = self._stepping(until_then, begins_in_motion=begins_in_motion)
         if start is not None:
             start.put(
                 self._stepper.built.diagram, self._stepper.built.ports, self._stepper.simulator.get_mutable_context()

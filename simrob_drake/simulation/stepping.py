@@ -94,13 +94,24 @@ class Stepper:
         blocks: Mapping[str, LeafSystem],
         ticks: Ticks | None = None,
         reached: Context | None = None,
+        begins_in_motion: bool = False,
     ) -> None:
-        """Prepare to step what ``diagram_at`` gives from a time on [s]; steps must end at the edges, in order [s].
+        """Prepare to step a station.
 
-        At ``ticks`` stepping begins anew; ``reached`` is where another stepper of the same run came to, to go on from
-        there.
+        Args:
+            config: the station, with the duration of the run.
+            diagram_at: gives the diagram to be stepped from a time on [s].
+            edges: times at which a step must end, in order [s].
+            blocks: the user's own blocks, by name.
+            ticks: moments at which stepping begins anew.
+            reached: where another stepper of the same run came to; this one goes on
+                from there.
+            begins_in_motion: whether the run goes on from the end of another run, so
+                that long steps are right from its beginning.
         """
-        self._config, self._diagram_at, self._blocks = config, diagram_at, blocks
+        self._config = config
+        self._diagram_at = diagram_at
+        self._blocks = blocks
         first = 0.0 if reached is None else reached.get_time()
         self._edges = [edge for edge in edges if first < edge < config.duration] + [config.duration]
         self._ticks, self._moments = ticks, set[float]()
@@ -112,7 +123,7 @@ class Stepper:
         self._simulators = {key: self._simulator(built) for key, built in used.items()}
         # how often the solver has tried a step again, shorter; None where all steps are of one length
         self.shortened = None if controlled_by(config) is None else 0
-        self._in_motion = reached is not None
+        self.begins_in_motion = begins_in_motion or reached is not None
         if reached is not None:
             _copy_state(reached, self.simulator.get_mutable_context())
 
@@ -141,7 +152,7 @@ class Stepper:
 
     def _outcome(self, recorder: Recorder, watch: Watch) -> Outcome:
         try:
-            status = self._initialize_in_motion() if self._in_motion else self.simulator.Initialize()
+            status = self._initialize()
             for edge in self._edges:
                 if status.reason() == _ENDED:
                     break
@@ -216,6 +227,19 @@ class Stepper:
             integrator = self.simulator.get_integrator()
             self.shortened += integrator.get_num_step_shrinkages_from_error_control()
             self.shortened += integrator.get_num_step_shrinkages_from_substep_failures()
+
+    def _initialize(self) -> SimulatorStatus:
+        """Initialize the simulator at the start of the run.
+
+        A run that goes on from another one must not begin with short steps under
+        ``cenic``. That scheme holds references over a step, so a servo lags by the
+        step's length: when the steps become shorter, servos make up for the lag with
+        torques, and motions, which the run as a whole does not have. Other schemes see
+        references within their steps.
+        """
+        if self.begins_in_motion and stepped_by(self._config) is not None:
+            return self._initialize_in_motion()
+        return self.simulator.Initialize()
 
     def _initialize_in_motion(self) -> SimulatorStatus:
         """Let the simulator go on with long steps, since nothing begins here."""

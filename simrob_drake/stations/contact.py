@@ -216,11 +216,27 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
             ports.draw_nothing(f"{robot.prefix}rest")
 
 
-def with_friction(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, torque: OutputPort) -> OutputPort:
-    """Return torques (n,) [N·m or N] without friction, with what the motors give against that."""
-    if not robot.model.friction.any():
+def with_friction(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+    torque: OutputPort,
+    *,
+    axes: Sequence[int] | None = None,
+) -> OutputPort:
+    """Add to torques (n,) [N·m or N] what the motors give against friction.
+
+    ``axes`` are the indices of those axes whose torques are without friction: all of
+    them unless given.
+    """
+    count = len(robot.axes)
+    counted = np.zeros(count)
+    counted[list(range(count)) if axes is None else list(axes)] = 1.0
+    if not (counted * robot.model.friction).any():
         return torque
-    sliding = _sliding(builder, ports, robot, np.full(len(robot.axes), robot.model.drives.friction_speed))
+    sliding = _sliding(builder, ports, robot, np.full(count, robot.model.drives.friction_speed))
+    if not counted.all():
+        sliding = mapped(builder, f"{robot.prefix}friction.counted", np.diag(counted), sliding)
     return summed(builder, f"{robot.prefix}friction.torque", torque, sliding)
 
 

@@ -9,19 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from simrob_drake.arguments import as_path, instance
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, one_of, quoted
 from simrob_drake.files import diagrams_root, station_files
 from simrob_drake.importer.packages import Border, is_robot_file
-from simrob_drake.parts import references
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.sections import validated
+from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.located import located, located_program
 from simrob_drake.stations.resolve import check_parts, resolve
-from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, MujocoSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES, place_of, read_yaml
 
 ONLY_ROBOT = "robot"  # the name of the robot of a station that says ``robot:`` instead of ``robots:``
@@ -32,12 +31,6 @@ ENTRIES = ("pieces", "sensors", "monitors", "couplings", "forces", "controllers"
 _ROBOTS = (ONLY_ROBOT, "robots")
 _ORIGINS = {"urdf": ("model",), "model": ("urdf", "import_options")}
 """What a robot can come from, and which keys of its section a change of that takes away."""
-
-_SOLVERS: dict[str, type[BaseModel]] = {
-    "continuous": ContinuousSolver,
-    "discrete": DiscreteSolver,
-    "mujoco": MujocoSolver,
-}
 
 
 def station_names() -> list[str]:
@@ -61,9 +54,10 @@ def load_station(
 
     Args:
         name_or_path: a name of :func:`station_names`, or a YAML file.
-        overrides: what to change; keys may be dotted paths, as in ``{"servo.kp": 500}``, or nested mappings. A mapping
-            of another ``kind`` takes the place of the section; a dotted ``.kind`` alone keeps those keys of the file
-            that the new kind knows. None takes out a piece, sensor, monitor, force or controller.
+        overrides: what to change; keys may be dotted paths, as in ``{"servo.kp": 500}``, or nested mappings. A section
+            of another ``kind`` begins from the defaults of that kind and the other overrides, without the keys that
+            the file has for the old kind; the warning ``KeysLeftOut`` names these. None takes out a piece, sensor,
+            monitor, force or controller.
         called: what errors call an override by its key; ``override KEY`` unless given.
         allow_code: whether the station may name Python code that is run with it, as controllers of kind ``own`` are.
         mesh_path: folders in which what it names, meshes and packages may be read, too.
@@ -134,7 +128,8 @@ def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str
     if not settings:
         return config
     trusted = any(controller.kind == "own" for controller in config.controllers.values())
-    return _configured(station_content(config), settings, where, allow_code=trusted)
+    content = station_content(config)
+    return _configured(content, settings, where, allow_code=trusted, is_complete=True)
 
 
 def _configured(
@@ -143,14 +138,28 @@ def _configured(
     where: Path | str,
     allow_code: bool,
     mesh_path: tuple[Path, ...] = (),
+    *,
+    is_complete: bool = False,
+    warns: bool = True,
 ) -> StationConfig:
+    """Return the configuration of a station's content with overrides.
+
+    ``content`` is changed; ``is_complete`` says whether it has all keys, defaults, too.
+    ``warns`` says whether to warn of keys that a section of a new kind begins without.
+
+    Raises:
+        InvalidConfig: an entry that cannot be; names ``where`` and the key.
+    """
     alone = [key for key in overrides if _of_one_number(content, key.split("."))]
     if alone:
         others = {key: value for key, value in overrides.items() if key not in alone}
-        config = _configured(deepcopy(content), others, where, allow_code, mesh_path)
+        config = _configured(deepcopy(content), others, where, allow_code, mesh_path, warns=False)
         _write_by_axis(content, alone, {name: robot.axes for name, robot in resolve(config).robots.items()})
+    losses = KeyLosses(counts_defaults=not is_complete)
+    # A section's kind comes first: it takes away the keys of the old kind, and those that
+    # are given with it stay.
     for key, value in sorted(overrides.items(), key=lambda entry: not entry[0].endswith(".kind")):
-        _override(content, key.split("."), value, where)
+        _override(content, key.split("."), value, where, losses)
     content = located(content, Path.cwd())
     content = _without_sugar(content, where)
     robots = content.get("robots")
@@ -171,6 +180,8 @@ def _configured(
         check_parts(resolve(config))
     except SimrobError as problem:
         raise InvalidConfig(where, "", _as_written(str(problem))) from problem
+    if warns:
+        losses.warn()
     return config
 
 
@@ -214,7 +225,20 @@ def _inlined(program: Any, folder: Path, border: Border | None = None) -> Any:
     return located_program(program, folder, border) if isinstance(program, Mapping) else program
 
 
-def _override(content: dict[str, Any], key: list[str], value: Any, where: Path | str) -> None:
+def _override(content: dict[str, Any], key: list[str], value: Any, where: Path | str, losses: KeyLosses) -> None:
+    """Change one key of a station's content.
+
+    Args:
+        content: what the station's file has, which is changed.
+        key: the path of keys to what is changed.
+        value: the new value. A mapping of the section's own kind, or of no kind, changes
+            the keys that it has; another one takes the section's place.
+        where: what errors call the override.
+        losses: notes the keys that sections lose because their key ``kind`` changes.
+
+    Raises:
+        InvalidConfig: a key or a value that cannot be.
+    """
     if key == ["program"]:
         content["program"] = _inlined(value, Path.cwd())
         return
@@ -223,22 +247,29 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
         node[int(last)] = value
         return
     section = key[-2] if len(key) > 1 else ""
-    if value is None and section in ENTRIES and len(key) == 2 and key[-1] in node:
-        del node[key[-1]]
+    if value is None and section in ENTRIES and len(key) == 2 and last in node:
+        del node[last]
         return
-    if key[0] in _ROBOTS and key[-1] in _ORIGINS and value is not None:
-        for other in _ORIGINS[key[-1]]:
+    if key[0] in _ROBOTS and last in _ORIGINS and value is not None:
+        for other in _ORIGINS[last]:
             node.pop(other, None)
-    if key[-1] == "kind" and isinstance(value, str) and node.get("kind") != value:
-        _change_kind(node, section, value)
-    old, kind = node.get(key[-1]), value.get("kind") if isinstance(value, Mapping) else None
-    if isinstance(value, Mapping) and value and isinstance(old, dict) and kind in (None, old.get("kind", key[-1])):
+    if last == "kind" and section and isinstance(value, str):
+        losses.begin_new_kind(node, key[:-1], value)
+    if _is_part(value, node.get(last), key):
         for inner in value:
             instance(inner, ".".join(key), str, "a section whose keys are texts")
         for inner in value:
-            _override(content, [*key, inner], value[inner], where)
+            _override(content, [*key, inner], value[inner], where, losses)
     else:
-        node[key[-1]] = _copied(value, key, where)
+        node[last] = _copied(value, key, where)
+
+
+def _is_part(value: Any, old: Any, key: list[str]) -> bool:
+    """Tell whether a value changes some keys of an old section, and does not take its place."""
+    if not (isinstance(value, Mapping) and value and isinstance(old, dict)):
+        return False
+    old_kind = kind_of(old, key)
+    return old_kind is None or value.get("kind", old_kind) == old_kind
 
 
 def _of_one_number(content: Any, key: list[str]) -> bool:
@@ -269,26 +300,6 @@ def _copied(value: Any, key: list[str], where: Path | str) -> Any:
     except Exception as problem:  # what cannot be copied raises whatever it likes
         expected = f"is {quoted(value)}, which no station's file could hold"
         raise InvalidConfig(where, ".".join(key), expected) from problem
-
-
-def _change_kind(section: dict[str, Any], name: str, kind: str) -> None:
-    """Drop the keys of a section that its new kind does not know, or whose values it does not take."""
-    model = _SOLVERS.get(kind) if name == "solver" else None
-    if name == "reference" and kind in references.KINDS:
-        model = references.KINDS.model(kind)
-    for key in [key for key in section if model is not None and not _accepted(model, key, section[key])]:
-        del section[key]
-
-
-def _accepted(model: type[BaseModel], key: str, value: Any) -> bool:
-    if key not in model.model_fields:
-        return False
-    kind: Any = model.model_fields[key].annotation
-    try:
-        TypeAdapter[Any](kind).validate_python(value)
-    except ValidationError:
-        return False
-    return True
 
 
 def _as_written(text: str) -> str:

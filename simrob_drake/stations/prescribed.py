@@ -6,9 +6,25 @@ and the torque that gives this rotor the acceleration of the reference:
 .. math:: u = J\,(\ddot q_r + 2 \omega (\dot q_r - v) + \omega^2 (q_r - q)).
 
 A reflected rotor stands in the joint's own row of the mass matrix alone, so the rest of the station feels the motion
-and nothing of the rotor. What is left for the joint is the torque that the motion takes,
-:math:`\tau = u - J \dot v + S (\ddot q_r - \dot v)`, its last part, with the joint's free inertia S at the start, what
-the solver's own error in :math:`\dot v` makes of it.
+and nothing of the rotor. What is left for the joint is the torque that the motion takes. Continuous schemes compute
+accelerations to rounding, so it is
+
+.. math:: \tau = u - J \dot v + S (\ddot q_r - \dot v),
+
+its last part, with the joint's free inertia S at the start, what the solver's own error in :math:`\dot v` makes of it.
+
+Discrete solvers stop at a tolerance that is relative to the momentum of the whole station,
+rotors included. Where bodies touch, the difference of the two large numbers u and
+:math:`J \dot v` is then wrong by thousands of newtons. With contact the torque is therefore
+computed from what acts on the links: Drake's force in the joint along its axis, :math:`f`,
+is inverse dynamics with contact forces and all that is applied, without the rotor. In the
+joint the motor overcomes damping d and Coulomb friction c, too:
+
+.. math:: \tau = f + S (\ddot q_r - \dot v) + d\,(v + h \dot v) + c\,\mathrm{sat}(v / v_s).
+
+The contact forces themselves have that tolerance: some 2 % of the weight of what touches.
+Drake's forces in joints are without those of constraints, so with couplings and contact the
+first formula stays, and the run warns.
 
 With a load of acceleration a the joint lags by :math:`10^{-6} a / \omega^2`: nothing beside the integrator's error.
 Discrete solvers and ``cenic`` take the reference as it is at the start of a step, and follow it less exactly:
@@ -24,6 +40,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Multiplexer, PassThrough
 
 from simrob_drake.blocks.block import fed, joined, mapped
+from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.references import reference_values
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
@@ -31,6 +48,7 @@ from simrob_drake.parts.site import ResolvedRobot, StationRobot
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.solver_config import DiscreteSolver
 
 _HEAVIER = 1e6
 _RATES = {True: 100.0, False: 20.0}
@@ -122,29 +140,103 @@ def add_prescribed_motion(
 def add_prescribed_torque(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, torque: OutputPort
 ) -> OutputPort:
-    """Move a robot's prescribed joints; return its servos' torques (n,) [N·m or N] with what the motions take."""
-    plant, axes, prefix, places = ports.plant.plant, robot.axis_map, robot.prefix, list(robot.prescribed)
-    motion = builder.GetSubsystemByName(f"{prefix}prescribed").get_output_port()
-    rotors = np.diag([_motor(plant, robot.joints[place]).default_reflected_inertia() for place in places])
-    rate, each, count = _RATES[not ports.config.solver.holds_joint_limits], np.eye(len(places)), len(robot.axes)
-    measured = axes.state_matrix[[*places, *(count + place for place in places)]]
+    """Move a robot's prescribed joints.
+
+    Returns the torques (n,) of its servos [N·m or N], with those that the prescribed
+    motions take in their places. If :func:`takes_joint_forces` these are without what
+    the joints' Coulomb friction takes.
+    """
+    plant, prefix, config = ports.plant.plant, robot.prefix, ports.config
+    places = list(robot.prescribed)
+    count = len(robot.axes)
+    motors = [_motor(plant, robot.joints[place]) for place in places]
+    rotors = np.diag([motor.default_reflected_inertia() for motor in motors])
+    rate = _RATES[not config.solver.holds_joint_limits]
+    each = np.eye(len(places))
+
+    # What moves the rotors, u: desired positions, velocities, accelerations, then state.
+    measured = robot.axis_map.state_matrix[[*places, *(count + place for place in places)]]
     desired = np.kron(each, [rate**2, 2 * rate, 1.0])
-    law = rotors @ np.hstack([desired, -np.hstack([rate**2 * each, 2 * rate * each]) @ measured])
-    spread = axes.velocity_matrix[places].T
+    feedback = -np.hstack([rate**2 * each, 2 * rate * each]) @ measured
+    law = rotors @ np.hstack([desired, feedback])
+    spread = robot.axis_map.velocity_matrix[places].T
+    motion = builder.GetSubsystemByName(f"{prefix}prescribed").get_output_port()
     bus = joined(builder, f"{prefix}prescribed.bus", motion, ports.state)
-    ports.generalized_forces.append(mapped(builder, f"{prefix}prescribed.force", spread @ law, bus))
+    force = mapped(builder, f"{prefix}prescribed.force", spread @ law, bus)
+    ports.generalized_forces.append(force)
+
+    # S: what the joints feel at the start while the rest of the station is free.
     mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
-    free = np.linalg.inv(spread.T @ mobility @ spread) - rotors  # of the joints at the start, while the rest is free
-    taken = np.hstack([law, -(rotors + free) @ spread.T])
-    taken[:, : 3 * len(places)] += np.kron(free, [0.0, 0.0, 1.0])
-    every = np.eye(count)
+    free = np.linalg.inv(spread.T @ mobility @ spread) - rotors
+    missed = np.hstack([np.kron(free, [0.0, 0.0, 1.0]), np.zeros_like(feedback), -free @ spread.T])
+
     acceleration = plant.get_generalized_acceleration_output_port()
-    whole = joined(builder, f"{prefix}prescribed.efforts", torque, bus, acceleration)
+    signals = [torque, bus, acceleration]
+    if isinstance(config.solver, DiscreteSolver) and takes_joint_forces(config):
+        signals.append(_add_joint_forces(builder, ports, robot))
+        passive = _joint_resistance(robot, config.solver.time_step)
+        taken = np.hstack([missed + passive, each])
+    else:
+        taken = missed + np.hstack([law, -rotors @ spread.T])
+    every = np.eye(count)
+    matrix = np.hstack([every, every[:, places] @ taken])
+    efforts = joined(builder, f"{prefix}prescribed.efforts", *signals)
     ports.draw_nothing(*(f"{prefix}prescribed.{part}" for part in ("bus", "efforts", "torque")))
     ports.draw(f"{prefix}prescribed.force", "force", "What moves\nprescribed joints", robot)
-    return mapped(builder, f"{prefix}prescribed.torque", np.hstack([every, every[:, places] @ taken]), whole)
+    return mapped(builder, f"{prefix}prescribed.torque", matrix, efforts)
+
+
+def takes_joint_forces(config: StationConfig) -> bool:
+    """Whether torques of prescribed joints are computed from Drake's forces in joints.
+
+    These are exact where bodies touch under a discrete solver, and miss the forces of
+    couplings.
+    """
+    return is_discrete_with_contact(config) and not constraining_couplings(config)
+
+
+def is_discrete_with_contact(config: StationConfig) -> bool:
+    """Whether bodies of a station touch each other under one of Drake's discrete solvers."""
+    return isinstance(config.solver, DiscreteSolver) and config.contact is not None
+
+
+def constraining_couplings(config: StationConfig) -> list[str]:
+    """Names of the couplings that are constraints of the plant under a discrete solver."""
+    return [name for name, coupling in config.couplings.items() if coupling.constrains]
+
+
+def _add_joint_forces(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> OutputPort:
+    """Add a block that reports the force in each prescribed joint along its axis, size k [N·m or N]."""
+    places = list(robot.prescribed)
+    block = JointTorqueSensor(
+        joints=[robot.joints[place] for place in places],
+        signs=robot.axis_map.signs[places],
+    )
+    name = f"{robot.prefix}prescribed.joint_forces"
+    ports.draw_nothing(name)
+    return fed(builder, name, block, ports.plant.plant.get_reaction_forces_output_port())
+
+
+def _joint_resistance(robot: StationRobot, step: float) -> Vector:
+    """Matrix from motion, state and acceleration to the torques (k,) that overcome the joints' damping.
+
+    Discrete solvers take damping at the velocity of the step's end, a ``step`` [s] later.
+    """
+    places = list(robot.prescribed)
+    count = len(robot.axes)
+    damping = np.diag([robot.joints[place].default_damping() for place in places])
+    speeds = robot.axis_map.state_matrix[[count + place for place in places]]
+    accelerations = robot.axis_map.velocity_matrix[places]
+    no_motion = np.zeros((len(places), 3 * len(places)))
+    return np.hstack([no_motion, damping @ speeds, step * damping @ accelerations])
 
 
 def _motor(plant: MultibodyPlant, joint: Joint) -> JointActuator:
-    motors = (plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators()))
-    return next(motor for motor in motors if motor.joint().index() == joint.index())
+    """Actuator of a joint that carries its rotor.
+
+    Drake counts the rotor of a joint's last actuator alone. That is the brake which
+    stands for Coulomb friction, if the joint has friction.
+    """
+    actuators = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
+    own = [actuator for actuator in actuators if actuator.joint().index() == joint.index()]
+    return own[-1]

@@ -16,6 +16,7 @@ from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import largest_explicit_steps, servo_inertias
 from simrob_drake.stations.findings import Finding, Level
+from simrob_drake.stations.prescribed import constraining_couplings, is_discrete_with_contact
 from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, FixedSteps
 
 _EXPLICIT_SCHEMES = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3", *FIXED_STEP_SCHEMES)
@@ -32,6 +33,7 @@ def step_findings(
 ) -> list[Finding]:
     """Compare servos and stops with the steps of the solver, as they start and along ``references``, by robot."""
     findings = _creeping(config, plant, references or {})
+    findings += _uncertain_torques(config)
     solver = config.solver
     for robot in plant.robots.values():
         if config.servo_of(robot.name).realization == "implicit":
@@ -54,6 +56,24 @@ def step_findings(
             level: Level = "warning" if unstable else "ok" if solver.fixed_steps else "note"
             findings.append(Finding(level, "steps", text + remedy * unstable))
     return findings
+
+
+def _uncertain_torques(config: StationConfig) -> list[Finding]:
+    """Name what makes the torques of prescribed joints uncertain where bodies touch."""
+    if not config.prescribed or config.contact is None or config.mode == "kinematic":
+        return []
+    joints = f"the torques of the prescribed joints {', '.join(config.prescribed)}"
+    couplings = constraining_couplings(config)
+    text = ""
+    if is_discrete_with_contact(config) and couplings:
+        text = (
+            f"{joints} may be wrong by thousands of N or N·m while bodies touch: Drake's solver "
+            f"{config.solver.scheme} does not report the forces of couplings ({', '.join(couplings)})"
+        )
+    elif config.solver.scheme == "cenic":
+        text = f"{joints} miss up to a half of what accelerates loads that stick to them by friction under cenic"
+    remedy = "set solver to {kind: continuous, scheme: radau3}"
+    return [Finding("warning", "steps", f"{text}; {remedy}")] if text else []
 
 
 def likely_cause(config: StationConfig, plant: StationPlant) -> str:

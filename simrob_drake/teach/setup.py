@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 from typing import Any
 
+from simrob_drake.stations.change_of_kind import settings_with
 from simrob_drake.stations.load import station_content, switched
 from simrob_drake.teach.move_runner import MoveRunner
 from simrob_drake.teach.program_book import ProgramBook
@@ -25,8 +26,11 @@ class Setup:
         return node
 
     def set(self, key: str, value: Any) -> bool:
-        """Change the station by a dotted key and open it anew; None takes an entry out."""
-        return self._open_with({**self._book.settings, key: value})
+        """Change the station by a dotted key and open it anew; None takes an entry out.
+
+        Another kind of a section takes back what was set for the old kind.
+        """
+        return self._open_with(settings_with(self._book.settings, {key: value}))
 
     def unset(self, key: str) -> bool:
         """Take a setting back."""

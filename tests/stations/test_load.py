@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
+from simrob_drake import simulate
+from simrob_drake.cli.arguments import changes_of
 from simrob_drake.errors import SimrobError
 from simrob_drake.parts.references import Hold
-from simrob_drake.stations.load import load_station, station_names, station_yaml
+from simrob_drake.stations.change_of_kind import KeysLeftOut, settings_with
+from simrob_drake.stations.load import load_station, station_names, station_yaml, with_settings
 from simrob_drake.stations.resolve import resolve
 
 
@@ -27,11 +30,116 @@ def test_an_empty_mapping_takes_everything_away():
     assert load_station("irb120_dynamic", {"pieces": {}}).pieces == {}
 
 
-def test_a_new_kind_keeps_the_keys_that_it_knows():
-    config = load_station("irb120_dynamic", {"reference.kind": "hold"})
-    assert config.reference == Hold(kind="hold", target_deg=30)
-    config = load_station("irb120_dynamic", {"solver.time_step": 0.002, "solver.kind": "discrete"})
+def test_a_new_kind_begins_from_its_defaults_and_names_what_was_given_for_the_old_one():
+    """A target to which a ramp goes must not become the posture at which a hold stands."""
+    with pytest.warns(KeysLeftOut, match="reference.kind is hold in place of ramp.*without.*target_deg"):
+        config = load_station("irb120_dynamic", {"reference.kind": "hold"})
+    assert config.reference == Hold(kind="hold")
+    with pytest.warns(KeysLeftOut, match="solver.*accuracy.*max_step"):
+        config = load_station("irb120_dynamic", {"solver.time_step": 0.002, "solver.kind": "discrete"})
     assert config.solver.model_dump() == {"kind": "discrete", "scheme": "sap", "time_step": 0.002}
+
+
+def test_the_arm_with_force_control_holds_its_start():
+    """So does the header of its file advise."""
+    with pytest.warns(KeysLeftOut, match="target_deg, start, duration, blend"):
+        station = load_station("irb120_force_control", {"reference.kind": "hold"})
+    result = simulate(station, duration=0.3, progress=False)
+    angle = np.rad2deg(result["q_ref.joint_1"])
+    np.testing.assert_allclose(angle, -10.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("station", "sections", "key", "changes", "left", "kept"),
+    [
+        ("irb120_dynamic", {}, "reference", {"kind": "hold"}, ["target_deg"], {"target_deg": None}),
+        ("irb120_dynamic", {}, "reference", {"kind": "hold", "target_deg": 5}, ["target_deg"], {"target_deg": 5.0}),
+        ("two_irb120", {}, "robots.left.reference", {"kind": "hold"}, ["target_deg"], {"target_deg": None}),
+        (
+            "irb120_dynamic",
+            {"solver.accuracy": 1e-3, "solver.max_step": 0.01},
+            "solver",
+            {"kind": "mujoco"},
+            ["accuracy", "max_step"],
+            {"time_step": 2e-3},
+        ),
+        (
+            "irb120_dynamic",
+            {"solver": {"kind": "mujoco", "time_step": 1e-4}},
+            "solver",
+            {"kind": "discrete"},
+            ["time_step"],
+            {"time_step": 1e-3},
+        ),
+        (
+            "irb120_dynamic",
+            {"forces": {"hand": {"kind": "sine", "at": "link_6", "amplitude": [1, 0, 0], "frequency": 2}}},
+            "forces.hand",
+            {"kind": "push", "force": [1, 0, 0]},
+            ["at", "amplitude", "frequency"],
+            {"at": None},
+        ),
+        (
+            "irb120_force_stop",
+            {"monitors": {"stop": {"kind": "contact", "hold": 0.3}}},
+            "monitors.stop",
+            {"kind": "force_limit", "limit": 20},
+            ["hold"],
+            {"hold": 0.0},
+        ),
+        (
+            "irb120_dynamic",
+            {"sensors": {"seen": {"kind": "encoders", "rate": 50}}},
+            "sensors.seen",
+            {"kind": "joint_torque"},
+            ["rate"],
+            {},
+        ),
+    ],
+)
+def test_no_section_keeps_keys_of_another_kind(station, sections, key, changes, left, kept, tmp_path):
+    """Neither from a station's file nor from a configuration that is there already."""
+    before = load_station(station, sections)
+    file = tmp_path / "station.yaml"
+    file.write_text(station_yaml(before))
+    dotted = {f"{key}.{name}": value for name, value in changes.items()}
+    for change in (lambda: load_station(file, dotted), lambda: with_settings(before, dotted)):
+        with pytest.warns(KeysLeftOut) as told:
+            section = change()
+        for part in key.split("."):
+            section = section[part] if isinstance(section, dict) else getattr(section, part)
+        assert section.kind == changes["kind"]
+        for name, value in kept.items():
+            assert getattr(section, name) == value
+        message = str(told[0].message)
+        assert key in message
+        assert all(name in message for name in left), message
+
+
+def test_a_file_of_settings_changes_a_kind_as_a_key_does(tmp_path):
+    file = tmp_path / "held.yaml"
+    file.write_text("reference: {kind: hold}\n")
+    with pytest.warns(KeysLeftOut, match="target_deg"):
+        config = load_station("irb120_dynamic", changes_of([str(file)], "--set"))
+    assert config.reference == Hold(kind="hold")
+
+
+def test_a_kind_that_stays_keeps_all_keys(recwarn):
+    config = load_station("irb120_dynamic", {"reference.kind": "ramp", "reference.duration": 2})
+    assert (config.reference.target_deg, config.reference.duration) == (30, 2)
+    named = load_station("humanoid_dynamic", {"monitors.fall.kind": "fall"})
+    assert named.monitors["fall"] == load_station("humanoid_dynamic").monitors["fall"]
+    assert not [one for one in recwarn if one.category is KeysLeftOut]
+
+
+def test_settings_that_come_later_take_back_those_of_another_kind():
+    """As in the pendant, and in the changes of a program."""
+    before = {"reference.kind": "move", "reference.target_deg": 30, "servo.kp": 500}
+    assert settings_with(before, {"reference.kind": "hold"}) == {"reference.kind": "hold", "servo.kp": 500}
+    both = settings_with(before, {"reference.kind": "hold", "reference.target_deg": 5})
+    assert both["reference.target_deg"] == 5
+    assert settings_with(before, {"reference.kind": "move"}) == before
+    assert settings_with({"sensors.a.rate": 5}, {"sensors.a": {"kind": "imu"}}) == {"sensors.a": {"kind": "imu"}}
 
 
 def test_a_section_of_another_kind_takes_the_place_of_the_old_one():

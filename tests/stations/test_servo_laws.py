@@ -8,7 +8,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.stations.checks import check_station
 
-MOVE = {"reference.kind": "move"}
+MOVE = {"reference.kind": "move", "reference.target_deg": 30}
 COMPUTED = {"servo.law": "computed_torque", "servo.kp": 400, "servo.kd": 40}
 DISCRETE = {"servo.realization": "implicit", "solver": {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}}
 
@@ -23,7 +23,7 @@ def errors(station, overrides):
 @pytest.mark.parametrize("kind", ["ramp", "move"])
 @pytest.mark.parametrize("mass", [0.5, 3.0])
 def test_gravity_compensation_takes_the_sag_away_with_any_load(kind, mass):
-    load = {"reference.kind": kind, "pieces.load.mass": mass}
+    load = {"reference.kind": kind, "reference.target_deg": 30, "pieces.load.mass": mass}
     assert errors("irb120_dynamic", load)[-1].max() > 1.0
     assert errors("irb120_dynamic", {**load, "servo.feedforward": "gravity"})[-1].max() < 1e-3
 

@@ -27,6 +27,9 @@ def version_of(root: ET.Element) -> tuple[int, ...]:
         return 1, 12
 
 
+_NORM_ERROR = 1e-3  # of a quaternion that may be one of rounding
+
+
 def own_pose(element: ET.Element | None, report: ImportReport, where: str) -> RigidTransform:
     """Return the pose that an element's ``<pose>`` gives, wherever it is measured from; raises InvalidModel: none."""
     pose = None if element is None else element.find("pose")
@@ -35,7 +38,10 @@ def own_pose(element: ET.Element | None, report: ImportReport, where: str) -> Ri
     numbers = numbers_in(pose.text or "") or []
     position, rest = numbers[:3], np.array(numbers[3:])
     if pose.get("rotation_format") == "quat_xyzw" and len(rest) == len("xyzw") and rest.any():
-        x, y, z, w = rest / np.linalg.norm(rest)
+        norm = np.linalg.norm(rest)
+        if abs(norm - 1.0) > _NORM_ERROR:
+            report.add("repaired", where, f"the quaternion of its <pose> has a norm of {norm:.6g}; it is normalised")
+        x, y, z, w = rest / norm
         return RigidTransform(Quaternion(w, x, y, z), position)
     if len(numbers) != len(("x", "y", "z", "roll", "pitch", "yaw")):
         raise report.refusal(where, f"<pose>{shortened(' '.join((pose.text or '').split()))}</pose> is no pose")

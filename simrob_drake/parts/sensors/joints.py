@@ -1,22 +1,18 @@
 """What joints tell: encoders, torques that they hand on, and torques that the model does not explain."""
 
-from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
-from pydrake.common.value import Value
-from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.tree import Joint, PrismaticJoint
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 
-from simrob_drake.blocks.block import Block, fed, joined, mapped
+from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.blocks.command_bus import rounded
+from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.lifetime import weakly
 from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal, sensor_label
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.sections import Integer, NotNegative, Positive
@@ -129,39 +125,6 @@ def _port(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -
     block = JointTorqueSensor(joints=robot.joints, signs=robot.axis_map.signs)
     site.draw(f"sensor.{name}", "sensor", sensor_label("Joint torques", name), robot)
     return fed(builder, f"sensor.{name}", block, site.plant.plant.get_reaction_forces_output_port())
-
-
-class JointTorqueSensor(Block):
-    """Measure the torque about, or the force along, each joint's axis: what the joint hands on to its link.
-
-    It is the motor's torque less the joint's own damping. Forces that act on the links from outside, such as elastic
-    end stops, are no part of it.
-
-    Ports:
-        in  ``reaction_forces``: of the plant, not of one that ``cenic`` steps.
-        out ``torque`` (n): [N·m], or [N] of a sliding joint.
-    """
-
-    def __init__(self, *, joints: Sequence[Joint], signs: Vector) -> None:
-        """Make the block for one-axis ``joints`` whose axes count positive in the sense of ``signs`` (n,)."""
-        super().__init__()
-        self._joints = [
-            (int(joint.index()), isinstance(joint, PrismaticJoint), sign * _axis(joint))
-            for joint, sign in zip(joints, signs, strict=True)
-        ]
-        self._forces = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
-        self.DeclareVectorOutputPort("torque", len(joints), weakly(self._calc_torque))
-
-    def _calc_torque(self, context: Context, output: BasicVector) -> None:
-        forces = self._forces.Eval(context)
-        for place, (index, slides, axis) in enumerate(self._joints):
-            force = forces[index]
-            output.SetAtIndex(place, float(axis @ (force.translational() if slides else force.rotational())))
-
-
-def _axis(joint: Joint) -> Vector:
-    """Return the axis in the joint's frames, where it is the same in both."""
-    return np.asarray(joint.translation_axis() if isinstance(joint, PrismaticJoint) else joint.revolute_axis())
 
 
 class ExternalTorque(SampledSensor):

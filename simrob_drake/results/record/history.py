@@ -21,7 +21,9 @@ RUNAWAY = 1e8  # a position or speed [rad, m, rad/s, m/s] that no robot has: a r
 
 _GO_ON = EventStatus.DidNothing()
 _LOOK_EVERY = 20  # steps
-_ROUNDING = 1e-9  # by how much a time may lie outside of the run [s]
+# Differences of time up to this are rounding [s]: how far a time may lie outside of the
+# run, and how short a record of the solver is that is no step.
+_ROUNDING = 1e-9
 
 
 class Recorder:
@@ -196,11 +198,35 @@ class StateHistory:
             states[knots] = _hermite(part, low[knots], high[knots], *slopes)
         return StateHistory(times, states, [group[after] for group in self.discrete], self._values_at(after))
 
-    def steps(self, times: Vector) -> "StateHistory":
-        """Return the steps that hold ``times`` (k,): the states at their ends, with the times of their starts."""
-        end = self._after(times)
-        begins, groups = self.times[np.maximum(end - 1, 0)], [group[end] for group in self.discrete]
-        return StateHistory(begins, self.continuous[end], groups, self._values_at(end))
+    def steps(self, times: Vector, *, begins_in_motion: bool = False) -> "StateHistory":
+        """Find the step during which each of ``times`` (k,) [s] lies, its end included.
+
+        A step of rounding length is not a step here, and the one before it counts.
+        Solvers take such steps where a sum of step lengths misses by 1e-15 s the time
+        at which it has to stop: at a tick, at an edge of a push, at a reference's
+        corner. What was applied in them had no time to act.
+
+        Args:
+            times: moments of the run (k,) [s].
+            begins_in_motion: whether the run goes on from the end of another one. The
+                moment of its start then belongs to its first step. Otherwise the start
+                is a step of its own, of length zero.
+
+        Returns:
+            the states at the ends of these steps, with the times at which the steps
+            begin, k rows.
+        """
+        has_length = np.diff(self.times, prepend=-np.inf) > _ROUNDING
+        rows = np.arange(len(self.times))
+        # For each record the last one, at or before it, that ends a step with a length.
+        counted = np.maximum.accumulate(np.where(has_length, rows, 0))
+        end = counted[self._after(times)]
+        if begins_in_motion and has_length[1:].any():
+            first_step = 1 + int(np.argmax(has_length[1:]))
+            end = np.maximum(end, first_step)
+        begin = self.times[np.maximum(end - 1, 0)]
+        discrete = [group[end] for group in self.discrete]
+        return StateHistory(begin, self.continuous[end], discrete, self._values_at(end))
 
     def _values_at(self, rows: npt.NDArray[np.intp]) -> list[list[AbstractValue]]:
         return [self.abstract[row] for row in rows] if self.abstract else []
@@ -231,10 +257,17 @@ class StateHistory:
             [*self.abstract[: int(kept.sum())], *later.abstract],
         )
 
-    def last(self) -> "StateHistory":
-        """Return the last state alone."""
-        discrete = [group[-1:] for group in self.discrete]
-        return StateHistory(self.times[-1:], self.continuous[-1:], discrete, self.abstract[-1:])
+    def last(self, count: int = 1) -> "StateHistory":
+        """Copy the last states, ``count`` of them if there are so many.
+
+        They are copies since a recorder cannot grow while somebody looks at its memory.
+        """
+        return StateHistory(
+            self.times[-count:].copy(),
+            self.continuous[-count:].copy(),
+            [group[-count:].copy() for group in self.discrete],
+            self.abstract[-count:],
+        )
 
 
 def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector) -> Vector:

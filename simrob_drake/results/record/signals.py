@@ -31,18 +31,33 @@ class Sampler:
         history: StateHistory,
         *,
         held: Collection[OutputPort] = (),
+        begins_in_motion: bool = False,
         prepare: Callable[[], None] | None = None,
         tolerant: bool = False,
     ) -> None:
-        """Prepare to evaluate ports of ``diagram``, laid out as the one that was stepped, at the states of ``history``.
+        """Prepare to evaluate the ports of a station at any time of its run.
 
-        ``held`` ports keep over each step what an implicit scheme with frozen inputs applied in it: their value at the
-        state of its end, with the time of its start. ``prepare`` is called first and gives the diagram this run's
-        references back. With ``tolerant`` what cannot be evaluated is no number, as after a run in which a block
-        failed.
+        Args:
+            diagram: has the same states, in the same order, as the diagram that was
+                stepped.
+            site: the station whose ports are evaluated.
+            history: the recorded states.
+            held: ports whose value an implicit scheme with frozen inputs keeps over a
+                step: the value at the state of the step's end, with the inputs of the
+                step's start.
+            begins_in_motion: whether the run goes on from the end of another one. The
+                ``held`` ports then have at its start the value of its first step.
+            prepare: called before anything is evaluated; gives the diagram this run's
+                references back.
+            tolerant: whether what cannot be evaluated becomes no number (NaN), as after
+                a run in which a block failed.
         """
         self.diagram = diagram
-        self._site, self._held, self._prepare, self._tolerant = site, held, prepare, tolerant
+        self._site = site
+        self._held = held
+        self._begins_in_motion = begins_in_motion
+        self._prepare = prepare
+        self._tolerant = tolerant
         self._plant = site.plant.plant
         self._context = diagram.CreateDefaultContext()
         self._plant_slice = plant_slice(diagram, self._plant, self._context)
@@ -69,8 +84,11 @@ class Sampler:
     def sample(self, ports: Sequence[OutputPort], times: Vector) -> list[Any]:
         """Return the values of ports at ``times`` (k,): for each an array (k, size), or a list of abstract values."""
         held = [port for port in ports if port in self._held]
-        values = self.evaluate([port for port in ports if port not in self._held], self._at(times))
-        values |= self.evaluate(held, self._history.steps(times)) if held else {}
+        others = [port for port in ports if port not in self._held]
+        values = self.evaluate(others, self._at(times))
+        if held:
+            steps = self._history.steps(times, begins_in_motion=self._begins_in_motion)
+            values |= self.evaluate(held, steps)
         return [values[port] for port in ports]
 
     def evaluate(self, ports: Sequence[OutputPort], states: StateHistory) -> dict[OutputPort, Any]:
@@ -201,17 +219,26 @@ class Stop:
 class Watch:
     """Asks the monitors of a station about each recorded step, in their order."""
 
-    def __init__(self, site: Site, sampler: Sampler) -> None:
-        """Watch a station whose ports a sampler evaluates."""
-        self._site, self._sampler = site, sampler
+    def __init__(
+        self, site: Site, sampler: Sampler, *, held: Collection[OutputPort] = (), begins_in_motion: bool = False
+    ) -> None:
+        """Watch a station whose ports a sampler evaluates.
+
+        ``held`` and ``begins_in_motion`` are as those of a :class:`Sampler`.
+        """
+        self._site = site
+        self._sampler = sampler
+        self._held = held
+        self._begins_in_motion = begins_in_motion
         self._onsets = dict.fromkeys(site.monitors, NOT_YET)
         self._count = 0
+        self._before: StateHistory | None = None  # the last steps of the call before
         self.stop: Stop | None = None  # why the run ends; None as long as it does not
 
     def look(self, steps: StateHistory) -> bool:
         """Look at the steps that follow those of the last call; tell whether one of them ends the run."""
         ports = {name: self._ports(name) for name in self._site.monitors}
-        values = self._sampler.evaluate(list(dict.fromkeys(port for own in ports.values() for port in own)), steps)
+        values = self._values({port for own in ports.values() for port in own}, steps)
         for row, time in enumerate(steps.times.tolist()):
             for name, trigger in self._site.monitors.items():
                 seen = [values[port][row] for port in ports[name]]
@@ -221,6 +248,18 @@ class Watch:
                     return True
         self._count += len(steps.times)
         return False
+
+    def _values(self, ports: Collection[OutputPort], steps: StateHistory) -> dict[OutputPort, Any]:
+        """Evaluate ports at the ends of steps; held ports have the values of these steps."""
+        held = [port for port in ports if port in self._held]
+        others = [port for port in ports if port not in self._held]
+        values = self._sampler.evaluate(others, steps)
+        if held:
+            known = steps if self._before is None else self._before.joined(steps)
+            own = known.steps(steps.times, begins_in_motion=self._begins_in_motion)
+            values |= self._sampler.evaluate(held, own)
+            self._before = known.last(2)  # the second last tells when the last step began
+        return values
 
     def holds(self, name: str, sampler: Sampler, time: float) -> bool:
         """Tell whether a monitor's condition holds at a time of a sampler's run [s]."""
