@@ -8,7 +8,8 @@ from pydrake.multibody.tree import JacobianWrtVariable
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
-from simrob_drake.stations.clearance import SLIDES, TURNS, Clearance, span, turned, untangled
+from simrob_drake.stations.clearance import SLIDES, TURNS, Clearance, turned, untangled
+from simrob_drake.stations.posed import posture_range
 
 _STEP = 20.0, 0.05  # how far the first move goes: deg, and m of a prismatic axis
 _ROOM = 0.4  # and at most this part of the way to the joint's limit
@@ -58,7 +59,7 @@ class ClearStart:
         self._random, self._home, self._near = np.random.default_rng(0), robot.model.home, robot.model.home
         self._chain = max(clearance.chains(robot), key=lambda chain: len(chain[1]))
         self._axes = [axis for axis in range(len(robot.axes)) if axis not in robot.model.fingers]  # those stay open
-        self._postures = self._random.uniform(*span(robot), (_RANDOM, len(robot.axes)))
+        self._postures = self._random.uniform(*posture_range(robot), (_RANDOM, len(robot.axes)))
         self._postures[:, [*robot.model.fingers]] = self._home[[*robot.model.fingers]]
         bodies = [clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)]
         moves = np.array([not clearance.plant.IsAnchored(body) for body in bodies], dtype=bool)
