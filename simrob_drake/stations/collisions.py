@@ -157,7 +157,12 @@ class CollisionPolicy:
             return {}
         before = self._posed.plant.GetPositions(self._posed.context)
         robots = self._posed.station.robots
-        self._posed.place_robots({name: own.model.home for name, own in robots.items()})
+        # Home is zero where no file gives another one, which limits may exclude.
+        homes = {
+            name: np.clip(robot.model.home, *robot.model.axis_limits)
+            for name, robot in robots.items()
+        }
+        self._posed.place_robots(homes)
         contacts = self.touching().items()
         self._posed.place(before)
         return {bodies: found.robot for bodies, found in contacts if found.robot}

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ from simrob_drake.folders import cache_entry, written_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.hulls import convex_hull
-from simrob_drake.importer.meshes.parts import Faces, distinct
+from simrob_drake.importer.meshes.parts import Faces
 from simrob_drake.interrupts import heard_afterwards
 
 MOST_PARTS = 12
@@ -40,96 +41,145 @@ _CONVEX = 2e-3
 """Depth of faces below the hull up to which a mesh counts as convex [m]: less than half
 of the tolerance of collisions."""
 
-_DIGITS = 6  # corners nearer than a micrometre are one
+_GRID = 1e-3
+"""Vertices are rounded to this [m]: CAD meshes have many within a millimetre."""
 
-_LARGEST_ENTRY = 50_000_000  # bytes of a cache entry; most have some hundred kilobytes
+_LARGEST_ENTRY = 50_000_000  # bytes of a cache entry; most have some ten kilobytes
 
 _CODE = [Path(__file__).parent]
+
+# 98 directions, evenly enough: for the volumes by which cuts are compared, the points
+# farthest out in these directions stand for all.
+_AROUND = np.array([way for way in product((-2, -1, 0, 1, 2), repeat=3) if 2 in map(abs, way)])
+_DIRECTIONS = _AROUND / np.linalg.norm(_AROUND, axis=1, keepdims=True)
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
     """A part of a mesh on one side of all cuts so far."""
 
-    vertices: Vector  # (n, 3) [m]
+    vertices: Vector  # (n, 3) [m], each used by a face
     faces: Faces  # (m, 3), indices of vertices
 
     @cached_property
     def corners(self) -> Vector:
         """Corners (k, 3) of the part's convex hull [m]."""
-        used = self.vertices[np.unique(self.faces)]
-        points, _ = distinct(used, _DIGITS)
-        return np.asarray(points[convex_hull(points).vertices])
+        return np.asarray(self.vertices[convex_hull(self.vertices).vertices])
 
     @cached_property
     def volume(self) -> float:
-        """Volume of the part's convex hull [m³]."""
-        return float(convex_hull(self.corners).volume)
-
-    def halves(self, cuts: tuple[float, ...] = _CUTS) -> "Iterator[tuple[_Part, _Part]]":
-        """Yield the two halves that each plane leaves, if both are solid."""
-        from trimesh.intersections import slice_faces_plane
-
-        lower = self.corners.min(axis=0)
-        size = self.corners.max(axis=0) - lower
-        for axis in range(3):
-            normal = np.eye(3)[axis]
-            for cut in cuts:
-                if min(cut, 1.0 - cut) * size[axis] < _LEAST_THICKNESS:
-                    continue
-                origin = lower + cut * size
-                halves = []
-                for side in (1.0, -1.0):
-                    vertices, faces, _ = slice_faces_plane(  # type: ignore[no-untyped-call]
-                        self.vertices, self.faces, side * normal, origin
-                    )
-                    halves.append(_Part(np.asarray(vertices), np.asarray(faces)))
-                if all(half.is_solid for half in halves):
-                    yield halves[0], halves[1]
+        """About the volume of the part's convex hull [m³]."""
+        return _volume_of(self.vertices)
 
     @cached_property
-    def is_solid(self) -> bool:
-        """Whether the part has a volume."""
-        try:
-            return len(self.faces) > 0 and self.volume > 0.0
-        except UnreadableMesh:
-            return False
+    def _edges(self) -> tuple[Vector, Vector]:
+        """Both ends of each edge of each face, (3 m, 3) each [m]."""
+        first, second, third = self.faces.T
+        starts = np.concatenate([first, second, third])
+        ends = np.concatenate([second, third, first])
+        return self.vertices[starts], self.vertices[ends]
+
+    def planes(self, cuts: tuple[float, ...]) -> Iterator[tuple[int, float]]:
+        """Yield the planes to try: the axis across each, and its position there [m]."""
+        lower = self.vertices.min(axis=0)
+        size = np.ptp(self.vertices, axis=0)
+        for axis, cut in product(range(3), cuts):
+            if min(cut, 1.0 - cut) * size[axis] >= _LEAST_THICKNESS:
+                yield axis, float(lower[axis] + cut * size[axis])
+
+    def gain(self, axis: int, level: float) -> float:
+        """Volume that a cut removes [m³]."""
+        starts, ends = self._edges
+        heights = starts[:, axis] - level
+        other_heights = ends[:, axis] - level
+        crosses = heights * other_heights < 0.0
+        fractions = heights[crosses] / (heights[crosses] - other_heights[crosses])
+        ways = ends[crosses] - starts[crosses]
+        section = starts[crosses] + fractions[:, np.newaxis] * ways
+        above = self.vertices[:, axis] > level
+        halves = (self.vertices[above], self.vertices[~above])
+        return self.volume - sum(_volume_of(np.vstack([half, section])) for half in halves)
+
+    def halves(self, axis: int, level: float) -> "list[_Part]":
+        """Cut the part in two by a plane."""
+        from trimesh.intersections import slice_faces_plane
+
+        origin = np.zeros(3)
+        origin[axis] = level
+        found = []
+        for side in (1.0, -1.0):
+            normal = side * np.eye(3)[axis]
+            vertices, faces, _ = slice_faces_plane(  # type: ignore[no-untyped-call]
+                self.vertices, self.faces, normal, origin
+            )
+            found.append(_without_unused(np.asarray(vertices), np.asarray(faces)))
+        return found
 
     @cached_property
     def best_cut(self) -> "_Cut":
         """The cut that removes most volume."""
-        cuts = [_Cut(self._gain(halves), halves) for halves in self.halves()]
-        return max(cuts, key=lambda cut: cut.gain, default=_Cut(0.0, None))
+        cuts = [_Cut(self.gain(axis, level), axis, level) for axis, level in self.planes(_CUTS)]
+        return max(cuts, key=lambda cut: cut.gain, default=_NO_CUT)
 
+    @cached_property
     def best_first_cut(self) -> "_Cut":
-        """Find the middle cut that, with the best cuts of its halves, removes most.
+        """The middle cut that, with the best cuts of its halves, removes most.
 
         A single cut of a ring removes nothing, since the hulls of the halves fill it.
         """
         cuts = []
-        for halves in self.halves((0.5,)):
-            later = halves[0].best_cut.gain + halves[1].best_cut.gain
-            cuts.append(_Cut(self._gain(halves) + later, halves))
-        return max(cuts, key=lambda cut: cut.gain, default=_Cut(0.0, None))
-
-    def _gain(self, halves: "tuple[_Part, _Part]") -> float:
-        """Volume that a cut removes [m³]."""
-        return self.volume - halves[0].volume - halves[1].volume
+        for axis, level in self.planes((0.5,)):
+            later = sum(half.best_cut.gain for half in self.halves(axis, level))
+            cuts.append(_Cut(self.gain(axis, level) + later, axis, level))
+        return max(cuts, key=lambda cut: cut.gain, default=_NO_CUT)
 
     @property
     def is_convex(self) -> bool:
         """Whether all faces lie on the part's convex hull, but for a small depth."""
-        planes = convex_hull(self.corners).equations
+        planes = np.unique(convex_hull(self.vertices).equations.round(6), axis=0)
         centres = self.vertices[self.faces].mean(axis=1)
-        heights = centres @ planes[:, :3].T + planes[:, 3]
-        return bool((heights.max(axis=1) > -_CONVEX).all())
+        highest = np.full(len(centres), -np.inf)
+        for plane in planes:
+            np.maximum(highest, centres @ plane[:3] + plane[3], out=highest)
+        return bool((highest > -_CONVEX).all())
 
 
 class _Cut(NamedTuple):
-    """A cut of a part."""
+    """A cut of a part by a plane."""
 
     gain: float  # volume that it removes, later cuts included if they were sought [m³]
-    halves: tuple[_Part, _Part] | None  # None if no cut leaves two solid halves
+    axis: int  # axis across the plane
+    level: float  # position of the plane along the axis [m]
+
+
+_NO_CUT = _Cut(0.0, 0, 0.0)
+
+
+def _volume_of(points: Vector) -> float:
+    """Volume of the convex hull of points (n, 3), of those farthest out [m³]."""
+    if len(points) < 4:
+        return 0.0
+    farthest = np.unique((points @ _DIRECTIONS.T).argmax(axis=0))
+    try:
+        return float(convex_hull(points[farthest]).volume)
+    except UnreadableMesh:  # flat
+        return 0.0
+
+
+def _without_unused(vertices: Vector, faces: Faces) -> _Part:
+    """Return a part of a mesh without the vertices that no face uses."""
+    used, faces_of_used = np.unique(faces, return_inverse=True)
+    return _Part(vertices[used], faces_of_used.reshape(faces.shape))
+
+
+def _rounded(vertices: Vector, faces: Faces) -> _Part:
+    """Return a mesh with its vertices on a grid, and without faces that vanish."""
+    points, index = np.unique(np.round(vertices / _GRID), axis=0, return_inverse=True)
+    corners = index.reshape(-1)[faces]
+    first, second, third = corners.T
+    is_face = (first != second) & (second != third) & (third != first)
+    kept = np.unique(np.sort(corners[is_face], axis=1), axis=0)
+    return _without_unused(points * _GRID, kept)
 
 
 @heard_afterwards()
@@ -146,21 +196,20 @@ def convex_parts(vertices: Vector, faces: NDArray[np.int64]) -> list[Vector]:
     Raises:
         UnreadableMesh: the mesh is flat or too small for a hull.
     """
-    whole = _Part(vertices, faces)
+    whole = _rounded(vertices, faces)
     parts = [whole]
-    least = _LEAST_GAIN * whole.volume
     if whole.is_convex:
         return [whole.corners]
+    least = _LEAST_GAIN * whole.volume
     while len(parts) < MOST_PARTS:
         index = int(np.argmax([part.best_cut.gain for part in parts]))
         cut = parts[index].best_cut
         if cut.gain < least:
-            ahead = [part.best_first_cut() for part in parts]
-            index = int(np.argmax([each.gain for each in ahead]))
-            cut = ahead[index]
-        if cut.halves is None or cut.gain < least:
+            index = int(np.argmax([part.best_first_cut.gain for part in parts]))
+            cut = parts[index].best_first_cut
+        if cut.gain < least:
             break
-        parts[index : index + 1] = cut.halves
+        parts[index : index + 1] = parts[index].halves(cut.axis, cut.level)
     return [part.corners for part in parts]
 
 
