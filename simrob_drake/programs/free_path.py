@@ -58,8 +58,7 @@ class FreeSpace:
         lengths = [len(posture) for posture in self.start.values()]
         self._ends = np.cumsum(lengths)[:-1]
         self.model.place_robots(self.start)
-        touching = self.model.policy.touching()
-        self._begun = {bodies: overlap.depth for bodies, overlap in touching.items()}
+        self._begun = self.model.policy.allowed_from_start()
         start = self.model.policy.overlaps(self.start)
         deep = [
             overlap

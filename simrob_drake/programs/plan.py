@@ -210,7 +210,8 @@ def check_collisions(
 ) -> None:
     """Check by the station's collision policy that robots collide with nothing on the way.
 
-    What touches at the first time may touch as deep on the way, as a piece on its table.
+    What touches at the first time may touch as deep on the way, as a piece on its table;
+    what is deep in something else then is not judged against it.
 
     Args:
         model: the station with collision shapes; other robots stay where they are.
@@ -227,8 +228,7 @@ def check_collisions(
     for row, time in enumerate(times):
         model.place_robots({name: postures[row] for name, postures in robots.items()})
         if row == 0:
-            touching = model.policy.touching()
-            begun = {bodies: overlap.depth for bodies, overlap in touching.items()}
+            begun = model.policy.allowed_from_start()
             continue
         found = model.policy.overlaps(movers, begun)
         if found:

@@ -95,7 +95,8 @@ class CollisionPolicy:
         Args:
             movers: robots that move; pairs without any of them do not count. All pairs
                 count if it is None.
-            begun: depths at the start [m] by bodies: these may touch so much deeper.
+            begun: depths [m] by bodies that are allowed beyond the tolerance, see
+                :meth:`allowed_from_start`.
             share: fraction of the tolerances that is used.
         """
         holders = self._posed.holders
@@ -142,6 +143,17 @@ class CollisionPolicy:
                 found[bodies] = Overlap(depth, bodies, robot, bodies)
         return found
 
+    def allowed_from_start(self) -> dict[Bodies, float]:
+        """Depths [m] that bodies may have because they touch in the present posture.
+
+        Such bodies may touch as deep on the way, as a piece on its table. Different
+        owners that begin deep in each other are not judged, so that a move can lead out.
+        """
+        return {
+            bodies: overlap.depth if overlap.robot or overlap.depth <= START_TOLERANCE else np.inf
+            for bodies, overlap in self.touching().items()
+        }
+
     def _fine_depth(self, depth: float, first: GeometryId, second: GeometryId) -> float:
         """Depth of two shapes in each other [m] by the convex parts of their meshes.
 
@@ -152,20 +164,25 @@ class CollisionPolicy:
 
     @cached_property
     def home_contacts(self) -> Mapping[Bodies, str]:
-        """Links that touch another link of their robot at home, with the robot."""
+        """Links that touch another link of their robot at home, with the robot.
+
+        Pieces are no part of the robot's own shapes, so they are judged against links.
+        """
         if not self._trusts_home:
             return {}
         before = self._posed.plant.GetPositions(self._posed.context)
         robots = self._posed.station.robots
         # Home is zero where no file gives another one, which limits may exclude.
-        homes = {
-            name: np.clip(robot.model.home, *robot.model.axis_limits)
-            for name, robot in robots.items()
-        }
+        homes = {name: np.clip(robot.model.home, *robot.model.axis_limits) for name, robot in robots.items()}
         self._posed.place_robots(homes)
         contacts = self.touching().items()
         self._posed.place(before)
-        return {bodies: found.robot for bodies, found in contacts if found.robot}
+        pieces = self._posed.resolved.pieces
+        return {
+            bodies: found.robot
+            for bodies, found in contacts
+            if found.robot and not any(body in pieces for body in bodies)
+        }
 
     @cached_property
     def permanent_overlaps(self) -> Mapping[Bodies, str]:
