@@ -58,7 +58,7 @@ class FreeSpace:
         lengths = [len(posture) for posture in self.start.values()]
         self._ends = np.cumsum(lengths)[:-1]
         self.model.place_robots(self.start)
-        self._begun = self.model.policy.allowed_from_start()
+        self._begun = self.model.policy.allowed_from_start(self.start)
         start = self.model.policy.overlaps(self.start)
         deep = [
             overlap

@@ -228,7 +228,7 @@ def check_collisions(
     for row, time in enumerate(times):
         model.place_robots({name: postures[row] for name, postures in robots.items()})
         if row == 0:
-            begun = model.policy.allowed_from_start()
+            begun = model.policy.allowed_from_start(movers)
             continue
         found = model.policy.overlaps(movers, begun)
         if found:

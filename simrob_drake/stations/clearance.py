@@ -171,7 +171,7 @@ class Clearance(PosedStation):
         self.policy = CollisionPolicy(self, trusts_home=trusts_home)
         self._begun = {
             bodies: overlap.depth
-            for bodies, overlap in self.policy.touching().items()
+            for bodies, overlap in self.policy.touching(refined_from=START_TOLERANCE).items()
             if not overlap.robot and overlap.depth <= START_TOLERANCE
         }
 

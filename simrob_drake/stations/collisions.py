@@ -129,29 +129,44 @@ class CollisionPolicy:
                 found[bodies] = Overlap(depth, bodies, robot, bodies if robot else moved)
         return sorted(found.values(), key=lambda overlap: -overlap.depth)
 
-    def touching(self) -> dict[Bodies, Overlap]:
-        """Find all bodies that touch in the present posture, however little."""
+    def touching(
+        self, movers: Collection[str] | None = None, refined_from: float = 0.0
+    ) -> dict[Bodies, Overlap]:
+        """Find all bodies that touch in the present posture, however little.
+
+        Args:
+            movers: robots that move; pairs without any of them are left out. All pairs
+                are found if it is None.
+            refined_from: depth of two hulls [m] from which on convex parts decide.
+        """
         found: dict[Bodies, Overlap] = {}
         for pair in self._posed.query().ComputePointPairPenetration():
             ends = sorted((self.owner(pair.id_A), self.owner(pair.id_B)))
             (first, one), (second, other) = ends
+            if movers is not None and one not in movers and other not in movers:
+                continue
             bodies = first, second
-            depth = self._fine_depth(pair.depth, pair.id_A, pair.id_B)
+            depth = float(pair.depth)
+            if depth > refined_from:
+                depth = self._fine_depth(depth, pair.id_A, pair.id_B)
             known = found.get(bodies)
             if depth > (ANY_DEPTH if known is None else known.depth):
                 robot = one if one == other else ""
                 found[bodies] = Overlap(depth, bodies, robot, bodies)
         return found
 
-    def allowed_from_start(self) -> dict[Bodies, float]:
+    def allowed_from_start(self, movers: Collection[str]) -> dict[Bodies, float]:
         """Depths [m] that bodies may have because they touch in the present posture.
 
         Such bodies may touch as deep on the way, as a piece on its table. Different
         owners that begin deep in each other are not judged, so that a move can lead out.
+
+        Args:
+            movers: robots that move.
         """
         return {
             bodies: overlap.depth if overlap.robot or overlap.depth <= START_TOLERANCE else np.inf
-            for bodies, overlap in self.touching().items()
+            for bodies, overlap in self.touching(movers, OTHER_TOLERANCE).items()
         }
 
     def _fine_depth(self, depth: float, first: GeometryId, second: GeometryId) -> float:

@@ -27,7 +27,7 @@ def arm_of(robot: str, mode: str = "kinematic") -> Arm:
 @pytest.mark.parametrize("mode", ["kinematic", "dynamic"])
 def test_a_move_into_the_arm_itself_is_refused(mode):
     arm = arm_of("ur5", mode)
-    with pytest.raises(PathCollision, match="link_1 would run into link_4, .* mm deep") as hit:
+    with pytest.raises(PathCollision, match=r"link_1 would run into link_4, .* mm deep") as hit:
         arm.move_abs_j(FOLDED)
     assert hit.value.bodies == ("link_1", "link_4")
     assert 0.005 < hit.value.depth < 0.05
