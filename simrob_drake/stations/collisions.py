@@ -130,7 +130,11 @@ class CollisionPolicy:
         return sorted(found.values(), key=lambda overlap: -overlap.depth)
 
     def touching(
-        self, movers: Collection[str] | None = None, refined_from: float = 0.0
+        self,
+        movers: Collection[str] | None = None,
+        refined_from: float = 0.0,
+        *,
+        own_only: bool = False,
     ) -> dict[Bodies, Overlap]:
         """Find all bodies that touch in the present posture, however little.
 
@@ -138,6 +142,7 @@ class CollisionPolicy:
             movers: robots that move; pairs without any of them are left out. All pairs
                 are found if it is None.
             refined_from: depth of two hulls [m] from which on convex parts decide.
+            own_only: leave out bodies of different owners.
         """
         found: dict[Bodies, Overlap] = {}
         for pair in self._posed.query().ComputePointPairPenetration():
@@ -145,13 +150,15 @@ class CollisionPolicy:
             (first, one), (second, other) = ends
             if movers is not None and one not in movers and other not in movers:
                 continue
+            robot = one if one == other else ""
+            if own_only and not robot:
+                continue
             bodies = first, second
             depth = float(pair.depth)
             if depth > refined_from:
                 depth = self._fine_depth(depth, pair.id_A, pair.id_B)
             known = found.get(bodies)
             if depth > (ANY_DEPTH if known is None else known.depth):
-                robot = one if one == other else ""
                 found[bodies] = Overlap(depth, bodies, robot, bodies)
         return found
 
@@ -190,13 +197,13 @@ class CollisionPolicy:
         # Home is zero where no file gives another one, which limits may exclude.
         homes = {name: np.clip(robot.model.home, *robot.model.axis_limits) for name, robot in robots.items()}
         self._posed.place_robots(homes)
-        contacts = self.touching().items()
+        contacts = self.touching(own_only=True).items()
         self._posed.place(before)
         pieces = self._posed.resolved.pieces
         return {
             bodies: found.robot
             for bodies, found in contacts
-            if found.robot and not any(body in pieces for body in bodies)
+            if not any(body in pieces for body in bodies)
         }
 
     @cached_property
@@ -209,8 +216,9 @@ class CollisionPolicy:
         for _ in range(_SAMPLES):
             postures = {name: random_posture(robot, random) for name, robot in robots.items()}
             self._posed.place_robots(postures)
-            for bodies, found in self.touching().items():
-                if found.robot and found.depth > OWN_TOLERANCE:
+            touching = self.touching(refined_from=OWN_TOLERANCE, own_only=True)
+            for bodies, found in touching.items():
+                if found.depth > OWN_TOLERANCE:
                     counts[bodies, found.robot] += 1
         self._posed.place(before)
         least = _NEARLY_ALL * _SAMPLES
