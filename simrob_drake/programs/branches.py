@@ -125,22 +125,16 @@ def _surroundings(model: StationModel, robot: str) -> Distances:
     The robot's own shapes are first in the pairs.
     """
     inspector = model.station.scene_graph.model_inspector()
-    owner = {
-        shape: model.policy.owner(shape)[1]
-        for shape in inspector.GetAllGeometryIds(Role.kProximity)
-    }
+    owner = {shape: model.policy.owner(shape)[1] for shape in inspector.GetAllGeometryIds(Role.kProximity)}
     pairs = [
         (first, second) if owner[first] == robot else (second, first)
         for first, second in combinations(owner, 2)
-        if (owner[first] == robot) != (owner[second] == robot)
-        and not inspector.CollisionFiltered(first, second)
+        if (owner[first] == robot) != (owner[second] == robot) and not inspector.CollisionFiltered(first, second)
     ]
     return Distances(pairs, inspector)
 
 
-def gaps(
-    model: StationModel, robot: str, chain: Chain
-) -> Callable[[Vector], tuple[float, str, str]]:
+def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tuple[float, str, str]]:
     """Return a function of a posture (n,): the least distance to the surroundings [m].
 
     It also gives the names of the two bodies, that of the robot first. The distance is

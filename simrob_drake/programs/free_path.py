@@ -60,11 +60,7 @@ class FreeSpace:
         self.model.place_robots(self.start)
         self._begun = self.model.policy.allowed_from_start(self.start)
         start = self.model.policy.overlaps(self.start)
-        deep = [
-            overlap
-            for overlap in start
-            if not overlap.robot and overlap.depth > START_TOLERANCE
-        ]
+        deep = [overlap for overlap in start if not overlap.robot and overlap.depth > START_TOLERANCE]
         if deep:
             raise StartInCollision(deep[0].depth, deep[0].moved)
 

@@ -1,6 +1,5 @@
 """What can be said of a station before it runs: torques, what touches and comes near, what its solver makes of it."""
 
-
 import numpy as np
 from pydrake.systems.framework import Diagram
 

@@ -146,6 +146,7 @@ TURNS, SLIDES = (15.0, -15.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0), (0.1, 0.2,
 
 _STEPS = 10  # axes that are turned to take links apart
 
+
 class Clearance(PosedStation):
     """A posed station with collision shapes: which bodies collide, and how high they are.
 

@@ -200,11 +200,7 @@ class CollisionPolicy:
         contacts = self.touching(own_only=True).items()
         self._posed.place(before)
         pieces = self._posed.resolved.pieces
-        return {
-            bodies: found.robot
-            for bodies, found in contacts
-            if not any(body in pieces for body in bodies)
-        }
+        return {bodies: found.robot for bodies, found in contacts if not any(body in pieces for body in bodies)}
 
     @cached_property
     def permanent_overlaps(self) -> Mapping[Bodies, str]:

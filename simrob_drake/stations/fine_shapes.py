@@ -109,6 +109,7 @@ class FineShapes:
         return self._parts[shape]
 
     def _made_parts(self, inspector: SceneGraphInspector, shape: GeometryId) -> list[PosedShape] | None:
+        """Cut a mesh into convex parts; None if it is no mesh, or convex."""
         if not isinstance(inspector.GetShape(shape), Mesh | Convex):
             return None
         try:
