@@ -6,7 +6,7 @@ import pytest
 from simrob_drake import load_station, simulate
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.parts.controllers.support import limb_to
-from simrob_drake.stations.clearance import PosedStation
+from simrob_drake.stations.posed import PosedStation
 from tests.benchmarks.terrain import BLIND, crossed
 
 FINE = {"solver.max_step": 0.005}

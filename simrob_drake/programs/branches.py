@@ -9,15 +9,16 @@ import numpy.typing as npt
 from pydrake.geometry import Role
 
 from simrob_drake.arguments import instance
-from simrob_drake.blocks.contacts import Distances
+from simrob_drake.blocks.contacts import Distances, Pair
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.every_branch import branches
 from simrob_drake.kinematics.numeric import random_postures
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.plan import TOUCH, check_collisions, shown
-from simrob_drake.results.record.run import Approach
+from simrob_drake.programs.plan import check_collisions, shown
+from simrob_drake.results.record.run import Approach, Approaches
+from simrob_drake.stations.collisions import OTHER_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,25 +120,26 @@ def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> 
 
 
 def _surroundings(model: StationModel, robot: str) -> Distances:
-    """Return the distances between a robot, with what it carries, and all else; its own shapes are first."""
-    inspector, own = model.station.scene_graph.model_inspector(), model.robots[robot].instance
-    owners = {
-        shape: model.plant.GetBodyFromFrameId(inspector.GetFrameId(shape)).model_instance()
-        for shape in inspector.GetAllGeometryIds(Role.kProximity)
-    }
+    """Return the distances between a robot, with what it carries, and all else.
+
+    The robot's own shapes are first in the pairs.
+    """
+    inspector = model.station.scene_graph.model_inspector()
+    owner = {shape: model.policy.owner(shape)[1] for shape in inspector.GetAllGeometryIds(Role.kProximity)}
     pairs = [
-        pair if owners[pair[0]] == own else pair[::-1]
-        for pair in combinations(owners, 2)
-        if own in (owners[pair[0]], owners[pair[1]]) and not inspector.CollisionFiltered(*pair)
+        (first, second) if owner[first] == robot else (second, first)
+        for first, second in combinations(owner, 2)
+        if (owner[first] == robot) != (owner[second] == robot) and not inspector.CollisionFiltered(first, second)
     ]
     return Distances(pairs, inspector)
 
 
 def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tuple[float, str, str]]:
-    """Return what tells of a robot's postures (n,) how far it and what it carries are from anything else [m].
+    """Return a function of a posture (n,): the least distance to the surroundings [m].
 
-    Below 0 they are in it; the other values are what is so near to what. What no posture brings nearer, as a turning
-    column to its floor, does not count. Infinite, and nothing, where there is nothing that could be met.
+    It also gives the names of the two bodies, that of the robot first. The distance is
+    negative if they overlap. Pairs whose distance no posture changes, as of a turning
+    column and its floor, do not count. It is infinite, without names, if none counts.
     """
     near = _surroundings(model, robot)
 
@@ -145,7 +147,8 @@ def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tu
         model.place_robots({robot: posture})
         return near.of(model.query())
 
-    changes = np.ptp([distances(posture) for posture in random_postures(chain, _LOOKS, 0)], axis=0) > _SAME
+    samples = [distances(posture) for posture in random_postures(chain, _LOOKS, 0)]
+    changes = np.ptp(samples, axis=0) > _SAME
 
     def gap(posture: Vector) -> tuple[float, str, str]:
         if not changes.any():
@@ -158,29 +161,75 @@ def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tu
     return gap
 
 
-def approach(model: StationModel, robot: str, rows: Vector) -> Approach:
-    """Return how near a robot and what it carries come to anything else at positions (k, nq) of the plant.
+def approaches(model: StationModel, robot: str, rows: Vector) -> Approaches:
+    """Find the smallest distances of a robot, with what it carries, along a motion.
 
-    What touches in the first of them, or is as far in all, does not count. Every fourth is looked at for all that could
-    be near, the others for the nearest of it.
+    What touches the surroundings at first does not count, nor does a pair of bodies as
+    far apart all along, nor links that the collision policy leaves out.
+
+    Args:
+        model: the station with collision shapes.
+        robot: the robot's name.
+        rows: positions (k, nq) of the plant along the motion.
     """
-    near = _surroundings(model, robot)
-    if not near.pairs or rows.shape[1] != model.plant.num_positions():  # another one's base is not fixed
-        return np.inf, ""
-    found = _distances(model, near, rows[::_SPARSE])
-    found = np.where((np.ptp(found, axis=0) > _SAME) & (found[0] > TOUCH), found.min(axis=0), np.inf)
-    nearest = [near.pairs[place] for place in np.argsort(found)[:_NEAREST] if np.isfinite(found[place])]
+    nothing = Approach(np.inf, "")
+    if rows.shape[1] != model.plant.num_positions():  # a robot's base is not fixed
+        return Approaches(nothing, nothing)
+    inspector = model.station.scene_graph.model_inspector()
+    own = model.policy.own_distances(robot)
+    return Approaches(
+        to_others=_approach(
+            model,
+            rows,
+            _surroundings(model, robot),
+            lambda pairs: Distances(pairs, inspector),
+            ignores_first_contacts=True,
+        ),
+        to_itself=_approach(model, rows, own, own.only, ignores_first_contacts=False),
+    )
+
+
+def _approach(
+    model: StationModel,
+    rows: Vector,
+    near: Distances,
+    only: Callable[[list[Pair]], Distances],
+    *,
+    ignores_first_contacts: bool,
+) -> Approach:
+    """Find the smallest of some distances at positions (k, nq) of the plant.
+
+    Every fourth row shows which pairs come nearest; the others are evaluated for these.
+
+    Args:
+        model: the station with collision shapes.
+        rows: positions of the plant.
+        near: the distances.
+        only: gives the distances of some of the pairs.
+        ignores_first_contacts: leave out what touches in the first row.
+    """
+    if not near.pairs:
+        return Approach(np.inf, "")
+    sparse = _distances(model, near, rows[::_SPARSE])
+    counts = np.ptp(sparse, axis=0) > _SAME
+    if ignores_first_contacts:
+        counts &= sparse[0] > OTHER_TOLERANCE
+    least = np.where(counts, sparse.min(axis=0), np.inf)
+    order = np.argsort(least)[:_NEAREST]
+    nearest = [near.pairs[index] for index in order if np.isfinite(least[index])]
     if not nearest:
-        return np.inf, ""
-    near = Distances(nearest, model.station.scene_graph.model_inspector())
+        return Approach(np.inf, "")
+    near = only(nearest)
     found = _distances(model, near, rows).min(axis=0)
     pair = near.pairs[int(found.argmin())]
-    return float(found.min()), " to ".join(model.owner(shape) for shape in pair)
+    names = " to ".join(model.owner(shape) for shape in pair)
+    return Approach(float(found.min()), names)
 
 
 def _distances(model: StationModel, near: Distances, rows: Vector) -> Vector:
-    looks = list[Vector]()
+    """Return the distances (k, pairs) [m] at positions (k, nq) of the plant."""
+    found = list[Vector]()
     for row in rows:
         model.place(row)
-        looks.append(near.of(model.query()))
-    return np.array(looks)
+        found.append(near.of(model.query()))
+    return np.array(found)

@@ -14,7 +14,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import GeometryId, Role
+from pydrake.geometry import Role
 from pydrake.multibody.inverse_kinematics import MinimumDistanceLowerBoundConstraint
 from pydrake.planning import KinematicTrajectoryOptimization
 from pydrake.solvers import SnoptSolver, SolverOptions
@@ -26,42 +26,43 @@ from simrob_drake.extras import needed
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.numeric import random_postures
-from simrob_drake.parts.targets import owner_and_robot
 from simrob_drake.programs.errors import NoFreePath, StartInCollision
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.plan import TOUCH
-from simrob_drake.stations.clearance import TOUCH as ROUGH
-from simrob_drake.stations.clearance import PosedStation
+from simrob_drake.stations.collisions import START_TOLERANCE, Bodies, Overlap
+from simrob_drake.stations.posed import PosedStation
 
-Bodies = tuple[str, str]
-Hit = tuple[float, Bodies]  # how deep what lies in what [m]
-_AT_ALL = 1e-9
-SEARCHED = 0.5  # the part of what is allowed that a search keeps to, so that the way that is made of it keeps to all
+SEARCHED = 0.5
+"""Fraction of the tolerances that a search uses: its path is rounded, and then keeps to
+all of them."""
 
 
 @dataclass(eq=False)
 class FreeSpace:
-    """What stands in the way of robots that move together, with what they carry; other robots stand where they are.
+    """The postures without collisions of robots that move together, by the one policy.
 
-    Shapes of different owners may be 1 mm in each other, links of one robot 5 mm: meshes count as convex hulls, which
-    are rough. Links that are made so may lie in each other, and what does at the start may be so much deeper.
+    The robots move with what they carry; other robots stand where they are.
     """
 
-    model: StationModel  # of the station with the shapes of all links, its robots where they stand
+    model: StationModel  # the station with collision shapes, its robots where they stand
     start: Mapping[str, Vector]  # where the robots that move begin, (n,) each, by name
     met: Counter[str] = field(default_factory=Counter)  # how often each thing was in the way
-    _pairs: dict[tuple[GeometryId, GeometryId], tuple[Bodies, float]] = field(default_factory=dict)
     _begun: Mapping[Bodies, float] = field(default_factory=dict)
-    _owners: dict[str, str] = field(default_factory=dict)
+    _at_goal: set[Bodies] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        """Allow what touches at the start; raises StartInCollision: a robot that begins deep in something else."""
-        self._ends = np.cumsum([len(posture) for posture in self.start.values()])[:-1]
-        self._begun = {bodies: depth for depth, bodies in reversed(self.hits(self.posture, _AT_ALL))}
-        owners, begun = self._owners, self._begun.items()
-        deep = [(depth, (a, b)) for (a, b), depth in begun if depth > ROUGH and owners[a] != owners[b]]
+        """Allow what touches at the start.
+
+        Raises:
+            StartInCollision: a robot begins deep in something else.
+        """
+        lengths = [len(posture) for posture in self.start.values()]
+        self._ends = np.cumsum(lengths)[:-1]
+        self.model.place_robots(self.start)
+        self._begun = self.model.policy.allowed_from_start(self.start)
+        start = self.model.policy.overlaps(self.start)
+        deep = [overlap for overlap in start if not overlap.robot and overlap.depth > START_TOLERANCE]
         if deep:
-            raise StartInCollision(*max(deep))
+            raise StartInCollision(deep[0].depth, deep[0].moved)
 
     @property
     def posture(self) -> Vector:
@@ -72,26 +73,38 @@ class FreeSpace:
         """Return postures (..., n) of all that move by robot."""
         return dict(zip(self.start, np.split(rows, self._ends, axis=-1), strict=True))
 
-    def hits(self, posture: Vector, part: float = 1.0) -> list[Hit]:
-        """Return what lies in what in a posture (n,) deeper than a part of what is allowed, the deepest first."""
+    def collisions(self, posture: Vector, share: float = 1.0) -> list[Overlap]:
+        """Find the collisions in a posture (n,), the deepest first.
+
+        Args:
+            posture: of all that move [rad or m].
+            share: fraction of the tolerances that is used.
+        """
         self.model.place_robots(self.parts(posture))
-        found = list[Hit]()
-        for pair in self.model.query().ComputePointPairPenetration():
-            shapes = pair.id_A, pair.id_B
-            bodies, allowed = self._pairs.get(shapes) or self._known(shapes)
-            if pair.depth > self._begun.get(bodies, 0.0) + part * allowed:
-                found.append((float(pair.depth), bodies))
-        return sorted(found, reverse=True)
+        policy = self.model.policy
+        found = policy.overlaps(self.start, self._begun, share)
+        if found and all(overlap.bodies in self._at_goal for overlap in found):
+            return policy.overlaps(self.start, self._begun)
+        return found
+
+    def allow_goal(self, posture: Vector) -> None:
+        """Allow bodies their whole tolerance in the search if a goal (n,) needs it."""
+        found = self.collisions(posture, SEARCHED)
+        self._at_goal.update(overlap.bodies for overlap in found)
 
     def free(self, posture: Vector) -> bool:
-        """Tell whether a posture (n,) is free by more than rounding, and count what is in the way otherwise."""
-        found = self.hits(posture, SEARCHED)
-        self.met.update(found[0][1] if found else ())
+        """Whether a posture (n,) is free in a search; if not, count what is in the way."""
+        found = self.collisions(posture, SEARCHED)
+        self.met.update(found[0].bodies if found else ())
         return not found
 
     def obstacles(self, most: int = 3) -> list[str]:
-        """Return what was in the way most often, beside the robots that move."""
-        return [body for body, _ in self.met.most_common() if self._owners[body] not in self.start][:most]
+        """Return what was in the way most often, without the robots that move."""
+        policy = self.model.policy
+        inspector = self.model.station.scene_graph.model_inspector()
+        owners = dict(map(policy.owner, inspector.GetAllGeometryIds(Role.kProximity)))
+        others = [body for body, _ in self.met.most_common() if owners[body] not in self.start]
+        return others[:most]
 
     def carried(self, robot: str) -> Vector:
         """Return the corners of boxes around what a robot carries, where they are at the start, shape (k, 3) [m]."""
@@ -99,26 +112,12 @@ class FreeSpace:
         query, corners = self.model.query(), np.array([*product((-1.0, 1.0), repeat=3)])
         found = [np.zeros((0, 3))]
         for shape in query.inspector().GetAllGeometryIds(Role.kProximity):
-            owner, own = self._owner(shape)
+            owner, own = self.model.policy.owner(shape)
             box = query.inspector().GetObbInGeometryFrame(shape)
             if own == robot and box is not None and owner in {*self.model.robots[robot].held, *self.model.holders}:
                 pose = query.GetPoseInWorld(shape) @ box.pose()
                 found.append((pose.rotation().matrix() @ (corners * box.half_width()).T).T + pose.translation())
         return np.vstack(found)
-
-    def _owner(self, shape: GeometryId) -> tuple[str, str]:
-        """Return what a shape belongs to, and the robot that carries or holds it, if any."""
-        owner, robot = owner_and_robot(self.model.station, shape)
-        return owner, self.model.holders.get(owner, robot)
-
-    def _known(self, shapes: tuple[GeometryId, GeometryId]) -> tuple[Bodies, float]:
-        """Return whose two shapes are, and how deep they may be in each other."""
-        (first, one), (second, other) = sorted(map(self._owner, shapes))
-        self._owners |= {first: one, second: other}
-        still, made_so = not {one, other} & {*self.start}, (first, second) in self.model.made_so
-        allowed = np.inf if still or made_so else ROUGH if one == other else TOUCH
-        bodies = (first, second) if one in self.start else (second, first)
-        return self._pairs.setdefault(shapes, (bodies, allowed))
 
 
 _LOOK = 0.02  # m between the looks of a search
@@ -177,7 +176,7 @@ class Search:
         Raises NoFreePath: it touches something at its nearest.
         """
         whole = self.length(corners)
-        hit = 0.0, ("", "")
+        hit: Overlap | None = None
         if whole < _ROUNDING:
             return np.linspace(0.0, 1.0, 2 * _DEGREE), corners[:1].repeat(2 * _DEGREE, axis=0)
         for step in _ROUND:
@@ -186,12 +185,13 @@ class Search:
             knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
             looks = int(np.ceil(whole / CLOSE_LOOK)) + 2 * len(control)
             rows = np.asarray(BSpline(knots, control, _DEGREE)(np.linspace(0.0, 1.0, looks)))
-            first = next((found[0] for row in rows if (found := self.space.hits(row))), None)
-            if first is None:
+            hits = (self.space.collisions(row) for row in rows)
+            hit = next((found[0] for found in hits if found), None)
+            if hit is None:
                 return self.gone(rows), rows
-            hit = first
-        depth, (one, other) = hit
-        raise NoFreePath(f"the way that was found leads {one} {1e3 * depth:.1f} mm into {other}: try another seed")
+        assert hit is not None  # the last attempt ended in a collision
+        one, other = hit.moved
+        raise NoFreePath(f"the way that was found leads {one} {1e3 * hit.depth:.1f} mm into {other}: try another seed")
 
     def length(self, rows: Vector) -> float:
         """Return how long a way through postures (k, n) is [m]."""
@@ -309,7 +309,7 @@ def shortened(
     problem = _Problem(search, station, rows, _A_CORNER * corners, limits)
     for _ in range(_ROUNDS):
         found = problem.solved()
-        hits = np.array([bool(search.space.hits(row, SEARCHED)) for row in found])
+        hits = np.array([bool(search.space.collisions(row, SEARCHED)) for row in found])
         if not hits.any():
             return search.gone(found), found
         problem.keep_apart(hits)

@@ -3,7 +3,7 @@
 Pieces change hands in it (SimRob's PegarEn): another parent, the same place in the world.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from itertools import count
 from typing import Any
@@ -29,9 +29,10 @@ from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.parts.targets import owner_and_robot
 from simrob_drake.results.record.state import JointState, State, free_joint
 from simrob_drake.robots.pieces import TCP
-from simrob_drake.stations.clearance import Clearance, PosedStation
+from simrob_drake.stations.collisions import CollisionPolicy
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.piece_config import PieceConfig
+from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.resolve import carriers_of, flange, tool_in_use
 from simrob_drake.stations.solver_config import ContactConfig, DiscreteSolver
 
@@ -46,14 +47,20 @@ class StationModel(PosedStation):
         robots: by name.
     """
 
-    def __init__(self, config: StationConfig, *, collision: bool = False, itself: bool = False) -> None:
-        """Build it, with shapes that ``collide`` for :meth:`query`, a robot's with ``itself``.
+    def __init__(self, config: StationConfig, *, collision: bool = False) -> None:
+        """Build the plant.
 
-        Raises InvalidModel: a robot or piece that cannot be built.
+        Args:
+            config: the station.
+            collision: give it collision shapes, for :meth:`query` and :attr:`policy`;
+                links of one robot collide with each other, too.
+
+        Raises:
+            InvalidModel: a robot or piece cannot be built.
         """
         self.config = config
-        contact = (config.contact or ContactConfig()) if collision or itself else None
-        if contact is not None and itself:
+        contact = (config.contact or ContactConfig()) if collision else None
+        if contact is not None:
             contact = contact.model_copy(update={"self_collision": True})
         super().__init__(config.model_copy(update={"mode": "kinematic", "contact": contact}))
         self.robots: dict[str, StationRobot] = self.station.robots
@@ -63,13 +70,13 @@ class StationModel(PosedStation):
 
     @cached_property
     def colliding(self) -> "StationModel":
-        """The same station with the shapes that collide."""
+        """The same station with collision shapes."""
         return StationModel(self.config, collision=True)
 
     @cached_property
-    def whole(self) -> "StationModel":
-        """The same station, links of one robot colliding with each other, too."""
-        return StationModel(self.config, itself=True)
+    def policy(self) -> CollisionPolicy:
+        """What counts as a collision in a model with collision shapes."""
+        return CollisionPolicy(self)
 
     @cached_property
     def rigid(self) -> "StationModel":
@@ -78,11 +85,6 @@ class StationModel(PosedStation):
         fixed = {name: piece.model_copy(update={"free": False, "parent": WORLD}) for name, piece in free.items()}
         pieces = {**self.config.pieces, **fixed}
         return StationModel(self.config.model_copy(update={"pieces": pieces})) if fixed else self
-
-    @cached_property
-    def made_so(self) -> Collection[tuple[str, str]]:
-        """The pairs of links that overlap in nearly every posture."""
-        return Clearance(self.config.model_copy(update={"mode": "kinematic"})).made_so
 
     def place_bases(self, state: State | None) -> None:
         """Put robots that stand on their own feet where they are in a state, or where they begin if it is None."""
@@ -151,6 +153,8 @@ class StationModel(PosedStation):
     @property
     def holders(self) -> dict[str, str]:
         """The robots whose fingers hold a piece, by that."""
+        if not self._held:
+            return {}
         robots = {own.instance: name for name, own in self.robots.items()}
         return {piece: robots[link.model_instance()] for piece, (link, _) in self._held.items()}
 

@@ -1,6 +1,6 @@
 """A move that is planned, and whether a robot can do it: joint limits, speeds, accelerations, collisions."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -21,6 +21,7 @@ from simrob_drake.programs.errors import (
 )
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.segments import Stretch, named_point, trajectory
+from simrob_drake.stations.collisions import Bodies
 
 Check = Literal["nothing", "limits", "collision"]
 """What is looked at before a move beside its reach: joint limits, speeds and accelerations, or these and collisions;
@@ -113,8 +114,6 @@ def target_name(index: int, count: int) -> str:
 Naming = Callable[[float], tuple[int, str]]  # from a time [s] of a move to the number of its point and the point's name
 Remedy = Callable[[float, float], str]
 """From how many times slower a move can be done, and in what time [s], to what its user may do about it."""
-TOUCH = 1e-3  # how deep shapes may be in each other before it counts [m]: what stands, or is held, touches
-
 _ROUNDING = 1e-9  # rad or m
 _HIDDEN = (1e-4, np.deg2rad(0.05))  # m and rad: what is nearer to a limit is shown as that
 _MARGIN = 1.02  # of what messages propose
@@ -202,35 +201,59 @@ def shown(value: float, revolute: bool) -> str:
 
 
 def check_collisions(
-    model: StationModel, robots: Mapping[str, Vector], times: Vector, named: Naming, *, touch: float = TOUCH
+    model: StationModel,
+    robots: Mapping[str, Vector],
+    times: Vector,
+    named: Naming,
+    *,
+    judged: Collection[str] | None = None,
 ) -> None:
-    """Check that robots touch nothing on their way, postures (k, n) at times (k,) [s] by name, others where they are.
+    """Check by the station's collision policy that robots collide with nothing on the way.
 
-    A robot and what it carries count as one, and pass through each other; so does what already touched at the
-    beginning, as a piece on its table. What fingers hold goes along. Meshes count as their convex hulls, so the holes
-    of a half sphere are closed. Shapes may ``touch`` so deep [m]. Raises PathCollision: names the first offending
-    point, and what runs into what.
+    What touches at the first time may touch as deep on the way, as a piece on its table;
+    what is deep in something else then is not judged against it.
+
+    Args:
+        model: the station with collision shapes; other robots stay where they are.
+        robots: postures (k, n) [rad or m] by robot.
+        times: when they are taken, shape (k,) [s].
+        named: gives the number and the name of the point that a time belongs to.
+        judged: the robots whose collisions count; all that move if it is None.
+
+    Raises:
+        PathCollision: names the first point with a collision, and the bodies.
     """
-    resting: set[frozenset[str]] = set()
+    movers = robots if judged is None else judged
+    begun: dict[Bodies, float] = {}
     for row, time in enumerate(times):
         model.place_robots({name: postures[row] for name, postures in robots.items()})
-        found = [
-            (float(pair.depth), (model.owner(pair.id_A), model.owner(pair.id_B)))
-            for pair in model.query().ComputePointPairPenetration()
-        ]
         if row == 0:
-            resting = {frozenset(bodies) for _, bodies in found}
-        for depth, bodies in sorted(found):  # through thin shapes depths are too large
-            if depth > touch and frozenset(bodies) not in resting:
-                number, name = named(float(time))
-                raise PathCollision(name, point=number, time=float(time), bodies=bodies, depth=depth)
+            begun = model.policy.allowed_from_start(movers)
+            continue
+        found = model.policy.overlaps(movers, begun)
+        if found:
+            number, name = named(float(time))
+            raise PathCollision(
+                name,
+                point=number,
+                time=float(time),
+                bodies=found[0].moved,
+                depth=found[0].depth,
+            )
 
 
 def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
-    """Check that moves run into nothing, nor each other; raises PathCollision: the first point, of the longest move."""
+    """Check that moves run at the same time collide with nothing, nor with each other.
+
+    Robots whose plan has another `check` than "collision" move, and are not judged.
+
+    Raises:
+        PathCollision: names the first point with a collision, of the longest move.
+    """
     for plan in plans:
         instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
     longest = max(plans, key=lambda plan: plan.duration)
     times = np.unique(np.concatenate([plan.looks for plan in plans]))
     postures = {plan.robot: plan.postures(np.minimum(times, plan.duration)) for plan in plans}
-    check_collisions(model, postures, times, longest.named)
+    judged = [plan.robot for plan in plans if plan.check == "collision"]
+    check_collisions(model, postures, times, longest.named, judged=judged)

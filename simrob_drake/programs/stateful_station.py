@@ -347,7 +347,8 @@ class StatefulStation(ABC):
 
     def check_collisions(self, *plans: Plan) -> None:
         """Check that moves run at once hit nothing, other robots at rest; raises PathCollision: the first point."""
-        looked_at = (self.config, self.state, *(part for plan in plans for part in (plan.robot, plan.stretches)))
+        parts = (part for plan in plans for part in (plan.robot, plan.stretches, plan.check))
+        looked_at = (self.config, self.state, *parts)
         if list(map(id, looked_at)) == list(map(id, self._collision_free)):  # all of which are kept, and do not change
             return
         check_moves(self.collision_model, plans)
@@ -360,7 +361,7 @@ class StatefulStation(ABC):
 
     def free_space(self, robots: Sequence[str]) -> FreeSpace:
         """Return what robots that move together must not touch; raises StartInCollision: one touches something now."""
-        return FreeSpace(self._placed(self._model.whole), {robot: self.reference(robot) for robot in robots})
+        return FreeSpace(self.collision_model, {robot: self.reference(robot) for robot in robots})
 
     def _placed(self, model: StationModel) -> StationModel:
         model.place_state(self.state, self.position, self.reference)

@@ -12,7 +12,7 @@ from simrob_drake.arguments import plain, seconds
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.kinematics.analytic import SolverLike
 from simrob_drake.parts.site import WORLD
-from simrob_drake.programs.branches import approach
+from simrob_drake.programs.branches import approaches
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import HasTool, Planning, PoseTargets, WorkObject, pose_numbers, row_numbers
@@ -159,6 +159,8 @@ def recorded(
         content["via"] = row_numbers(more["via"])
     if used != "auto":
         content["solver"] = used
+    if content.get("check", "") is None:  # a file without the key checks collisions
+        content["check"] = "limits"
     made = {name: plain(value) for name, value in content.items() if value is not None}
     return replace(plan, entry={key: made}, frame=moved)
 
@@ -201,7 +203,7 @@ def asked_move(plan: Plan, model: StationModel) -> AskedMove:
         duration=plan.duration,
         end=plan.end,
         tool=model.chain(plan.robot, robot.tools[robot.tcp]).forward,
-        approach=lambda rows: approach(model.colliding, plan.robot, rows),
+        approaches=lambda rows: approaches(model.colliding, plan.robot, rows),
         speed=content.get("speed"),
         search=plan.search,
     )

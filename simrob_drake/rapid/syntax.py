@@ -10,6 +10,7 @@ from typing import Any
 from simrob_drake.errors import SimrobError, shortened
 from simrob_drake.extras import needed
 from simrob_drake.files import NotRead, content_of, text_of
+from simrob_drake.rapid.repairs import find_missing_end
 from simrob_drake.rapid.values import Types, Value, WrongType
 
 SUFFIXES = (".mod", ".modx", ".prg", ".sys", ".sysx")  # of modules; a `.pgf` lists those of a program
@@ -73,10 +74,10 @@ def modules_of(text: str, file: str) -> list[Module]:
         except UnexpectedInput as problem:
             if len(faults) == _MOST_FAULTS:
                 raise RapidError(f"{file}: line {faults[0].line}", faults[0].text) from None
-            missing = _missing_end(problem, text, file)
-            if missing is not None:
-                fault, text = missing
-                faults.append(fault)
+            repair = find_missing_end(problem, text)
+            if repair is not None:
+                faults.append(Remark(file, repair.line, repair.problem))
+                text = repair.text
                 if not text:
                     raise RapidError(f"{file}: line {faults[0].line}", faults[0].text) from None
                 continue
@@ -142,114 +143,6 @@ def _fault(problem: Any, text: str, file: str) -> Remark:
     line = text.count("\n", 0, place) + 1
     here = text[place:].partition("\n")[0].strip()
     return Remark(file, line, f"'{shortened(here, 60)}' is not understood here" if here else "ends before it is whole")
-
-
-_BLOCKS = {
-    "ENDWHILE": "WHILE",
-    "ENDFOR": "FOR",
-    "ENDIF": "IF",
-    "ENDTEST": "TEST",
-    "ENDRECORD": "RECORD",
-    "ENDPROC": "PROC",
-    "ENDFUNC": "FUNC",
-    "ENDTRAP": "TRAP",
-    "ENDMODULE": "MODULE",
-}
-"""The words that end a block, from the innermost kinds to the outermost, with those that begin it."""
-
-_OUTSIDE_ROUTINES = {"PROC", "FUNC", "TRAP", "SCOPE", "RECORD", "ALIAS", "ENDMODULE", "MODULE", "$END"}
-"""Tokens that stand outside of routines."""
-
-
-Repair = tuple[Remark, str]
-"""A fault, and the text in which it is mended on the same lines; empty if nothing can be done after the fault."""
-
-
-def _missing_end(problem: Any, text: str, file: str) -> Repair | None:
-    """Find what is missing before a token: the end of a block, or the semicolon of the line before.
-
-    Returns None if something else is wrong.
-    """
-    from lark.exceptions import UnexpectedToken
-
-    if not isinstance(problem, UnexpectedToken):
-        return None
-    stack = problem.interactive_parser.parser_state.value_stack
-    place = next((end for node in reversed(stack) if (end := _end_of(node)) is not None), None)
-    if place is None:
-        return None
-    if "SEMICOLON" in problem.accepts:
-        repair = _missing_semicolon(problem.token, stack, place, text, file)
-        if repair is not None:
-            return repair
-    if problem.token.type in {*_BLOCKS, *_OUTSIDE_ROUTINES}:
-        return _missing_block_end(problem, stack, place, text, file)
-    return None
-
-
-def _missing_semicolon(token: Node, stack: Sequence[Node], place: int, text: str, file: str) -> Repair | None:
-    """Find the statement before a token that has no semicolon, where one could stand.
-
-    A word that cannot stand there, such as PROC within a procedure, looks like such a statement as well.
-    """
-    begin = text.rfind("\n", 0, place) + 1
-    word = _MISPLACED.match(text, begin)
-    if word is not None:
-        return _misplaced(word, stack, text, file)
-    line = text.count("\n", 0, place) + 1
-    is_next_line = token.type == "$END" or token.line > line
-    if not is_next_line or text[place - 1] == ";":
-        return None
-    statement = shortened(text[begin:place].strip(), 60)
-    return Remark(file, line, f"a ';' is missing after '{statement}'"), f"{text[:place]};{text[place:]}"
-
-
-def _missing_block_end(problem: Any, stack: Sequence[Node], place: int, text: str, file: str) -> Repair | None:
-    """Find the block that does not end before a token which ends another one, or stands outside of routines."""
-    token = problem.token
-    kinds = {getattr(node, "type", "") for node in stack}
-    if token.type in _BLOCKS and _BLOCKS[token.type] not in kinds:
-        fault = Remark(file, token.line, f"{token} ends nothing that was begun")
-        return fault, text[: token.start_pos] + " " * len(token) + text[token.end_pos :]
-    end = next((end for end in _BLOCKS if end in problem.accepts and end != token.type), None)
-    if end is None:
-        return None
-    begun = [node.line for node in stack if getattr(node, "type", "") == _BLOCKS[end]]
-    line = begun[-1] if begun else text.count("\n", 0, place) + 1
-    found = "the end of the file" if token.type == "$END" else f"'{token}' in line {token.line}"
-    fault = Remark(file, line, f"the {_BLOCKS[end]} of line {line} has no {end} before {found}")
-    return fault, "" if end == "ENDMODULE" else f"{text[:place]} {end} {text[place:]}"
-
-
-_MISPLACED = re.compile(r"[ \t]*(?:LOCAL[ \t]+)?(PROC|FUNC|TRAP|END[A-Z]+)\b", re.IGNORECASE)
-"""A line that begins or ends a block. Where no block can begin or end, the parser takes the word for a name."""
-
-
-def _misplaced(word: re.Match[str], stack: Sequence[Node], text: str, file: str) -> Repair:
-    """Explain a word that begins a routine within another one, or ends a block that was not begun.
-
-    What is missing is put in, or the word is left out.
-    """
-    line = text.count("\n", 0, word.start(1)) + 1
-    name = word.group(1).upper()
-    around = [node for node in stack if getattr(node, "type", "") in ("PROC", "FUNC", "TRAP")]
-    if name in ("PROC", "FUNC", "TRAP") and around:
-        kind = around[-1].type
-        fault = Remark(
-            file, around[-1].line, f"the {kind} of line {around[-1].line} has no END{kind} before line {line}"
-        )
-        return fault, f"{text[: word.start()]} END{kind} {text[word.start() :]}"
-    blank = " " * len(word.group(1))
-    fault = Remark(file, line, f"{word.group(1)} ends nothing that was begun")
-    return fault, text[: word.start(1)] + blank + text[word.end(1) :]
-
-
-def _end_of(node: Node) -> int | None:
-    """Place in the text where a token or a tree of the parser's stack ends. Returns None if it has no place."""
-    place: int | None = getattr(node, "end_pos", None)
-    if place is None and hasattr(node, "meta"):
-        place = getattr(node.meta, "end_pos", None)
-    return place
 
 
 def _after_all(text: str) -> int:

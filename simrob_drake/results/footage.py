@@ -13,7 +13,7 @@ from simrob_drake.parts.sensors.camera import CameraSensor, Image, let_render
 from simrob_drake.results.animation.camera import frame_times
 from simrob_drake.results.animation.pictures import captions, side_by_side, write_video
 from simrob_drake.results.record.run import RecordedRun
-from simrob_drake.stations.clearance import PosedStation
+from simrob_drake.stations.posed import PosedStation
 
 _STRIP = 7  # images
 _FAR = np.iinfo(np.uint16).max  # mm, of what has no depth

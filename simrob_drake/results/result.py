@@ -39,9 +39,9 @@ from simrob_drake.parts.site import StationPlant
 from simrob_drake.results.record.run import begins_of
 from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.results.record.touch import Event
-from simrob_drake.stations.clearance import PosedStation
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.piece_config import PieceConfig
+from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.poses import piece_pose_signal, unit_poses
 from simrob_drake.stations.resolve import resolve
 

@@ -1,7 +1,5 @@
 """What can be said of a station before it runs: torques, what touches and comes near, what its solver makes of it."""
 
-from collections.abc import Mapping
-
 import numpy as np
 from pydrake.systems.framework import Diagram
 
@@ -11,7 +9,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.site import WORLD, StationPlant, StationRobot
 from simrob_drake.robots.urdf import doubtful_efforts
 from simrob_drake.signals import Signal
-from simrob_drake.stations.clearance import KNEELING, Clearance, Overlap, standing
+from simrob_drake.stations.clearance import KNEELING, standing
+from simrob_drake.stations.clearance_checks import clearance_findings
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding, Level
@@ -20,113 +19,8 @@ from simrob_drake.stations.ignored_settings import rounded_delays
 from simrob_drake.stations.physics_findings import physics_findings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.solver_config import bound_value
 from simrob_drake.stations.start_overlap import TOUCHING, allowed_overlap, deepest_overlap
-
-_EVERY = 20  # of the 501 samples of a reference
-
-
-def clearance_findings(config: StationConfig, references: Mapping[str, Reference]) -> list[Finding]:
-    """Look how near robots come to ground, themselves and others, along references, or as controllers begin."""
-    if not config.robots:
-        return []
-    clearance = Clearance(config)
-    sampled = {name: reference_samples(reference, config.duration) for name, reference in references.items()}
-    ways = {name: positions[::_EVERY] for name, (_, positions) in sampled.items()}
-    times = next((times[::_EVERY] for times, _ in sampled.values()), np.zeros(1))
-    heights: dict[str, list[Mapping[str, float]]] = {name: [] for name in config.robots}
-    overlaps: list[tuple[float, Overlap]] = []
-    for row, time in enumerate(times.tolist()):
-        clearance.place_robots({name: way[row] for name, way in ways.items()})
-        overlaps += [(time, overlap) for overlap in clearance.overlaps()]
-        for name, robot in clearance.station.robots.items():
-            heights[name].append(clearance.lowest(robot))
-    findings = []
-    for name, robot in clearance.station.robots.items():
-        looked = f"at {len(times)} times along its reference" if name in references else "where it starts"
-        if not heights[name][0]:
-            text = "not looked at: the robot has no shapes that collide"
-            findings.append(Finding("note", f"clearance of {name}", text))
-            continue
-        if not robot.floats:
-            findings += _floor_findings(clearance, robot, times, heights[name], looked)
-        findings += _self_findings(clearance, robot, overlaps, len(heights[name][0]), looked)
-    return findings + _other_findings(clearance, overlaps)
-
-
-def _floor_findings(
-    clearance: Clearance, robot: StationRobot, times: Vector, heights: list[Mapping[str, float]], looked: str
-) -> list[Finding]:
-    ground, subject = clearance.station.ground, f"floor and {robot.name}"
-    if not (ground.has_floor or ground.boxes):
-        return [Finding("note", subject, "not looked at: there is no floor")]
-    held = {
-        body.name()
-        for body in map(clearance.plant.get_body, clearance.plant.GetBodyIndices(robot.instance))
-        if clearance.plant.IsAnchored(body)
-    }
-    bound = _number(clearance.config.verdict.below_floor)
-    foot = min((height for link, height in heights[0].items() if link in held), default=0.0)
-    findings = []
-    if foot < -bound:
-        text = f"what is fixed of it reaches {-foot * 1e3:.0f} mm below the ground; raise its base"
-        findings.append(Finding("warning", subject, text))
-    moving = [
-        (height, time, link)
-        for time, row in zip(times.tolist(), heights, strict=True)
-        for link, height in row.items()
-        if link not in held
-    ]
-    if not moving:
-        return [*findings, Finding("note", subject, "not looked at: no link that moves has a shape to touch with")]
-    lowest, time, link = min(moving)
-    if lowest >= -bound:
-        text = f"{looked} {link} comes nearest to the ground: {max(lowest, 0.0) * 1e3:.0f} mm at {time:.2f} s"
-        return [*findings, Finding("ok", subject, text)]
-    text = f"{link} is {-lowest * 1e3:.0f} mm below the ground at {time:.2f} s"
-    return [*findings, _met(clearance, subject, text, "raise its base, or change initial_deg and reference")]
-
-
-def _number(bound: float | str) -> float:
-    """Bound of a verdict as a number; infinite if there is none."""
-    return np.inf if isinstance(bound, str) else bound
-
-
-def _self_findings(
-    clearance: Clearance, robot: StationRobot, overlaps: list[tuple[float, Overlap]], shapes: int, looked: str
-) -> list[Finding]:
-    subject = f"links of {robot.name}"
-    left_out = sorted(" and ".join(bodies) for bodies, owner in clearance.made_so.items() if owner == robot.name)
-    spared = f"; left out: {listed(left_out)}, whose shapes always overlap" if left_out else ""
-    own = [(time, overlap) for time, overlap in overlaps if overlap.robot == robot.name]
-    if not own:
-        return [Finding("ok", subject, f"{looked} none of {shapes} bodies with shapes lies in another{spared}")]
-    return [_met(clearance, subject, _deepest(own) + spared, "change initial_deg or reference", own=True)]
-
-
-def _other_findings(clearance: Clearance, overlaps: list[tuple[float, Overlap]]) -> list[Finding]:
-    if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:
-        return []
-    others = [(time, overlap) for time, overlap in overlaps if not overlap.robot]
-    if others:
-        return [_met(clearance, "robots and pieces", _deepest(others), "move one of them")]
-    return [Finding("ok", "robots and pieces", "none lies in one that it does not hang on, where references lead")]
-
-
-def _met(clearance: Clearance, subject: str, text: str, remedy: str, *, own: bool = False) -> Finding:
-    """Return what is to be said of things that meet: a run with contact shows it, any other lets them pass."""
-    config = clearance.config
-    if config.mode == "dynamic" and config.contact is not None and (config.contact.self_collision or not own):
-        return Finding("note", subject, f"{text}, if nothing held them back; the run shows what comes of it")
-    why = "contact.self_collision is off" if own and config.contact is not None else "the station has no contact"
-    return Finding("warning", subject, f"{text}, and nothing holds them back: {why}; {remedy}")
-
-
-def _deepest(overlaps: list[tuple[float, Overlap]]) -> str:
-    time, worst = max(overlaps, key=lambda one: one[1].depth)
-    more = len({overlap.bodies for _, overlap in overlaps}) - 1
-    text = f"{' and '.join(worst.bodies)} lie {worst.depth * 1e3:.0f} mm in each other at {time:.2f} s"
-    return text + (f", and {more} more pairs" if more else "")
-
 
 _LISTED = 6  # links that carry
 _DROP = 2e-3  # a robot that starts higher over the floor than this drops on it [m]
@@ -202,7 +96,7 @@ def _reference_findings(config: StationConfig, robot: StationRobot, reference: R
     times, positions = reference_samples(reference, config.duration)
     speeds = np.abs(np.diff(positions, axis=0)).max(axis=0) / times[1]
     limits = robot.speed_limits
-    bound = _number(config.verdict.speed_share)
+    bound = bound_value(config.verdict.speed_share)
     findings = []
     for axis in np.flatnonzero(speeds > bound * limits):
         unit = robot.model.user_units[axis]
@@ -299,7 +193,7 @@ def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torq
         sag = abs(torque) / kp
         text += f"; it sags by {sag / unit.size:.2f} {unit.name}"
         bound = error_bound(config.verdict, slides=bool(robot.model.prismatic[axis]))
-        if bound is not None and sag > bound:
+        if sag > bound:
             level = "warning"
             text += f" (bound {bound / unit.size:.3g} {unit.name}); raise servo.kp"
     if warmth := too_warm(robot, axis, torque):

@@ -8,7 +8,8 @@ from pydrake.multibody.tree import JacobianWrtVariable
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
-from simrob_drake.stations.clearance import SLIDES, TURNS, Clearance, span, turned, untangled
+from simrob_drake.stations.clearance import SLIDES, TURNS, Clearance, turned, untangled
+from simrob_drake.stations.posed import posture_range
 
 _STEP = 20.0, 0.05  # how far the first move goes: deg, and m of a prismatic axis
 _ROOM = 0.4  # and at most this part of the way to the joint's limit
@@ -60,7 +61,7 @@ class ClearStart:
         follows = [axis in robot.model.followers for axis in robot.axes]
         # Fingers stay open, and followers are where their leaders take them.
         self._axes = [axis for axis in range(len(robot.axes)) if axis not in robot.model.fingers and not follows[axis]]
-        self._postures = self._random.uniform(*span(robot), (_RANDOM, len(robot.axes)))
+        self._postures = self._random.uniform(*posture_range(robot), (_RANDOM, len(robot.axes)))
         self._postures[:, [*robot.model.fingers]] = self._home[[*robot.model.fingers]]
         self._postures = robot.model.with_followers(self._postures)
         bodies = [clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)]

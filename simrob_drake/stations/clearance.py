@@ -1,25 +1,20 @@
 """A station that is put into configurations, and never stepped: how near its robots come to what, how they stand."""
 
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
 
 import numpy as np
-from pydrake.geometry import CollisionFilterDeclaration, GeometryId, GeometrySet, QueryObject
-from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, RigidBody
-from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.framework import Context
 
 from simrob_drake.frames import Vector
-from simrob_drake.lifetime import built
 from simrob_drake.parts.site import StationPlant, StationRobot
-from simrob_drake.parts.targets import FLOOR, owner_and_robot, owner_of_shape
+from simrob_drake.parts.targets import FLOOR
 from simrob_drake.robots.outlines import lowest_points, shape_corners, shape_outline
+from simrob_drake.stations.collisions import START_TOLERANCE, CollisionPolicy, Overlap
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.plant import add_plant
-from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.solver_config import ContactConfig
 
 _TOUCHING = 1e-3  # what lies less above the lowest point carries, too: contacts and servos give way by as much [m]
@@ -146,91 +141,40 @@ def _margin(points: Vector, com: Vector) -> float:
     return float(-(sides[:, :2] @ com + sides[:, 2]).max())
 
 
-class PosedStation:
-    """Robots, pieces and floor of a station, where they are told to be."""
-
-    def __init__(
-        self, config: StationConfig, add: Callable[[DiagramBuilder, StationPlant], None] = lambda *_: None
-    ) -> None:
-        """Build it as it begins; ``add`` puts more into its diagram; raises InvalidModel: an impossible robot."""
-        builder = DiagramBuilder()
-        self.resolved = resolve(config)  # what it is made of
-        self.station = add_plant(builder, self.resolved)  # its plant, with the robots
-        self.plant: MultibodyPlant = self.station.plant  # Drake's own
-        stepped = config.mode == "dynamic"
-        self._positions_port = None if stepped else self.station.add_geometry_poses(builder)
-        add(builder, self.station)
-        self._diagram = built(builder)
-        self._scene = self._diagram.CreateDefaultContext()
-        own = self.plant.CreateDefaultContext()
-        inside = stepped and self.station.engine is None
-        self.context = self.plant.GetMyMutableContextFromRoot(self._scene) if inside else own
-        self.initial: Vector = self.plant.GetPositions(own)  # at the start, shape (nq,)
-        self.place(self.initial)
-
-    def place(self, positions: Vector) -> None:
-        """Put the station into a configuration, shape (nq,)."""
-        self.plant.SetPositions(self.context, positions)
-        if self.station.engine is not None:
-            self.station.place(self._scene, positions)
-        if self._positions_port is not None:
-            poses = self._positions_port.get_system()
-            self._positions_port.FixValue(poses.GetMyMutableContextFromRoot(self._scene), positions)
-
-    def pose(self, frame: Frame) -> RigidTransform:
-        """Return the pose of a frame in the world."""
-        return frame.CalcPoseInWorld(self.context)
-
-    def place_robots(self, postures: Mapping[str, Vector]) -> None:
-        """Put robots into postures (n,) [rad or m]; the others stay."""
-        for name, posture in postures.items():
-            self.station.robots[name].axis_map.set_positions(self.plant, self.context, posture)
-        self.place(self.plant.GetPositions(self.context))
-
-    def owner(self, shape: GeometryId) -> str:
-        """Return what a shape belongs to: a piece, a link of a robot, the floor, or a box of its terrain."""
-        return owner_of_shape(self.station, shape)
-
-    def query(self) -> QueryObject:
-        """Return the geometry in its present configuration, for distances and pictures."""
-        return self.station.query(self._scene)
-
-    def ignore_nearer_than(self, distance: float) -> None:
-        """Let shapes that are nearer to each other now [m] pass through each other from now on."""
-        scene = self.station.scene_graph
-        filters = scene.collision_filter_manager(scene.GetMyMutableContextFromRoot(self._scene))
-        for pair in self.query().ComputeSignedDistancePairwiseClosestPoints(distance):
-            filters.Apply(CollisionFilterDeclaration().ExcludeBetween(GeometrySet(pair.id_A), GeometrySet(pair.id_B)))
-
-
-TOUCH = 5e-3
-"""How deep shapes may lie in each other before it counts [m]: what stands, or is held, touches, and hulls are rough."""
-
 TURNS, SLIDES = (15.0, -15.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0), (0.1, 0.2, 0.4)
 """By how much an axis is moved to see whether another posture is better [deg, m]."""
 
 _STEPS = 10  # axes that are turned to take links apart
-_RANDOM, _MOSTLY = 24, 0.9  # postures of chance, and in which part of them shapes overlap that are made so
-
-
-@dataclass(frozen=True)
-class Overlap:
-    """Two bodies that lie in each other."""
-
-    depth: float  # of the deepest pair of their shapes [m]; through thin shapes it is too large
-    bodies: tuple[str, str]  # their names, in alphabetical order
-    robot: str  # whose links, or pieces in hand, both are; empty if they are of two owners
 
 
 class Clearance(PosedStation):
-    """A station in which it is seen what lies in what, links of one robot, too. Meshes count as convex hulls."""
+    """A posed station with collision shapes: which bodies collide, and how high they are.
 
-    def __init__(self, config: StationConfig) -> None:
-        """Build the station with its shapes, in its initial configuration; raises InvalidModel: an impossible robot."""
+    Attributes:
+        config: the station.
+        policy: decides which bodies collide.
+    """
+
+    def __init__(self, config: StationConfig, *, trusts_home: bool = True) -> None:
+        """Build the station in its initial configuration.
+
+        Args:
+            config: the station.
+            trusts_home: see :class:`CollisionPolicy`.
+
+        Raises:
+            InvalidModel: a robot cannot be built.
+        """
         self.config = config
-        contact = (config.contact or ContactConfig()).model_copy(update={"self_collision": True})
+        contact = config.contact or ContactConfig()
+        contact = contact.model_copy(update={"self_collision": True})
         super().__init__(config.model_copy(update={"contact": contact}))
-        self._owner = cache(partial(owner_and_robot, self.station))
+        self.policy = CollisionPolicy(self, trusts_home=trusts_home)
+        self._begun = {
+            bodies: overlap.depth
+            for bodies, overlap in self.policy.touching(refined_from=START_TOLERANCE).items()
+            if not overlap.robot and overlap.depth <= START_TOLERANCE
+        }
 
     def lowest(self, robot: StationRobot) -> dict[str, float]:
         """Return how high each body of a robot that has shapes is over the ground beneath it [m], by its name."""
@@ -254,47 +198,12 @@ class Clearance(PosedStation):
         return found
 
     def overlaps(self) -> list[Overlap]:
-        """Return what lies in what, but for the floor and for links whose shapes are made so; the deepest first."""
-        found = self._all_overlaps()
-        return sorted(
-            (overlap for overlap in found.values() if overlap.bodies not in self.made_so), key=lambda one: -one.depth
-        )
+        """Find the collisions in the present posture but those with the floor, deepest first.
 
-    @cached_property
-    def made_so(self) -> Mapping[tuple[str, str], str]:
-        """The pairs of links that overlap in nearly every posture, with their robot: shapes in sockets."""
-        before, random = self.plant.GetPositions(self.context), np.random.default_rng(0)
-        counts = Counter[tuple[tuple[str, str], str]]()
-        for _ in range(_RANDOM):
-            self.place_robots({name: _by_chance(robot, random) for name, robot in self.station.robots.items()})
-            counts.update((bodies, overlap.robot) for bodies, overlap in self._all_overlaps().items() if overlap.robot)
-        self.place(before)
-        return {bodies: robot for (bodies, robot), count in counts.items() if count >= _MOSTLY * _RANDOM}
-
-    def _all_overlaps(self) -> dict[tuple[str, str], Overlap]:
-        found: dict[tuple[str, str], Overlap] = {}
-        for pair in self.query().ComputePointPairPenetration():
-            (first, one), (second, other) = sorted((self._owner(pair.id_A), self._owner(pair.id_B)))
-            if pair.depth > TOUCH and FLOOR not in (first, second):
-                overlap = Overlap(float(pair.depth), (first, second), one if one == other else "")
-                found[first, second] = max(overlap, found.get((first, second), overlap), key=lambda known: known.depth)
-        return found
-
-
-def span(robot: StationRobot) -> tuple[Vector, Vector]:
-    """Return between what postures of chance lie, each (n,) [rad or m]: the limits, but a turn or a metre at most."""
-    most = np.where(robot.model.prismatic, 1.0, np.pi)
-    lower, upper = robot.model.axis_limits
-    return np.clip(lower, -most, most), np.clip(upper, -most, most)
-
-
-def _by_chance(robot: StationRobot, random: np.random.Generator) -> Vector:
-    """Return a posture of chance (n,) [rad or m], in which fingers are open by one part of their way."""
-    posture = random.uniform(*span(robot))
-    if robot.model.fingers:
-        closed, opened = np.array([*robot.model.fingers.values()]).T
-        posture[[*robot.model.fingers]] = closed + random.uniform() * (opened - closed)
-    return posture
+        Different owners that touch at the start may do so as deep, if that is not deep.
+        """
+        found = self.policy.overlaps(begun=self._begun)
+        return [overlap for overlap in found if FLOOR not in overlap.bodies]
 
 
 def turned(robot: StationRobot, posture: Vector, axes: Iterable[int]) -> Iterator[Vector]:

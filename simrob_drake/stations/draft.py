@@ -114,7 +114,8 @@ def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     if not kinematic:
         content["servo"] = _servo(robot, "per_joint")
     content["floor"] = {"size": 3}
-    looked_at = Clearance(_config(robot, {**content, "robot": {"initial_deg": _home(robot)}}))
+    at_home_config = _config(robot, {**content, "robot": {"initial_deg": _home(robot)}})
+    looked_at = Clearance(at_home_config, trusts_home=False)
     start = ClearStart(looked_at, looked_at.station.robots[ONLY_ROBOT], _MOVE, torque=not kinematic).find()
     if (height := round(start.height, 4)) > 0:
         content["robot"]["base"] = [0.0, 0.0, height, 0.0, 0.0, 0.0]
@@ -180,7 +181,8 @@ def _on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
 def at_home(robot: RobotModel) -> Clearance:
     """Return a robot with a free base at home on a floor, to look at how it may stand."""
     content: dict[str, Any] = {"mode": "dynamic", "servo": _servo(robot, "implicit"), **_HOLDS}
-    return Clearance(_config(robot, {**content, "robot": {"initial_deg": _home(robot)}}))
+    config = _config(robot, {**content, "robot": {"initial_deg": _home(robot)}})
+    return Clearance(config, trusts_home=False)
 
 
 def _stance_text(stance: Stance) -> str:

@@ -14,7 +14,7 @@ from simrob_drake.robots.plausibility import moving_mass, payload_doubt
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding, Level
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.solver_config import VerdictConfig
+from simrob_drake.stations.solver_config import VerdictConfig, bound_value
 
 POSTURES = 50
 """Postures along the reference at which torques are computed, about."""
@@ -66,7 +66,7 @@ def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torque:
     elif sag is not None:
         text += f"; it sags by {abs(sag[axis]) / unit.size:.3g} {unit.name} there"
         bound = error_bound(config.verdict, slides=bool(robot.model.prismatic[axis]))
-        if bound is not None and abs(sag[axis]) > bound:
+        if abs(sag[axis]) > bound:
             level = "warning"
             text += f" (bound {bound / unit.size:.3g} {unit.name}); raise servo.kp, or set servo.feedforward to gravity"
     if warmth := too_warm(robot, axis, worst):
@@ -89,12 +89,11 @@ def holds_by_model(config: StationConfig, robot: StationRobot) -> bool:
     return servo.feedforward != "none" or servo.law == "computed_torque"
 
 
-def error_bound(verdict: VerdictConfig, *, slides: bool) -> float | None:
-    """Bound of the final error of an axis [rad, or m if it slides]. Returns None if there is none."""
-    bound = verdict.final_error_m if slides else verdict.final_error_deg
-    if bound == "none":
-        return None
-    return float(bound) if slides else float(np.deg2rad(bound))
+def error_bound(verdict: VerdictConfig, *, slides: bool) -> float:
+    """Bound of the final error of an axis [rad, or m if it slides]; infinite if there is none."""
+    if slides:
+        return bound_value(verdict.final_error_m)
+    return float(np.deg2rad(bound_value(verdict.final_error_deg)))
 
 
 def _sag(config: StationConfig, robot: StationRobot, dynamics: Dynamics, reference: Vector) -> Vector | None:
@@ -121,8 +120,8 @@ def _sag(config: StationConfig, robot: StationRobot, dynamics: Dynamics, referen
 def _tool_findings(ports: StationPorts, robot: StationRobot, reference: Vector, sag: Vector | None) -> list[Finding]:
     """Warn of a tool that hangs below the floor once the joints have sagged."""
     config = ports.config
-    bound = config.verdict.below_floor
-    if sag is None or not robot.tcp or config.floor is None or bound == "none":
+    bound = bound_value(config.verdict.below_floor)
+    if sag is None or not robot.tcp or config.floor is None:
         return []
     plant = ports.plant.plant
     context = plant.CreateDefaultContext()
@@ -152,8 +151,8 @@ def _payload_findings(
         level: Level = "warning" if doubt else "note"
         findings.append(Finding(level, subject, f"{text}; {doubt}" if doubt else text))
     rated = robot.model.payload
-    bound = config.verdict.payload
-    if rated is not None and bound != "none" and robot.load > bound * rated:
+    bound = bound_value(config.verdict.payload)
+    if rated is not None and robot.load > bound * rated:
         text = f"it carries {robot.load:.3g} kg, and is rated for {rated:g} kg: lighten its load"
         findings.append(Finding("warning", subject, text))
     return findings

@@ -9,7 +9,8 @@ from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
-from simrob_drake.stations.clearance import KNEELING, Clearance, outline, span
+from simrob_drake.stations.clearance import KNEELING, Clearance, outline
+from simrob_drake.stations.posed import posture_range
 
 _LOWEST = 0.7  # part of what the lowest chains reach that others reach which may be legs
 _ALIKE = 0.02  # part by which the sizes of chains may differ that are alike
@@ -67,7 +68,7 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
 
     pairs = [group for _, group in groups if len(group) > 1]
     natural = [robot.model.home, straight(robot)]
-    chance = np.random.default_rng(0).uniform(*span(robot), (_REACHES, len(robot.axes)))
+    chance = np.random.default_rng(0).uniform(*posture_range(robot), (_REACHES, len(robot.axes)))
     for postures in (natural, [*natural, *chance]):  # legs that lie level, or are up, reach down in others
         heights = [_lowest(clearance, robot, group, postures) for group in pairs]
         legs = [row for row in np.argsort(heights, kind="stable") if heights[row] < _LOWEST * min(heights)]

@@ -27,7 +27,7 @@ from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, S
 from simrob_drake.stations.coupled import coupled_axes, mimic_gears, solver_traits, starting_positions
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.prescribed import with_prescribed_axes
-from simrob_drake.stations.servos import check_motors, drives_of, servo_gains, station_motors
+from simrob_drake.stations.servos import check_motors, check_servo_without_model, drives_of, servo_gains, station_motors
 from simrob_drake.stations.solver_config import MujocoSolver
 from simrob_drake.stations.target_limits import check_targets
 from simrob_drake.yaml_files import YAML_SUFFIXES
@@ -204,7 +204,7 @@ def _robot(
         if value is not None:
             model.axis_vector(value, key)
     if config.mode == "dynamic" and model.base == "floating":
-        _check_servo_without_model(servo)
+        check_servo_without_model(servo)
     if model.feet is None and entry.feet is not None:
         raise InvalidParameter(f"robots.{name}.feet", entry.feet, f"left out: {model.name} has no feet")
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
@@ -246,19 +246,6 @@ def _robot(
     )
     check_motors(config, resolved)
     return resolved
-
-
-def _check_servo_without_model(servo: ServoConfig) -> None:
-    """Check that the servos of a robot that stands on its feet do not compute torques by its model.
-
-    Raises:
-        InvalidParameter: they do; with the key and what would be right.
-    """
-    reason = "the model of a robot that stands free lacks the forces that carry it"
-    if servo.law == "computed_torque":
-        raise InvalidParameter("servo.law", servo.law, f"pid or cascade: {reason}")
-    if servo.feedforward != "none":
-        raise InvalidParameter("servo.feedforward", servo.feedforward, f"none: {reason}")
 
 
 def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator[ResolvedPiece]:

@@ -133,3 +133,16 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
         axis = int(np.argmax(flat))
         expected = f"at least {gains.line.slope[axis]:.3g}, as its motor's torque falls with speed, or {blocks}"
         raise InvalidParameter(f"servo.kd of {robot.axes[axis]}", f"{gains.kd[axis]:g}", expected)
+
+
+def check_servo_without_model(servo: ServoConfig) -> None:
+    """Check that the servos of a robot that stands on its feet do not compute torques by its model.
+
+    Raises:
+        InvalidParameter: they do; with the key and what would be right.
+    """
+    reason = "the model of a robot that stands free lacks the forces that carry it"
+    if servo.law == "computed_torque":
+        raise InvalidParameter("servo.law", servo.law, f"pid or cascade: {reason}")
+    if servo.feedforward != "none":
+        raise InvalidParameter("servo.feedforward", servo.feedforward, f"none: {reason}")

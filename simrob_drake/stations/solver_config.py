@@ -156,6 +156,11 @@ class ContactConfig(ContactMaterial):
 Bound = NotNegative | Literal["none"]
 
 
+def bound_value(bound: float | str) -> float:
+    """Bound of a verdict as a number: infinite for ``none``."""
+    return float("inf") if isinstance(bound, str) else bound
+
+
 class VerdictConfig(Strict):
     """Bounds of a run's figures, each called as its figure; ``none`` where there shall be no bound."""
 

@@ -8,8 +8,9 @@ from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
-from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, span, standing, untangled
+from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, standing, untangled
 from simrob_drake.stations.legs import Leg, ends_of, foot_place, legs_of, put_upright, straight
+from simrob_drake.stations.posed import posture_range
 
 _BENT = 0.9, 0.85, 0.8, 0.95, 0.7, 0.6  # parts of their length to which legs are bent, in the order of trial
 _SEEDS, _SOLUTIONS = 6, 3  # postures of chance from which a leg is bent; how many ways of bending are tried
@@ -127,7 +128,7 @@ class Stances:
         """Yield stances that hold on some legs, bent to parts of their length, with the feet below straight legs'."""
         self._place(self._home)
         hips = np.array([self._origin(leg.links[0]) for leg in legs])
-        chance = self._random.uniform(*span(self._robot), (10 * _SEEDS, len(self._home)))
+        chance = self._random.uniform(*posture_range(self._robot), (10 * _SEEDS, len(self._home)))
         feet = np.array([self._feet(legs, posture) for posture in (straight(self._robot), self._home, *chance)])
         length = float((hips - feet.min(axis=0))[:, 2].min())
         if length <= 0:
@@ -204,7 +205,7 @@ class Stances:
 
     def _solutions(self, leg: Leg, target: Vector, length: float) -> list[Vector]:
         """Return ways in which a leg brings its foot to a place, those near home first, each shape (k,) [rad or m]."""
-        lower, upper = (limit[leg.axes] for limit in span(self._robot))
+        lower, upper = (limit[leg.axes] for limit in posture_range(self._robot))
         chance = self._random.uniform(lower, upper, (_SEEDS, len(leg.axes)))
         found: list[Vector] = []
         for seed in (self._home[leg.axes], (lower + upper) / 2, *chance):
@@ -221,7 +222,7 @@ class Stances:
         self._place(self._home)
         places, signs = robot.axis_map.position_places[leg.axes], robot.axis_map.signs[leg.axes]
         positions, rest = plant.GetPositions(context), self._home[leg.axes]
-        lower, upper = (limit[leg.axes] for limit in span(robot))
+        lower, upper = (limit[leg.axes] for limit in posture_range(robot))
         scale = upper - lower
         down = np.array([0.0, 0.0, -1.0])
 

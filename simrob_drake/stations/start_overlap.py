@@ -8,6 +8,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.targets import owner_and_robot
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.solver_config import bound_value
 
 PRESSED = 1e-4
 """Overlap that contact forces cause by themselves [m]."""
@@ -56,8 +57,7 @@ def deepest_overlap(ports: StationPorts, root: Context) -> StartOverlap | None:
 
 def allowed_overlap(config: StationConfig) -> float:
     """Largest overlap at the start with which a run begins [m]: 10 mm, or more if the verdict allows more."""
-    bound = config.verdict.penetration
-    return float("inf") if bound == "none" else max(MISPLACED, bound)
+    return max(MISPLACED, bound_value(config.verdict.penetration))
 
 
 def check_start_overlap(config: StationConfig, ports: StationPorts, root: Context) -> None:

@@ -10,7 +10,7 @@ from simrob_drake.parts.ground import Ground
 from simrob_drake.results.animation.camera import walked_way
 from simrob_drake.results.record.walks import locomotion
 from simrob_drake.stations.checks import check_station
-from simrob_drake.stations.clearance import PosedStation
+from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.resolve import resolve
 
 PLATE = {"model": "board", "parent": "world", "pose": [0.3, 0.1, 0.2, 0.4, 0.2, 0.3]}

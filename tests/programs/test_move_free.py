@@ -19,8 +19,8 @@ from simrob_drake.programs.free_path import metres
 from simrob_drake.programs.moves import move_free
 from simrob_drake.programs.plan import check_collisions
 from simrob_drake.results.animation.recording import save_recording
-from simrob_drake.stations.clearance import PosedStation
 from simrob_drake.stations.piece_config import PieceConfig
+from simrob_drake.stations.posed import PosedStation
 from tests.programs.conftest import HOME, positions_between
 
 AHEAD = (0.0, np.pi / 2, 0.0)

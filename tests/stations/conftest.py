@@ -54,7 +54,8 @@ def clearance_of() -> Callable[..., Clearance]:
 
     def look(urdf: Path, robot: Mapping[str, Any] | None = None, **sections: Any) -> Clearance:
         entry = {"urdf": urdf, "initial_deg": load_robot_from_urdf(urdf).home_deg, **(robot or {})}
-        return Clearance(StationConfig(name="first", robots={"robot": entry}, floor={"size": 3}, **sections))
+        config = StationConfig(name="first", robots={"robot": entry}, floor={"size": 3}, **sections)
+        return Clearance(config, trusts_home=False)
 
     return look
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from simrob_drake.stations.clear_start import ClearStart, Start
-from simrob_drake.stations.clearance import TOUCH, untangled
+from simrob_drake.stations.clearance import untangled
+from simrob_drake.stations.collisions import OWN_TOLERANCE
 from simrob_drake.stations.draft import draft_station
 from simrob_drake.stations.load import load_station
 from tests.stations.conftest import joint, link
@@ -129,7 +130,7 @@ def test_fingers_in_each_other_are_turned_apart(robot_of, clearance_of):
     assert posture[0] == 0.0
     assert posture[1] < 0  # about x: away from the other, which stands upright
     clearance.place_robots({"robot": posture})
-    assert all(overlap.depth <= TOUCH for overlap in clearance.overlaps())
+    assert all(overlap.depth <= OWN_TOLERANCE for overlap in clearance.overlaps())
 
 
 def test_sockets_do_not_count(robot_of, clearance_of):
@@ -138,7 +139,7 @@ def test_sockets_do_not_count(robot_of, clearance_of):
     ring = link("ring", "0.001 0.001 0.001", mass=0.1)
     urdf = robot_of(BASE, ring, ball, joint("ring", "base", "0 0 0.15", "0 0 1"), joint("ball", "ring", "0 0 0"))
     clearance = clearance_of(urdf)
-    assert clearance.made_so == {("ball", "base"): "robot"}
+    assert clearance.policy.permanent_overlaps == {("ball", "base"): "robot"}
     assert clearance.overlaps() == []
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from simrob_drake import load_station
 from simrob_drake.kinematics import Chain
-from simrob_drake.stations.clearance import PosedStation
+from simrob_drake.stations.posed import PosedStation
 
 
 @pytest.mark.parametrize("mode", ["kinematic", "dynamic"])

@@ -39,7 +39,7 @@ def hull_of(points: Vector) -> Hull:
     UnreadableMesh: the points are too close together.
     """
     solid, thickness = _thick(points)
-    corners = solid[_convex(solid).vertices]
+    corners = solid[convex_hull(solid).vertices]
     chosen, gap = _fewest(corners)
     return Hull(_surface(corners[chosen].round(9) + 0.0), gap, thickness)
 
@@ -53,7 +53,7 @@ def is_hull(part: MeshPart) -> bool:
     if len(part.faces) > 2 * MOST_CORNERS or not (mesh.is_watertight and mesh.is_winding_consistent):
         return False
     solid, thickness = _thick(part.vertices)
-    return not thickness and bool(abs(mesh.volume - _convex(solid).volume) <= 1e-6 * mesh.volume)
+    return not thickness and bool(abs(mesh.volume - convex_hull(solid).volume) <= 1e-6 * mesh.volume)
 
 
 @heard_afterwards()
@@ -68,7 +68,7 @@ def box_of(points: Vector) -> tuple[Vector, RigidTransform, float]:
     lower, upper = solid.min(axis=0), solid.max(axis=0)
     straight = upper - lower
     try:
-        to_box, size = oriented_bounds(solid[_convex(solid).vertices])  # type: ignore[no-untyped-call]
+        to_box, size = oriented_bounds(solid[convex_hull(solid).vertices])  # type: ignore[no-untyped-call]
     except TypeError:  # it finds none where the volume is lost in rounding
         to_box, size = np.eye(4), straight
     if np.prod(straight) <= 1.02 * np.prod(size):
@@ -94,7 +94,8 @@ def _thick(points: Vector) -> tuple[Vector, float]:
 
 
 @heard_afterwards()
-def _convex(points: Vector) -> "ConvexHull":
+def convex_hull(points: Vector) -> "ConvexHull":
+    """Return the convex hull of points (n, 3); raises UnreadableMesh: they fill no volume."""
     from scipy.spatial import ConvexHull, QhullError  # slow to load, and only imports of meshes need it
 
     try:
@@ -114,7 +115,7 @@ def _fewest(corners: Vector) -> tuple[list[int], float]:
     even = along / np.ptp(along, axis=0)
     chosen, rest = _extremes(np.hstack([corners, even])), np.arange(len(corners))
     while len(rest) and len(chosen) < MOST_CORNERS:
-        planes = _convex(even[chosen]).equations
+        planes = convex_hull(even[chosen]).equations
         above = _heights(even[rest], planes)
         out = above.max(axis=1)
         tops = np.unique(above.argmax(axis=0))  # the farthest over each face, as quickhull does
@@ -122,7 +123,7 @@ def _fewest(corners: Vector) -> tuple[list[int], float]:
         room = min(MOST_CORNERS - len(chosen), max(1, int(_GROWTH * len(chosen))))
         chosen += rest[tops[np.argsort(-out[tops], kind="stable")][:room]].tolist()
         rest = rest[out > _CLOSE]  # the hull only grows: what is within stays within
-    gap = _heights(corners, _convex(corners[chosen]).equations).max()
+    gap = _heights(corners, convex_hull(corners[chosen]).equations).max()
     return sorted(chosen), max(0.0, float(gap))
 
 
@@ -146,7 +147,7 @@ def _extremes(points: Vector) -> list[int]:
 
 def _surface(points: Vector) -> MeshPart:
     """Return the surface of the convex hull of points, its faces seen counterclockwise from outside."""
-    hull = _convex(points)
+    hull = convex_hull(points)
     vertices, faces = points[hull.vertices], np.searchsorted(hull.vertices, hull.simplices)
     first, second, third = (vertices[faces[:, corner]] for corner in range(3))
     inward = np.einsum("ij,ij->i", np.cross(second - first, third - first), hull.equations[:, :3]) < 0

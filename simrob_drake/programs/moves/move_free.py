@@ -17,7 +17,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.programs.errors import GoalInCollision
-from simrob_drake.programs.free_path import SEARCHED, FreeSpace, Hit, Search, metres, shortened
+from simrob_drake.programs.free_path import FreeSpace, Search, metres, shortened
 from simrob_drake.programs.moves.motion import ArmMotion, Row
 from simrob_drake.programs.plan import Plan, check_limits
 from simrob_drake.programs.planning import POINTS, Planning, PoseTargets, WorkObject, degrees_hint, points_of, zone_of
@@ -25,6 +25,7 @@ from simrob_drake.programs.segments import Segment, tool_length
 from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How, timed
 from simrob_drake.sections import Boolean, Integer, Pose, Positive
+from simrob_drake.stations.collisions import Overlap
 
 PLANNING_TIME = 10.0  # how long a search for a way may take unless told [s]
 _MOST_SEED = 2**31 - 2
@@ -251,18 +252,25 @@ def _metres(planning: Planning, space: FreeSpace) -> Vector:
 
 
 def _free(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
-    """Return those of the nearest combined goals that are free, shape (m, n); raises GoalInCollision: none is."""
+    """Return those of the nearest combined goals that are free, shape (m, n).
+
+    Raises:
+        GoalInCollision: none is free; names the bodies of the least deep collision.
+    """
     nearest = sorted(product(*(range(len(rows)) for rows in goals)), key=sum)[:_TRIED]
-    found, hits = list[Vector](), list[Hit]()
+    found = list[Vector]()
+    hits = list[Overlap]()
     for places in nearest:
         posture = np.concatenate([rows[place] for rows, place in zip(goals, places, strict=True)])
-        met = space.hits(posture, SEARCHED)
-        if met:
-            hits.append(met[0])
+        collisions = space.collisions(posture)
+        if collisions:
+            hits.append(collisions[0])
         else:
             found.append(posture)
+            space.allow_goal(posture)
         if len(found) == _GOALS:
             break
     if not found:
-        raise GoalInCollision("the target", len(hits), *min(hits))
+        least = min(hits, key=lambda hit: hit.depth)
+        raise GoalInCollision("the target", len(hits), least.depth, least.moved)
     return np.array(found)

@@ -24,8 +24,8 @@ from simrob_drake.parts.site import StationPlant
 from simrob_drake.parts.targets import FLOOR
 from simrob_drake.results.animation.camera import Way, framed_time
 from simrob_drake.results.record.run import RecordedRun, begins_of
-from simrob_drake.stations.clearance import PosedStation
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.posed import PosedStation
 
 RENDERER = "renderer"  # the name of the render engine in the scene graph
 SPACING = 0.1  # from one line to the next [m]

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, Self, TypeAlias
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from pydrake.multibody.plant import ContactResults
@@ -24,8 +24,18 @@ DIVERGED, INTERRUPTED, FAILED = "diverged", "interrupted", "failed"
 """What stands for a monitor's name where none ended the run; of a block that failed that is the block's name."""
 
 
-Approach: TypeAlias = tuple[float, str]
-"""How near something came [m], negative where it was in it, and what to what; infinite where nothing could be met."""
+class Approach(NamedTuple):
+    """The smallest distance between bodies along a motion."""
+
+    distance: float  # [m]; negative if they overlap, infinite if there are none
+    bodies: str  # the two bodies, such as "pencil to table"; empty if there are none
+
+
+class Approaches(NamedTuple):
+    """The smallest distances of a robot, with what it carries, along a motion."""
+
+    to_others: Approach  # to anything else
+    to_itself: Approach  # of its bodies to each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +47,8 @@ class AskedMove:
     duration: float  # that it takes [s]
     end: Vector  # the posture that it leads to, shape (n,) [rad or m]
     tool: Callable[[Vector], Vector]  # gives the poses (k, 4, 4) of the tool in postures (k, n)
-    # tells of positions (k, nq) of the plant how near the robot and what it carries came to anything else
-    approach: Callable[[Vector], Approach]
+    # gives the smallest distances along positions (k, nq) of the plant
+    approaches: Callable[[Vector], Approaches]
     speed: float | None = None  # that was asked of the tool [m/s]; None if none was
     place: str = "the move"  # what its program calls it, such as ``move 3``
     # ways of the tool that a search for it tried and the recording shows, shape (k, 2, 3) [m]

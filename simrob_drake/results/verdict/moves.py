@@ -10,7 +10,7 @@ from simrob_drake.results.verdict.judge import AT_LIMIT, torque_shares
 from simrob_drake.results.verdict.verdict import in_words
 
 if TYPE_CHECKING:
-    from simrob_drake.results.record.run import AskedMove, RecordedRun
+    from simrob_drake.results.record.run import Approach, AskedMove, RecordedRun
     from simrob_drake.stations.solver_config import VerdictConfig
 
 _LOOKS = 41  # at a move, for what comes near
@@ -39,6 +39,10 @@ class MoveVerdict:
     # could be met. What touched at the start, or stays as far, does not count
     distance: float | None
     nearest: str
+    # smallest distance between bodies of the robot, with what it carries [m], and the
+    # two bodies; None if none can collide. Negative if they overlap
+    own_distance: float | None = None
+    own_nearest: str = ""
     warnings: tuple[str, ...] = ()  # what passes its bound, in words
 
     def later(self, begin: float) -> "MoveVerdict":
@@ -60,7 +64,8 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     speeds = np.linalg.norm(np.gradient(places, times, axis=0), axis=1) if last else np.zeros(1)
     cosine = (np.trace(tool[-1, :3, :3].T @ target[:3, :3]) - 1) / 2
     at_limit = torque_shares(run, run.plant.robots[asked.robot])[rows] > AT_LIMIT
-    distance, nearest = asked.approach(run.positions_at(np.linspace(0.0, times[-1], _LOOKS)))
+    looks = np.linspace(0.0, times[-1], _LOOKS)
+    others, itself = asked.approaches(run.positions_at(looks))
     stopped = run.stop_time < asked.duration - _SOON
     bound = run.config.verdict.move_end
     position_error = float(np.linalg.norm(places[-1] - target[:3, 3]))
@@ -77,8 +82,10 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
         torque_time=float(at_limit.mean(axis=0).max() * times[-1]),
         speed=float(speeds.max()),
         asked_speed=asked.speed,
-        distance=distance if np.isfinite(distance) else None,
-        nearest=nearest,
+        distance=_known(others),
+        nearest=others.bodies,
+        own_distance=_known(itself),
+        own_nearest=itself.bodies,
     )
     return replace(found, warnings=tuple(_warnings(found, run.config.verdict, stopped=stopped)))
 
@@ -99,17 +106,29 @@ def _warnings(found: MoveVerdict, bounds: "VerdictConfig", *, stopped: bool) -> 
         yield _sentence(found, near, bounds.move_distance, "m")
 
 
+def _known(approach: "Approach") -> float | None:
+    """Return a smallest distance [m], or None if there is none."""
+    return approach.distance if np.isfinite(approach.distance) else None
+
+
 def _sentence(found: MoveVerdict, what: str, bound: float, unit: str) -> str:
     return f"{found.move} {what} (bound {in_words(bound, unit)})"
 
 
 def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
     """Return headings, and a line for each move; figures with the units that users read."""
-    table = [["move", "end [s]", "reached", "beside", "following", "at torque limit", "speed of asked", "nearest"]]
+    headings = ["move", "end [s]", "reached", "beside", "following", "at torque limit"]
+    table = [[*headings, "speed of asked", "nearest", "to itself"]]
     for move in moves:
         asked = "" if move.asked_speed is None else f" of {move.asked_speed:.3g}"
-        near = "" if move.distance is None else f"{1e3 * move.distance:z.0f} mm {move.nearest}"
+        near = _in_table(move.distance, move.nearest)
+        itself = _in_table(move.own_distance, move.own_nearest)
         errors = [f"{1e3 * error:.1f} mm" for error in (move.position_error, move.following_error)]
-        others = [f"{move.torque_time:.2f} s", f"{move.speed:.3g}{asked} m/s", near]
+        others = [f"{move.torque_time:.2f} s", f"{move.speed:.3g}{asked} m/s", near, itself]
         table.append([move.move, f"{move.end:.2f}", "yes" if move.reached else "no", *errors, *others])
     return table
+
+
+def _in_table(distance: float | None, bodies: str) -> str:
+    """Return a smallest distance [m] with its bodies as the table shows it."""
+    return "" if distance is None else f"{1e3 * distance:z.0f} mm {bodies}"

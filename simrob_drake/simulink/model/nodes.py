@@ -15,7 +15,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.options import EntryKind, ImportReport
 from simrob_drake.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Mask, MaskParameter, Model, SimulinkBlock
 from simrob_drake.simulink.reading.model_file import BUILT_IN, Libraries, referenced_by
-from simrob_drake.simulink.values.evaluate import ELEMENTARY, UndefinedVariable, matrix
+from simrob_drake.simulink.values.elementary import ELEMENTARY
+from simrob_drake.simulink.values.evaluate import UndefinedVariable, matrix
 from simrob_drake.simulink.values.mat import stored_workspace
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor

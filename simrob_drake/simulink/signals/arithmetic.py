@@ -29,7 +29,7 @@ from simrob_drake.simulink.signals.forms import (
     signal,
     widened,
 )
-from simrob_drake.simulink.values.evaluate import INTEGERS
+from simrob_drake.simulink.values.elementary import INTEGERS
 
 MOST_INPUTS = 1000
 OPERATORS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "==": "==", "~=": "!="}

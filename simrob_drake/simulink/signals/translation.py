@@ -22,7 +22,8 @@ from simrob_drake.simulink.signals.arithmetic import (
 )
 from simrob_drake.simulink.signals.forms import Form, Primitive, Signal, Value, computed, flat, mapped, signal
 from simrob_drake.simulink.values.code import CodeRun
-from simrob_drake.simulink.values.evaluate import INTEGERS, NUMBERS, Algebra, count, matrix
+from simrob_drake.simulink.values.elementary import INTEGERS
+from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, count, matrix
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, Statement, lines_of
 
 _ENDED = "return"  # where it is kept whether a function has returned

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.values.growth import LARGEST, Budget, check_growth, check_size
+from simrob_drake.simulink.values.elementary import CONSTANTS, EACH
+from simrob_drake.simulink.values.growth import LARGEST, Budget, check_growth, check_size, count_entries
 from simrob_drake.simulink.values.syntax import Expression, NotUnderstood, written
 from simrob_drake.simulink.values.systems import SYSTEMS
 
@@ -35,24 +36,6 @@ def matrix(value: Any) -> Vector:
 def _is_value(element: Any) -> bool:
     """Tell whether an element is a number, or stands for one that only a run of the model has."""
     return isinstance(element, int | float) or hasattr(element, "terms")
-
-
-def _entries(value: Any) -> int:
-    """Count the entries of a cell array or a structure with all that is in it, as if nothing in it were shared.
-
-    Raises:
-        NotUnderstood: they are more than anything may have.
-    """
-    waiting = [value]
-    entries = 0
-    while waiting:
-        part = waiting.pop()
-        entries = check_size(entries + 1)
-        if isinstance(part, dict):
-            waiting += part.values()
-        elif isinstance(part, list):
-            waiting += part
-    return entries
 
 
 def count(value: Any) -> int:
@@ -112,42 +95,9 @@ def _of_matrices(function: Callable[..., Any]) -> Callable[..., Vector]:
     return applied
 
 
-INTEGERS = {f"{letter}int{bits}": (-(2.0 ** (bits - 1)) * (not letter), 2.0 ** (bits - (not letter)) - 1)
-            for letter in ("", "u") for bits in (8, 16, 32, 64)}  # fmt: skip
-"""Types of whole numbers: to the nearest of which, from the least to the largest, a number becomes."""
-
-
-def _rounded(value: Vector) -> Vector:
-    return np.asarray(np.sign(value) * np.floor(np.abs(value) + 0.5))
-
-
-_EACH: dict[str, Callable[..., Any]] = {
-    **{name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "sqrt", "log", "log10", "log2", "abs")},
-    **{name: getattr(np, name) for name in ("floor", "ceil", "sign", "sinh", "cosh", "tanh", "deg2rad", "rad2deg")},
-    **{f"a{name}": getattr(np, f"arc{name}") for name in ("sin", "cos", "tan", "tan2")},
-    **{f"{name}d": lambda u, name=name: getattr(np, name)(np.deg2rad(u)) for name in ("sin", "cos", "tan")},
-    **{f"a{name}d": lambda *u, name=name: np.rad2deg(getattr(np, f"arc{name}")(*u)) for name in ("sin", "cos", "tan")},
-    "atan2d": lambda y, x: np.rad2deg(np.arctan2(y, x)),
-    "hypot": np.hypot,
-    "round": _rounded,
-    **{name: lambda u, ends=ends: np.clip(_rounded(np.nan_to_num(u)), *ends) for name, ends in INTEGERS.items()},
-    "fix": np.trunc,
-    "mod": np.mod,
-    "rem": np.fmod,
-    **dict.fromkeys(("double", "single"), lambda value: value),
-    "logical": lambda value: value != 0,
-    "not": lambda value: value == 0,
-    **{f"is{name}": getattr(np, f"is{name}") for name in ("nan", "inf", "finite")},
-}
-
-_CONSTANTS = {
-    "pi": np.pi, "inf": np.inf, "Inf": np.inf, "nan": np.nan, "NaN": np.nan, "eps": np.finfo(float).eps, "true": 1.0,
-    "false": 0.0,
-}  # fmt: skip
-ELEMENTARY = _EACH.keys() | _CONSTANTS.keys()  # names that nobody gives a variable
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    **{name: _of_matrices(function) for name, function in _EACH.items()},
-    **{name: lambda value=value: value for name, value in _CONSTANTS.items()},
+    **{name: _of_matrices(function) for name, function in EACH.items()},
+    **{name: lambda value=value: value for name, value in CONSTANTS.items()},
     "zeros": lambda *sizes: np.zeros(_shape(sizes)),
     "ones": lambda *sizes: np.ones(_shape(sizes)),
     "eye": lambda *sizes: np.eye(*_shape(sizes)),
@@ -371,7 +321,7 @@ class Evaluator:
 
     def _cell(self, rows: tuple[tuple[Expression, ...], ...]) -> list[Any]:
         values = [[self._of(node) for node in row] for row in rows]
-        self._budget.spend(sum(_entries(value) for row in values for value in row))
+        self._budget.spend(sum(count_entries(value) for row in values for value in row))
         return values if len(rows) > 1 and len(rows[0]) > 1 else [one for row in values for one in row]
 
     def _unary(self, operator: str, operand: Expression) -> Vector:

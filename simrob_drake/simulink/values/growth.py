@@ -136,6 +136,24 @@ def check_size(elements: int) -> int:
     return elements
 
 
+def count_entries(value: Any) -> int:
+    """Count the entries of a cell array or a structure with all that is in it, as if nothing in it were shared.
+
+    Raises:
+        NotUnderstood: they are more than anything may have.
+    """
+    waiting = [value]
+    entries = 0
+    while waiting:
+        part = waiting.pop()
+        entries = check_size(entries + 1)
+        if isinstance(part, dict):
+            waiting += part.values()
+        elif isinstance(part, list):
+            waiting += part
+    return entries
+
+
 class Budget:
     """The elements that one evaluation may make, over all of its calls."""
 
