@@ -81,17 +81,19 @@ hooks: $(TOOLS)  ## let git run ruff and mypy before each commit
 lock:  ## pin the newest packages that pyproject.toml allows
 	.ci/lock
 
-$(READY): pyproject.toml requirements.lock requirements-3.11.lock
+$(READY): pyproject.toml requirements.lock requirements-3.11.lock requirements-core.lock requirements-core-3.11.lock
 	@python="$(PYTHON)"; [ -n "$$python" ] || exit 1; \
 	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "simrob_drake needs Python 3.11 or newer; name one: make PYTHON=python3.13 ..."; exit 1; }; \
 	"$$python" -m venv --clear $(VENV)
-	$(BIN)/python -c 'import sys; print("requirements" + "-3.11" * (sys.version_info < (3, 12)) + ".lock")' > $(VENV)/lock
-	$(BIN)/python -m pip install --quiet --constraint "$$(cat $(VENV)/lock)" --editable .
+	$(BIN)/python -c 'import sys; print("-3.11" * (sys.version_info < (3, 12)) + ".lock")' > $(VENV)/ending
+	echo "requirements$$(cat $(VENV)/ending)" > $(VENV)/lock
+	$(BIN)/python -m pip install --quiet --require-hashes --requirement "requirements-core$$(cat $(VENV)/ending)"
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $(READY)
 
 $(TOOLS): $(READY)
-	$(BIN)/python -m pip install --quiet --requirement "$$(cat $(VENV)/lock)"
+	$(BIN)/python -m pip install --quiet --require-hashes --requirement "$$(cat $(VENV)/lock)"
 	@touch $(TOOLS)
 
 clean:
