@@ -1,27 +1,18 @@
-"""Ways of robots around obstacles: a search between two trees of postures, in the space in which they touch nothing.
+"""Paths of robots around obstacles: a search between two trees of postures, in the space in which they touch nothing.
 
-It is measured by how far tools move: a radian of an axis counts as many metres as it may move the tool.
-
-A way that is found is made short and swift: a spline whose shape and duration an optimisation finds (SNOPT). Drake's
-KinematicTrajectoryOptimization keeps all shapes apart at some places of it; where a denser look finds a hit, a place is
-added there, and it goes on from where it was.
+Distances are measured by how far tools move: a radian of an axis counts as many metres as it may move the tool.
 """
 
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.geometry import Role
-from pydrake.multibody.inverse_kinematics import MinimumDistanceLowerBoundConstraint
-from pydrake.planning import KinematicTrajectoryOptimization
-from pydrake.solvers import SnoptSolver, SolverOptions
-from pydrake.trajectories import BsplineTrajectory
-from scipy.interpolate import BSpline, make_lsq_spline
+from scipy.interpolate import BSpline
 
-from simrob_drake.errors import SimrobError
 from simrob_drake.extras import needed
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
@@ -29,7 +20,6 @@ from simrob_drake.kinematics.numeric import random_postures
 from simrob_drake.programs.errors import NoFreePath, StartInCollision
 from simrob_drake.programs.model import StationModel
 from simrob_drake.stations.collisions import START_TOLERANCE, Bodies, Overlap
-from simrob_drake.stations.posed import PosedStation
 
 SEARCHED = 0.5
 """Fraction of the tolerances that a search uses: its path is rounded, and then keeps to
@@ -144,6 +134,20 @@ def metres(chain: Chain, carried: Vector = _NOTHING) -> Vector:
     return np.asarray(np.maximum(moved.max(axis=0), _THINNEST))  # a finger does not move the tool
 
 
+class _Plan(NamedTuple):
+    """What a search found.
+
+    Attributes:
+        from_start: postures that it reached from the start, shape (k, n).
+        branches: pairs of postures between which it found free motions, shape (m, 2, n).
+        corners: of the path, shape (c, n); None if there is none.
+    """
+
+    from_start: Vector
+    branches: Vector
+    corners: Vector | None
+
+
 @dataclass
 class Search:
     """A search for a way of robots that move together, each number (n,) being of all their axes in turn."""
@@ -210,7 +214,23 @@ class Search:
         return np.vstack([corners[:1], *lines])
 
     def _found(self, start: Vector, goals: Vector) -> Vector:
-        """Search for a way, and make it short."""
+        """Search for a path and shorten it, shape (k, n).
+
+        Raises:
+            NoFreePath: none was found in the time that there is.
+        """
+        plan = self._planned(start, goals)
+        if plan.corners is None:
+            raise self._none(plan.from_start, goals)
+        self.branches = plan.branches
+        corners = plan.corners
+        nearest_goal = np.abs(goals - corners[-1]).sum(axis=1).argmin()
+        corners[0] = start
+        corners[-1] = goals[nearest_goal]
+        return corners
+
+    def _planned(self, start: Vector, goals: Vector) -> "_Plan":
+        """Search by OMPL. None of its objects outlives this call, in which no error is raised: it reports leaks."""
         with needed("move_free", "plan"):
             from ompl import base, geometric, util
         util.setLogLevel(util.LOG_NONE)
@@ -218,29 +238,37 @@ class Search:
         info = base.SpaceInformation(self._box(np.vstack([start, goals])))
         info.setStateValidityChecker(lambda state: self.space.free(self._posture(state)))
         info.setup()
-        problem, goal = base.ProblemDefinition(info), base.GoalStates(info)
+
+        problem = base.ProblemDefinition(info)
         problem.addStartState(self._state(info, start))
+        goal = base.GoalStates(info)
         for posture in goals:
             goal.addState(self._state(info, posture))
         problem.setGoal(goal)
+
         planner = geometric.RRTConnect(info)
         planner.setRange(_RANGE)
         planner.setProblemDefinition(problem)
         planner.setup()
         planner.solve(self.seconds)
-        planner.getPlannerData(tree := base.PlannerData(info))
+
+        tree = base.PlannerData(info)
+        planner.getPlannerData(tree)
         vertices = [tree.getVertex(index) for index in range(tree.numVertices())]
         reached = np.array([self._posture(vertex.getState()) for vertex in vertices])
+        is_from_start = [vertex.getTag() == _FROM_START for vertex in vertices]
         if not problem.hasExactSolution():
-            raise self._none(reached[[vertex.getTag() == _FROM_START for vertex in vertices]], goals)
+            return _Plan(from_start=reached[is_from_start], branches=np.zeros((0, 2, len(start))), corners=None)
         edges = [(index, other) for index in range(len(vertices)) for other in tree.getEdges(index)]
-        self.branches = reached[np.array(edges, dtype=int).reshape(-1, 2)]
-        path, simplifier = problem.getSolutionPath(), geometric.PathSimplifier(info)
-        for shorten in (simplifier.reduceVertices, simplifier.ropeShortcutPath, simplifier.partialShortcutPath):
-            shorten(path)
+        branches = reached[np.array(edges, dtype=int).reshape(-1, 2)]
+
+        path = problem.getSolutionPath()
+        simplifier = geometric.PathSimplifier(info)
+        simplifier.reduceVertices(path)
+        simplifier.ropeShortcutPath(path)
+        simplifier.partialShortcutPath(path)
         corners = np.array([self._posture(path.getState(index)) for index in range(path.getStateCount())])
-        corners[0], corners[-1] = start, goals[np.abs(goals - corners[-1]).sum(axis=1).argmin()]
-        return corners
+        return _Plan(from_start=reached[is_from_start], branches=branches, corners=corners)
 
     def _box(self, ends: Vector) -> Any:
         """Return the space of postures, in metres; axes without limits turn a half turn beyond the ends (k, n)."""
@@ -275,110 +303,3 @@ class Search:
         return NoFreePath(
             f"no free way was found in {self.seconds:g} s: of the goals number {short}; in the way: {met}"
         )
-
-
-_ORDER, _A_CORNER, _LEAST, _MOST = 6, 2, 10, 20  # of the spline: order, and control points: a corner, and in all
-_APART, _NEAR = 0.004, 0.03  # m: how far shapes stay apart, and from where on that counts
-_EVERY, _ROUNDS, _ITERATIONS = 0.04, 3, 40  # m of the way between places where that holds at first; and how often
-_LOOKS = 200  # at a way, and one for each step that another one is looked at
-_SHORTEST, _LONGEST = 0.01, 100.0  # s that a way takes
-_LENGTH = 0.2  # what a radian of the way counts, where a second counts 1
-_NONE = 1e4  # what limits nothing
-
-
-def shortened(
-    search: Search, rows: Vector, corners: int, limits: tuple[Vector, Vector]
-) -> tuple[Vector, Vector] | None:
-    """Return a smooth way near a free one (k, n) with corners, as :meth:`Search.rounded` does; None: there is none.
-
-    It is one that axes go quickly within limits of speed and acceleration. In cells that Drake's distances do not know,
-    such as those with robots on their own feet, there is none, nor where the optimisation ends in a hit.
-    """
-    model = search.space.model
-    try:
-        station = PosedStation(model.frozen())
-    except SimrobError:  # of links without mass, which a way does not mind
-        return None
-    if station.plant.num_positions() != sum(len(robot.axes) for robot in station.station.robots.values()):
-        return None
-    now = model.plant.GetPositions(model.context)
-    station.place_robots({name: robot.axis_map.positions(now) for name, robot in model.robots.items()})
-    for end in (rows[-1], rows[0]):  # what is near there may be so all the way
-        station.place_robots(search.space.parts(end))
-        station.ignore_nearer_than(_APART)
-    problem = _Problem(search, station, rows, _A_CORNER * corners, limits)
-    for _ in range(_ROUNDS):
-        found = problem.solved()
-        hits = np.array([bool(search.space.collisions(row, SEARCHED)) for row in found])
-        if not hits.any():
-            return search.gone(found), found
-        problem.keep_apart(hits)
-    return None
-
-
-class _Problem:
-    """The optimisation of one way; positions (nq,) are those of the station's plant."""
-
-    def __init__(
-        self, search: Search, station: PosedStation, rows: Vector, control: int, limits: tuple[Vector, Vector]
-    ) -> None:
-        """Set it up around a way (k, n) that is free."""
-        self._search, self._station = search, station
-        self._at_rest = station.plant.GetPositions(station.context)
-        way = self._spread(rows)
-        parts = search.gone(rows)
-        knots = KinematicTrajectoryOptimization(way.shape[1], int(np.clip(control, _LEAST, _MOST)), _ORDER).basis()
-        fitted = make_lsq_spline(parts, way, np.array(knots.knots()), k=_ORDER - 1)
-        self._optimisation = KinematicTrajectoryOptimization(BsplineTrajectory(knots, list(fitted.c[:, :, np.newaxis])))
-        self._limit(np.sort([self._spread(search.lower), self._spread(search.upper)], axis=0), limits)
-        rest = np.zeros(way.shape[1])
-        for end, part in ((way[0], 0.0), (way[-1], 1.0)):
-            self._optimisation.AddPathPositionConstraint(end, end, part)
-            self._optimisation.AddPathVelocityConstraint(rest, rest, part)
-        self._apart = MinimumDistanceLowerBoundConstraint(station.plant, _APART, station.context, None, _NEAR)
-        for part in np.linspace(0.0, 1.0, int(search.length(rows) / _EVERY) + 2)[1:-1]:
-            self._optimisation.AddPathPositionConstraint(self._apart, part)
-
-    def _limit(self, ends: Vector, limits: tuple[Vector, Vector]) -> None:
-        speeds, pushes = (np.minimum(np.abs(self._spread(limit, still=_NONE)), _NONE) for limit in limits)
-        self._optimisation.AddPositionBounds(*ends)
-        self._optimisation.AddVelocityBounds(-speeds, speeds)
-        self._optimisation.AddAccelerationBounds(-pushes, pushes)
-        self._optimisation.AddDurationConstraint(_SHORTEST, _LONGEST)
-        self._optimisation.AddDurationCost(1.0)
-        self._optimisation.AddPathLengthCost(_LENGTH)
-
-    def _spread(self, rows: Vector, still: float | None = None) -> Vector:
-        """Return what is of axes that move (..., n) as of the plant (..., nq); others stay, or are ``still``."""
-        base = self._at_rest if still is None else np.full_like(self._at_rest, still)
-        spread = np.broadcast_to(base, (*rows.shape[:-1], len(base)))
-        for robot, own in self._search.space.parts(rows).items():
-            spread = self._station.station.robots[robot].axis_map.spread_positions(own, spread)
-        return np.array(spread)
-
-    def solved(self) -> Vector:
-        """Return the way that is found from where it was, postures (k, n) at even steps, each as finely as it needs."""
-        options = SolverOptions()
-        options.SetOption(SnoptSolver.id(), "Major iterations limit", _ITERATIONS)
-        program = self._optimisation.prog()
-        found = self._optimisation.ReconstructTrajectory(SnoptSolver().Solve(program, program.initial_guess(), options))
-        self._optimisation.SetInitialGuess(found)
-        whole = found.end_time()
-        times = np.linspace(0.0, whole, _LOOKS)
-        looks = int(self._search.length(self._rows(found, times)) / CLOSE_LOOK) + _LOOKS
-        times = np.linspace(0.0, whole, looks)
-        self._parts = (
-            np.interp(np.linspace(0.0, 1.0, looks), self._search.gone(self._rows(found, times)), times) / whole
-        )
-        return self._rows(found, self._parts * whole)
-
-    def _rows(self, trajectory: BsplineTrajectory, times: Vector) -> Vector:
-        """Return the postures (k, n) at times (k,) [s]."""
-        whole, robots = np.array(trajectory.vector_values(times.tolist())).T, self._station.station.robots
-        return np.hstack([robots[robot].axis_map.positions(whole) for robot in self._search.space.start])
-
-    def keep_apart(self, hits: Vector) -> None:
-        """Keep shapes apart in the middle of each part of the way, looked at (k,), in which they hit, too."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], hits, [False]])))
-        for middle in edges.reshape(-1, 2).mean(axis=1).astype(int):
-            self._optimisation.AddPathPositionConstraint(self._apart, float(self._parts[middle]))

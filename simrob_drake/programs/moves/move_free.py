@@ -17,11 +17,12 @@ from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.programs.errors import GoalInCollision
-from simrob_drake.programs.free_path import FreeSpace, Search, metres, shortened
+from simrob_drake.programs.free_path import FreeSpace, Search, metres
 from simrob_drake.programs.moves.motion import ArmMotion, Row
 from simrob_drake.programs.plan import Plan, check_limits
 from simrob_drake.programs.planning import POINTS, Planning, PoseTargets, WorkObject, degrees_hint, points_of, zone_of
 from simrob_drake.programs.segments import Segment, tool_length
+from simrob_drake.programs.smooth_path import shortened
 from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How, timed
 from simrob_drake.sections import Boolean, Integer, Pose, Positive
