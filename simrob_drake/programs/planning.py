@@ -257,7 +257,7 @@ def points_of(how: How, default: int) -> int:
 def degrees_hint(chain: Chain, rows: npt.NDArray[np.float64]) -> str:
     """Return what to ask of postures (k, n) that would do if they were in degrees; empty if they would not."""
     turned = np.where(chain.revolute, np.deg2rad(rows), rows)
-    fit = ((turned >= chain.lower) & (turned <= chain.upper)).all()
+    fit = chain.limits.are_within(turned)
     whole_turns = (np.abs(rows) > 2 * np.pi) & chain.revolute
     return (
         "; angles are in radians: were these degrees? np.deg2rad(...) turns them" if fit and whole_turns.any() else ""

@@ -1,6 +1,6 @@
 """The robots that a station can name: folders of ``models/`` with a ``robot.yaml``, such a file, or any clean URDF."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from os.path import isfile
 from pathlib import Path
@@ -20,6 +20,7 @@ from simrob_drake.robots.coupled_axes import Asked, asked_by
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.followers import Follower, followers_among, with_followers
+from simrob_drake.robots.limits import AxisLimits, Flags
 from simrob_drake.robots.motors import Drives, Gains, set_drives
 from simrob_drake.robots.urdf import DRAKE, joint_figure, joint_limits, movable_joints, name_of, root_link
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
@@ -76,7 +77,8 @@ class RobotModel(Strict):
     tools: dict[str, str] = Field(default_factory=dict)
     """Links or frames of the URDF that can carry a tool, by the tool's name; the first is the usual one."""
     home_deg: AxisValues = 0.0
-    """Where its axes are at the start of a station [deg, or m of a prismatic axis]."""
+    """Where its axes are at the start of a station that does not say `initial_deg` [deg, or m of a prismatic axis]. An
+    axis whose range excludes 0 is in the middle of it unless a mapping or a list says where."""
     drives: Drives = default_of(Drives)
     """Its motors, gears and friction, which a station may change."""
     acceleration_deg: PositiveAxisValues | None = None
@@ -188,6 +190,13 @@ class RobotModel(Strict):
         lower, upper = np.sort(pairs * self.signs[:, np.newaxis], axis=1).T
         return lower, upper
 
+    @cached_property
+    def limits(self) -> AxisLimits:
+        """The ranges of the axes, in their senses, for checks of positions."""
+        lower, upper = self.axis_limits
+        revolute = ~np.array(self.prismatic, dtype=bool)
+        return AxisLimits(names=tuple(self.axes), lower=lower, upper=upper, revolute=revolute)
+
     @property
     def efforts(self) -> Vector:
         """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]."""
@@ -245,10 +254,33 @@ class RobotModel(Strict):
         """Positions (..., n) [rad or m] with each follower where its leader takes it."""
         return with_followers(list(self.axes), self.followers, positions)
 
+    @cached_property
+    def excludes_zero(self) -> Flags:
+        """Whether zero is outside the range of each axis, shape (n,)."""
+        return self.limits.excess(np.zeros(len(self.axes))) > 0.0
+
     @property
     def home(self) -> Vector:
-        """The home posture, shape (n,) [rad or m], in which followers are where their leaders take them."""
-        return self.with_followers(self.user_units * self.axis_vector(self.home_deg, "home_deg"))
+        """The home posture, shape (n,) [rad or m], in which followers are where their leaders take them.
+
+        An axis whose range excludes zero, and for which ``home_deg`` has no value of its own, is in the middle of it.
+        """
+        midway = self._midway
+        values = self.axis_vector(self.home_deg, "home_deg", midway)
+        if not isinstance(self.home_deg, Mapping | Sequence):
+            # One number is meant for the axes that can take it.
+            values = np.where(self.excludes_zero & (values == 0.0), midway, values)
+        return self.with_followers(self.user_units * values)
+
+    @property
+    def _midway(self) -> Vector:
+        """Middles of the ranges that exclude zero, 0 of other axes, shape (n,) [deg, or m of prismatic axes]."""
+        lower, upper = (limit / self.user_units for limit in self.axis_limits)
+        middles = [
+            float(f"{(low + high) / 2:.6g}") if excluded else 0.0
+            for low, high, excluded in zip(lower, upper, self.excludes_zero, strict=True)
+        ]
+        return np.array(middles)
 
     def posture(self, name: str, others: Vector) -> Vector:
         """Return a named posture, shape (n,) [rad or m], ``home`` among them; axes that it leaves out are as others.
@@ -256,9 +288,10 @@ class RobotModel(Strict):
         Raises UnknownName: no such posture, or one of an axis that is not there.
         """
         known = {"home": self.home_deg, **self.postures}
-        where = f"postures.{name}"
-        own = known[one_of(f"posture of {self.name}", name, known)]
-        position = self.axis_vector(own, where, others / self.user_units if name in self.postures else 0.0)
+        one_of(f"posture of {self.name}", name, known)
+        if name not in self.postures:
+            return self.home
+        position = self.axis_vector(self.postures[name], f"postures.{name}", others / self.user_units)
         return self.with_followers(self.user_units * position)
 
     @cached_property
@@ -368,12 +401,12 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
 
 def _usual_home(robot: RobotModel) -> dict[str, float]:
     """Return where axes are that cannot be at zero, midway, and fingers, open [deg, or m of prismatic ones]."""
-    lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
     fingers = robot.gripper.axes if robot.gripper else {}
+    home_values = (robot.home / robot.user_units).tolist()
     midway = {
-        axis: float(f"{(low + high) / 2:.6g}")
-        for axis, low, high in zip(robot.axes, lower, upper, strict=True)
-        if not low <= 0 <= high
+        axis: float(f"{value:.6g}")
+        for axis, value, excluded in zip(robot.axes, home_values, robot.excludes_zero, strict=True)
+        if excluded
     }
     home = midway | {axis: opened for axis, (_, opened) in fingers.items() if opened}
     if not robot.followers:

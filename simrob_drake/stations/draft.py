@@ -202,6 +202,8 @@ def _begin(robot: RobotModel, content: dict[str, Any], posture: Vector) -> None:
     named = {axis: value for axis, value in _named(robot, values).items() if value and axis not in robot.followers}
     if named:
         content["robot"]["initial_deg"] = named
+    elif robot.home.any():
+        content["robot"]["initial_deg"] = 0.0  # without a value it would begin at home
 
 
 def _home(robot: RobotModel) -> dict[str, float]:

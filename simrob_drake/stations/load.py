@@ -149,7 +149,7 @@ def _configured(
         others = {key: value for key, value in overrides.items() if key not in alone}
         config = _configured(deepcopy(content), others, where, allow_code, mesh_path)
         _write_by_axis(content, alone, {name: robot.axes for name, robot in resolve(config).robots.items()})
-    for key, value in sorted(overrides.items(), key=lambda entry: not entry[0].endswith(".kind")):
+    for key, value in sorted(overrides.items(), key=lambda entry: _rank(entry[0].split("."))):
         _override(content, key.split("."), value, where)
     content = located(content, Path.cwd())
     content = _without_sugar(content, where)
@@ -214,6 +214,13 @@ def _inlined(program: Any, folder: Path, border: Border | None = None) -> Any:
     return located_program(program, folder, border) if isinstance(program, Mapping) else program
 
 
+def _rank(key: list[str]) -> int:
+    """Rank of an override: kinds come first, then a robot's origin, since both drop what others may set again."""
+    if key[-1] == "kind" and len(key) > 1:
+        return 0
+    return 1 if key[0] in _ROBOTS and key[-1] in _ORIGINS else 2
+
+
 def _override(content: dict[str, Any], key: list[str], value: Any, where: Path | str) -> None:
     if key == ["program"]:
         content["program"] = _inlined(value, Path.cwd())
@@ -227,18 +234,32 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
         del node[key[-1]]
         return
     if key[0] in _ROBOTS and key[-1] in _ORIGINS and value is not None:
-        for other in _ORIGINS[key[-1]]:
-            node.pop(other, None)
+        _drop_former_robot(node, key[-1], value)
     if key[-1] == "kind" and isinstance(value, str) and node.get("kind") != value:
         _change_kind(node, section, value)
     old, kind = node.get(key[-1]), value.get("kind") if isinstance(value, Mapping) else None
     if isinstance(value, Mapping) and value and isinstance(old, dict) and kind in (None, old.get("kind", key[-1])):
         for inner in value:
             instance(inner, ".".join(key), str, "a section whose keys are texts")
-        for inner in value:
+        for inner in sorted(value, key=lambda inner: _rank([*key, inner])):
             _override(content, [*key, inner], value[inner], where)
     else:
         node[key[-1]] = _copied(value, key, where)
+
+
+def _drop_former_robot(section: dict[str, Any], origin: str, value: Any) -> None:
+    """Take out of a robot's section what goes with the robot that another one replaces.
+
+    Args:
+        section: of the robot.
+        origin: ``model`` or ``urdf``, the key that names the new robot.
+        value: the name or file of the new robot.
+    """
+    for other in _ORIGINS[origin]:
+        section.pop(other, None)
+    if section.get(origin) != value and isinstance(section.get("initial_deg"), int | float):
+        # One number was meant for the axes of the former robot; the new one begins at home.
+        del section["initial_deg"]
 
 
 def _of_one_number(content: Any, key: list[str]) -> bool:
