@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, UnknownName, one_of
@@ -25,7 +25,7 @@ from simrob_drake.robots.motors import Drives, Gains, set_drives
 from simrob_drake.robots.urdf import DRAKE, joint_figure, joint_limits, movable_joints, name_of, root_link
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
 from simrob_drake.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
-from simrob_drake.yaml_files import read_yaml
+from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
 
 
 class Axis(Strict):
@@ -98,6 +98,7 @@ class RobotModel(Strict):
     """What it stands on."""
     gripper: Gripper | None = None
     """Its fingers; found in a URDF that stands alone."""
+    _file: Path | None = PrivateAttr(default=None)
 
     @model_validator(mode="before")
     @classmethod
@@ -124,7 +125,12 @@ class RobotModel(Strict):
     @property
     def urdf_path(self) -> Path:
         """The URDF file, or the description where that holds a table."""
-        return self.folder / (self.urdf or ROBOT_FILE)
+        return self.folder / self.urdf if self.urdf is not None else self.description_file
+
+    @property
+    def description_file(self) -> Path:
+        """The YAML file that describes the robot; it need not exist for a robot of a URDF alone."""
+        return self._file or self.folder / ROBOT_FILE
 
     @cached_property
     def element(self) -> Element:
@@ -348,6 +354,9 @@ class RobotModel(Strict):
         raise UnknownName(kind, axis, [*self.axes, *(alias for a in self.axes.values() for alias in a.aliases)])
 
 
+_DESCRIPTION_KEYS = frozenset(("dh", "urdf", "axes"))  # of robots, which no station has at its top
+
+
 def robot_names() -> list[str]:
     """Return the names of the robots that come with the package."""
     return list(robot_files())
@@ -367,7 +376,21 @@ def load_robot_file(file: Path | str) -> RobotModel:
     """Return the robot of a ``robot.yaml``, named as that or its folder; raises InvalidConfig: a wrong entry."""
     file = as_path(file, "file").resolve()
     name = file.parent.name if file.name == ROBOT_FILE and file.parent.name else file.stem
-    return validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
+    robot = validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
+    robot._file = file
+    return robot
+
+
+def is_description_file(text: str) -> bool:
+    """Whether a text is the path of a YAML file that describes a robot, not a station.
+
+    Raises:
+        InvalidConfig: the file cannot be read.
+    """
+    file = Path(text)
+    if file.suffix.lower() not in YAML_SUFFIXES or not isfile(file):
+        return False
+    return not _DESCRIPTION_KEYS.isdisjoint(read_yaml(file))
 
 
 def load_robot_from_urdf(path: Path | str) -> RobotModel:
