@@ -186,7 +186,7 @@ name: two
 dh:
   convention: classical
   rows:
-    - {d: 0.3, a: 0.3, limit_deg: [-100, 100], effort: 80, mass: 3}
+    - {d: 0.3, a: 0.3, alpha_deg: 90, limit_deg: [-100, 100], effort: 80, mass: 3}
     - {a: 0.3, limit_deg: [-170, -10], effort: 80, mass: 2}
 """
 
@@ -210,5 +210,5 @@ def test_station_takes_a_table_by_its_path_and_runs(capsys):
 
 def test_options_of_an_import_do_not_go_with_a_table(capsys):
     pathlib.Path("two_links.yaml").write_text(TABLE)
-    assert run_command(["station", "two_links.yaml", "--estimate-inertia"]) == ExitCode.REFUSED
+    assert run_command(["station", "two_links.yaml", "--out", "first.yaml", "--estimate-inertia"]) == ExitCode.BAD_INPUT
     assert "two_links.yaml describes a robot" in capsys.readouterr().err
