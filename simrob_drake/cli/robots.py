@@ -27,7 +27,8 @@ from simrob_drake.folders import written_at_once
 from simrob_drake.importer.importing import ImportedRobot, default_folder, examine_robot, import_robot, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import is_robot_file, package_root, resolved
-from simrob_drake.robots.catalog import RobotModel, is_description_file, load_robot, load_robot_file
+from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
+from simrob_drake.robots.description_files import is_description_file
 from simrob_drake.stations.draft import draft_station
 
 

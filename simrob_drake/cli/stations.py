@@ -46,7 +46,8 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import is_robot_file
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.robots.catalog import is_description_file, load_robot, load_robot_file, robot_names
+from simrob_drake.robots.catalog import load_robot, load_robot_file, robot_names
+from simrob_drake.robots.description_files import is_description_file
 from simrob_drake.simulation import Runner, simulate
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig

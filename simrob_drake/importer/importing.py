@@ -21,7 +21,7 @@ from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.files import ROBOT_FILE, opened, text_of
 from simrob_drake.folders import cache_entry, filled_at_once
 from simrob_drake.frames import Vector
-from simrob_drake.importer.hands import add_hand, of_hand
+from simrob_drake.importer.hands import add_hand, mark_jaw, of_hand
 from simrob_drake.importer.meshes.places import mesh_files
 from simrob_drake.importer.options import REPORT_FILE, ImportOptions, ImportReport, read_report
 from simrob_drake.importer.packages import MANIFEST, package_root, robot_file
@@ -59,6 +59,10 @@ _HEADER = """\
 """
 
 
+_FINGERS = (
+    "is the moving jaw of a hand, closed where it is nearest to the fixed one",
+    "are fingers, closed where they are nearest to each other",
+)
 _LONGEST = 100  # letters of a robot's name that its file keeps
 
 
@@ -114,6 +118,8 @@ def write_robot(
         options = options.model_copy(update={"base": described.base})
     if options.hand is not None:
         add_hand(robot, _repaired, work, options, report)
+    if options.gripper:
+        mark_jaw(robot, options.gripper, report)
     semantics = read_semantics(source, robot, options, report) if described is None else NOTHING
     add_filters(robot, semantics)
     base = choose_base(robot, options, report)
@@ -224,9 +230,7 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Sema
     if robot.gripper is not None:
         content["gripper"] = robot.gripper.model_dump(mode="json", exclude_none=True)
         names = ", ".join(robot.gripper.axes)
-        report.add(
-            "read", "robot.yaml", f"{names} are fingers, closed where they are nearest to each other, open at the start"
-        )
+        report.add("read", "robot.yaml", f"{names} {_FINGERS[len(robot.gripper.axes) > 1]}, open at the start")
     content |= described_by(semantics, robot, report)
     if not robot.links_without_inertia:
         gains = vars(first_gains(robot)).items()

@@ -14,34 +14,19 @@ from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.files import ROBOT_FILE, models_root, robot_files
 from simrob_drake.frames import Vector
+from simrob_drake.robots.axis import Axis, axes_by_name
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
 from simrob_drake.robots.bodies import Gripper, fingers_of, links_without_inertia, tool_links
 from simrob_drake.robots.coupled_axes import Asked, asked_by
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.followers import Follower, followers_among, with_followers
-from simrob_drake.robots.limits import AxisLimits, Flags
+from simrob_drake.robots.limits import AxisLimits, Flags, middles
 from simrob_drake.robots.motors import Drives, Gains, set_drives
 from simrob_drake.robots.urdf import DRAKE, joint_figure, joint_limits, movable_joints, name_of, root_link
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
 from simrob_drake.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
-from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
-
-
-class Axis(Strict):
-    """One axis of a robot: a joint of its URDF and the sense that counts as positive."""
-
-    joint: str
-    """The joint's name in the URDF."""
-    sign: Literal[-1, 1] = 1
-    """-1 where the axis is positive in the other sense than its joint."""
-    aliases: tuple[str, ...] = ()
-    """Other names by which users may call it."""
-
-
-def _axes_by_name(axes: Any) -> Any:
-    plain = isinstance(axes, list) and all(isinstance(name, str) for name in axes)
-    return {name: {"joint": name} for name in axes} if plain else axes
+from simrob_drake.yaml_files import read_yaml
 
 
 class RobotModel(Strict):
@@ -70,7 +55,7 @@ class RobotModel(Strict):
     """The root link of the URDF."""
     axes: Annotated[
         dict[str, Axis],
-        BeforeValidator(_axes_by_name, json_schema_input_type=dict[str, Axis] | list[str]),
+        BeforeValidator(axes_by_name, json_schema_input_type=dict[str, Axis] | list[str]),
         Field(min_length=1),
     ]
     """Its axes by name, in the order of every vector; a plain list where they are called as their joints."""
@@ -271,22 +256,12 @@ class RobotModel(Strict):
 
         An axis whose range excludes zero, and for which ``home_deg`` has no value of its own, is in the middle of it.
         """
-        midway = self._midway
+        midway = middles(self.limits, self.user_units)
         values = self.axis_vector(self.home_deg, "home_deg", midway)
         if not isinstance(self.home_deg, Mapping | Sequence):
             # One number is meant for the axes that can take it.
             values = np.where(self.excludes_zero & (values == 0.0), midway, values)
         return self.with_followers(self.user_units * values)
-
-    @property
-    def _midway(self) -> Vector:
-        """Middles of the ranges that exclude zero, 0 of other axes, shape (n,) [deg, or m of prismatic axes]."""
-        lower, upper = (limit / self.user_units for limit in self.axis_limits)
-        middles = [
-            float(f"{(low + high) / 2:.6g}") if excluded else 0.0
-            for low, high, excluded in zip(lower, upper, self.excludes_zero, strict=True)
-        ]
-        return np.array(middles)
 
     def posture(self, name: str, others: Vector) -> Vector:
         """Return a named posture, shape (n,) [rad or m], ``home`` among them; axes that it leaves out are as others.
@@ -354,9 +329,6 @@ class RobotModel(Strict):
         raise UnknownName(kind, axis, [*self.axes, *(alias for a in self.axes.values() for alias in a.aliases)])
 
 
-_DESCRIPTION_KEYS = frozenset(("dh", "urdf", "axes"))  # of robots, which no station has at its top
-
-
 def robot_names() -> list[str]:
     """Return the names of the robots that come with the package."""
     return list(robot_files())
@@ -379,18 +351,6 @@ def load_robot_file(file: Path | str) -> RobotModel:
     robot = validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
     robot._file = file
     return robot
-
-
-def is_description_file(text: str) -> bool:
-    """Whether a text is the path of a YAML file that describes a robot, not a station.
-
-    Raises:
-        InvalidConfig: the file cannot be read.
-    """
-    file = Path(text)
-    if file.suffix.lower() not in YAML_SUFFIXES or not isfile(file):
-        return False
-    return not _DESCRIPTION_KEYS.isdisjoint(read_yaml(file))
 
 
 def load_robot_from_urdf(path: Path | str) -> RobotModel:
@@ -419,23 +379,10 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
         units = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
         axes = {axis: (closed / units[axis], opened / units[axis]) for axis, (closed, opened) in hand[0].items()}
         robot = robot.model_copy(update={"gripper": Gripper(axes=axes)})
-    return robot.model_copy(update={"home_deg": _usual_home(robot) or 0.0})
-
-
-def _usual_home(robot: RobotModel) -> dict[str, float]:
-    """Return where axes are that cannot be at zero, midway, and fingers, open [deg, or m of prismatic ones]."""
-    fingers = robot.gripper.axes if robot.gripper else {}
-    home_values = (robot.home / robot.user_units).tolist()
-    midway = {
-        axis: float(f"{value:.6g}")
-        for axis, value, excluded in zip(robot.axes, home_values, robot.excludes_zero, strict=True)
-        if excluded
-    }
-    home = midway | {axis: opened for axis, (_, opened) in fingers.items() if opened}
-    if not robot.followers:
-        return home
-    positions = robot.model_copy(update={"home_deg": home or 0.0}).home / robot.user_units
-    return {axis: float(f"{value:.6g}") for axis, value in zip(robot.axes, positions, strict=True) if value}
+    opened = {} if robot.gripper is None else {axis: ends[1] for axis, ends in robot.gripper.axes.items() if ends[1]}
+    home = robot.model_copy(update={"home_deg": opened}).home / robot.user_units
+    values = {axis: float(f"{value:.6g}") for axis, value in zip(robot.axes, home.tolist(), strict=True) if value}
+    return robot.model_copy(update={"home_deg": values or 0.0})
 
 
 def described_robot(path: Path) -> RobotModel | None:

@@ -139,3 +139,21 @@ def distinct_texts(value: float, limit: float) -> tuple[str, str]:
         if texts[0] != texts[1]:
             return texts
     return f"{value:.{_MOST_DIGITS}g}", f"{limit:.{_MOST_DIGITS}g}"
+
+
+def middles(limits: AxisLimits, units: Vector) -> Vector:
+    """Middles of the ranges that exclude zero, with six digits, and 0 of other axes.
+
+    Args:
+        limits: of the n axes.
+        units: SI size of one unit of a user's numbers, by axis, shape (n,).
+
+    Returns:
+        positions in the user's units, shape (n,).
+    """
+    is_excluded = limits.excess(np.zeros(len(units))) > 0.0
+    centres = [
+        (low + high) / 2 if excluded else 0.0
+        for low, high, excluded in zip(limits.lower / units, limits.upper / units, is_excluded, strict=True)
+    ]
+    return np.array([float(f"{centre:.6g}") for centre in centres])
