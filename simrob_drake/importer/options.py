@@ -46,6 +46,8 @@ class ImportOptions(Strict):
     or in `srdf` or `config` next to its folder, unless given."""
     drop_loops: Boolean = False
     """Leave joints out that close a loop, which no tree of motored joints has, instead of refusing the robot."""
+    couple: Boolean = False
+    """Make couplings of joints that close a loop, instead of refusing the robot: its first station has them."""
 
 
 EntryKind = Literal["read", "repaired", "approximated", "defaulted", "dropped", "open", "lost", "refused"]

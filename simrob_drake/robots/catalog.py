@@ -83,6 +83,8 @@ class RobotModel(Strict):
     """What it stands on."""
     gripper: Gripper | None = None
     """Its fingers; found in a URDF that stands alone."""
+    loops: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    """Couplings that close loops of its tree, as under `couplings` of a station; a first station has them."""
     _file: Path | None = PrivateAttr(default=None)
 
     @model_validator(mode="before")

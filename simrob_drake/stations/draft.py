@@ -25,6 +25,7 @@ from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.import_findings import import_findings
 from simrob_drake.stations.load import ONLY_ROBOT
+from simrob_drake.stations.loops import LoopsOfRobot
 from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.stances import Stance, Stances
@@ -32,6 +33,7 @@ from simrob_drake.stations.steps import apply_solver, step_findings
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 _MOVE = 1.5  # s
+_LOOP_MOVE = np.deg2rad(10.0), 0.01  # way of each motor of a robot with loops in its first station [rad, m]
 _TRIALS = 4  # stances that are tried
 _FALLEN = 0.6  # part of its height below which a robot has fallen
 _FALLS = 40.0  # deg
@@ -94,7 +96,22 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
         content["couplings"] = _couplings(robot)
         remarks.append(_COUPLED.format(followers=", ".join(robot.followers)))
     remarks += _losses(robot, content, file)
+    if robot.loops and not kinematic and robot.base == "fixed":
+        remarks += _looped(robot, content)
+        return _written(robot, file, options, kinematic, remarks, content)
     remarks += _held(robot, content) if kinematic or robot.base == "fixed" else _on_feet(robot, content)
+    return _written(robot, file, options, kinematic, remarks, content)
+
+
+def _written(
+    robot: RobotModel,
+    file: Path,
+    options: ImportOptions | None,
+    kinematic: bool,
+    remarks: list[str],
+    content: dict[str, Any],
+) -> str:
+    """The text of a first station: a header, remarks as comments, and the content."""
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     return _header(robot, file, options, kinematic) + "".join(f"# {remark}\n" for remark in remarks) + text
 
@@ -148,6 +165,33 @@ def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         content["servo"]["realization"] = "implicit"
         remarks.append(_CREEPS)
     return remarks
+
+
+def _looped(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Have loops closed by couplings, and let motors move no more axes than the loops leave free.
+
+    Raises:
+        InvalidParameter: no posture closes the loops.
+    """
+    loops = LoopsOfRobot(robot)
+    posture = loops.closed_posture()
+    passive = loops.passive_axes(posture)
+    axes = list(robot.axes)
+    content.setdefault("couplings", {}).update(robot.loops)
+    content["servo"] = _servo(robot, "implicit")
+    for gain in ("kp", "kd"):
+        values = np.array(robot.axis_vector(content["servo"][gain], gain))
+        values[passive] = 0.0
+        content["servo"][gain] = _by_axis(robot, values)
+    content["solver"] = _DISCRETE
+    _begin(robot, content, posture)
+    target = np.clip(posture + np.where(robot.prismatic, _LOOP_MOVE[1], _LOOP_MOVE[0]), *robot.axis_limits)
+    named = _named(robot, _in_user_units(robot, target))
+    goal = {axis: value for place, (axis, value) in enumerate(named.items()) if place not in passive}
+    content["reference"] = {"kind": "move", "target_deg": goal, "duration": _MOVE}
+    content["duration"] = 3.0
+    moved = ", ".join(axes[place] for place in passive)
+    return [f"Loops are closed by couplings: {', '.join(robot.loops)}.", f"These axes have no motor: {moved}."]
 
 
 def _grips(robot: RobotModel, content: dict[str, Any]) -> list[str]:
