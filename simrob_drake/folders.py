@@ -44,6 +44,11 @@ def cache_entry(kind: str, *, made_of: Iterable[bytes], made_by: Iterable[Path])
     return entry
 
 
+def is_cached(file: Path) -> bool:
+    """Whether a file lies in the cache, where users do not edit."""
+    return file.resolve().is_relative_to(cache_root().resolve())
+
+
 def _delete_forgotten(cache: Path) -> None:
     for entry in cache.glob("*"):
         with suppress(OSError):  # another process was quicker

@@ -1,6 +1,7 @@
 """The commands about robots, from the outside: import, view, station, and check of a file."""
 
 import json
+import pathlib
 import re
 import shlex
 import signal
@@ -178,3 +179,36 @@ def test_options_of_simulink_models_are_refused_with_a_urdf(raw, options, named,
 def test_check_refuses_them_as_well(raw, capsys):
     assert run_command(["check", str(raw), "--assume"]) == ExitCode.BAD_INPUT
     assert "--assume" in capsys.readouterr().err
+
+
+TABLE = """
+name: two
+dh:
+  convention: classical
+  rows:
+    - {d: 0.3, a: 0.3, alpha_deg: 90, limit_deg: [-100, 100], effort: 80, mass: 3}
+    - {a: 0.3, limit_deg: [-170, -10], effort: 80, mass: 2}
+"""
+
+
+def test_check_takes_a_table_by_its_path(capsys):
+    (path := pathlib.Path("two_links.yaml")).write_text(TABLE)
+    assert run_command(["check", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert "two: 2 axes" in out
+    assert "payload at tool0" in out
+
+
+def test_station_takes_a_table_by_its_path_and_runs(capsys):
+    (path := pathlib.Path("two_links.yaml")).write_text(TABLE)
+    assert run_command(["station", str(path), "--out", "first.yaml"]) == 0
+    written = yaml.safe_load(pathlib.Path("first.yaml").read_text())
+    assert written["robot"]["model"] == "two_links.yaml"
+    assert run_command(["check", "first.yaml"]) == 0
+    assert "within the joints' limits" in capsys.readouterr().out
+
+
+def test_options_of_an_import_do_not_go_with_a_table(capsys):
+    pathlib.Path("two_links.yaml").write_text(TABLE)
+    assert run_command(["station", "two_links.yaml", "--out", "first.yaml", "--estimate-inertia"]) == ExitCode.BAD_INPUT
+    assert "two_links.yaml describes a robot" in capsys.readouterr().err

@@ -27,7 +27,8 @@ from simrob_drake.folders import written_at_once
 from simrob_drake.importer.importing import ImportedRobot, default_folder, examine_robot, import_robot, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import is_robot_file, package_root, resolved
-from simrob_drake.robots.catalog import RobotModel, load_robot
+from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
+from simrob_drake.robots.description_files import is_description_file
 from simrob_drake.stations.draft import draft_station
 
 
@@ -110,8 +111,8 @@ def view(
         with errors.status(Text(f"reading {robot}")):
             window = RobotView(robot_from_file(Path(robot), options))
     else:
-        refuse_import("left out with a robot of the package: it is no import", options)
-        window = RobotView(load_robot(robot))
+        refuse_import("left out with a robot of the package or a description: it is no import", options)
+        window = RobotView(load_robot_file(robot) if is_description_file(robot) else load_robot(robot))
     say(f"{robot} is shown at {window.url}")
     console.print("collision geometry: Scene, collision in the page's menu; end with Stop there, or Ctrl+C here")
     try:

@@ -46,7 +46,8 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import is_robot_file
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.robots.catalog import load_robot, robot_names
+from simrob_drake.robots.catalog import load_robot, load_robot_file, robot_names
+from simrob_drake.robots.description_files import is_description_file
 from simrob_drake.simulation import Runner, simulate
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
@@ -154,6 +155,11 @@ def check(
     if is_robot_file(station):
         refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
         examine_file(Path(station), options)
+        return
+    if is_description_file(station):
+        refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
+        refuse_import("left out with a robot's description: it is no import", options)
+        show_robot(load_robot_file(station))
         return
     if station in robot_names():
         refuse("left out with a robot: it changes stations", set=set_, allow_code=allow_code)

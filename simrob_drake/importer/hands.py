@@ -5,12 +5,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from simrob_drake.errors import one_of
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.names import FreeNames
-from simrob_drake.robots.bodies import tool_links
-from simrob_drake.robots.urdf import add_joint, name_of, root_link
+from simrob_drake.robots.bodies import JAW, tool_links
+from simrob_drake.robots.urdf import add_joint, joint_limits, movable_joints, name_of, root_link
 
 HAND = "hand"  # the folder of its meshes, and what stands before names that the arm has, too
 _NAMED = ("link", "joint", "frame", "material", "transmission")
@@ -22,7 +24,9 @@ Read = Callable[[Path, Path, ImportOptions, ImportReport], ET.Element]
 
 def of_hand(options: ImportOptions) -> ImportOptions:
     """Return the choices of an import that are those of the hand, too: not arguments of a xacro, nor which model."""
-    return options.model_copy(update={"hand": None, "hand_link": "", "xacro_arg": (), "model": "", "srdf": None})
+    return options.model_copy(
+        update={"hand": None, "hand_link": "", "xacro_arg": (), "model": "", "srdf": None, "gripper": ""}
+    )
 
 
 def add_hand(robot: ET.Element, read: Read, work: Path, options: ImportOptions, report: ImportReport) -> None:
@@ -52,3 +56,20 @@ def add_hand(robot: ET.Element, read: Read, work: Path, options: ImportOptions, 
     pose = transform_from_pose(options.hand_pose)
     add_joint(robot, f"{root}_mount", parent=where, child=root, pose=pose)
     report.add("read", f"link '{root}'", f"of {options.hand.name}, put on '{where}'")
+
+
+def mark_jaw(robot: ET.Element, joint: str, report: ImportReport) -> None:
+    """Mark the joint that the user calls the moving jaw of the hand.
+
+    Raises:
+        UnknownName: no such joint moves.
+        InvalidModel: the joint has no range.
+    """
+    one_of("joint for gripper", joint, movable_joints(robot))
+    element = next(one for one in robot.iterfind("joint") if name_of(one) == joint)
+    if not np.isfinite(joint_limits(element)).all():
+        raise report.refusal(f"joint '{joint}'", "has no limits, so that no end of its range is that of a closed jaw")
+    for other in robot.iterfind("joint"):
+        for mark in other.findall(JAW):
+            other.remove(mark)
+    ET.SubElement(element, JAW)

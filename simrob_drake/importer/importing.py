@@ -6,7 +6,7 @@ import math
 import re
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from os.path import isfile
 from pathlib import Path
@@ -21,7 +21,8 @@ from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.files import ROBOT_FILE, opened, text_of
 from simrob_drake.folders import cache_entry, filled_at_once
 from simrob_drake.frames import Vector
-from simrob_drake.importer.hands import add_hand, of_hand
+from simrob_drake.importer.hands import add_hand, mark_jaw, of_hand
+from simrob_drake.importer.loops import take_closings
 from simrob_drake.importer.meshes.places import mesh_files
 from simrob_drake.importer.options import REPORT_FILE, ImportOptions, ImportReport, read_report
 from simrob_drake.importer.packages import MANIFEST, package_root, robot_file
@@ -59,6 +60,10 @@ _HEADER = """\
 """
 
 
+_FINGERS = (
+    "is the moving jaw of a hand, closed where it is nearest to the fixed one",
+    "are fingers, closed where they are nearest to each other",
+)
 _LONGEST = 100  # letters of a robot's name that its file keeps
 
 
@@ -114,10 +119,13 @@ def write_robot(
         options = options.model_copy(update={"base": described.base})
     if options.hand is not None:
         add_hand(robot, _repaired, work, options, report)
+    if options.gripper:
+        mark_jaw(robot, options.gripper, report)
     semantics = read_semantics(source, robot, options, report) if described is None else NOTHING
     add_filters(robot, semantics)
     base = choose_base(robot, options, report)
     notes = take_notes(robot)
+    loops = {closing.name: closing.entry for closing in take_closings(robot)}
     check_urdf(robot, source)
     file = work / (source.name if described is not None else f"{_plain(robot.get('name') or source.stem)}.urdf")
     _write(robot, file)
@@ -125,7 +133,9 @@ def write_robot(
         probe(file, report)
     if described is None:
         _add_grasp(robot, file, report)
-    (work / ROBOT_FILE).write_text(_description(described, file, base, notes, semantics, report), encoding="utf-8")
+    (work / ROBOT_FILE).write_text(
+        _description(described, file, base, notes, semantics, loops, report), encoding="utf-8"
+    )
     (work / REPORT_FILE).write_text(json.dumps(report.as_json(), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     try:
         return load_robot_from_urdf(file)
@@ -185,10 +195,18 @@ def _check_apart(source: Path, folder: Path) -> None:
 
 
 def _description(
-    described: RobotModel | None, file: Path, base: Base, notes: Notes, semantics: Semantics, report: ImportReport
+    described: RobotModel | None,
+    file: Path,
+    base: Base,
+    notes: Notes,
+    semantics: Semantics,
+    loops: Mapping[str, Mapping[str, Any]],
+    report: ImportReport,
 ) -> str:
+    """Text of the robot.yaml of an imported robot: its own if it has one, else a draft with the loops found."""
     if described is None:
-        return draft(load_robot_from_urdf(file).model_copy(update={"base": base}), notes, report, semantics)
+        robot = load_robot_from_urdf(file).model_copy(update={"base": base, "loops": loops})
+        return draft(robot, notes, report, semantics)
     if described.base == base:
         return text_of(described.folder / ROBOT_FILE)
     report.add("repaired", ROBOT_FILE, f"base: {base} instead of {described.base}, as asked")
@@ -224,9 +242,9 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Sema
     if robot.gripper is not None:
         content["gripper"] = robot.gripper.model_dump(mode="json", exclude_none=True)
         names = ", ".join(robot.gripper.axes)
-        report.add(
-            "read", "robot.yaml", f"{names} are fingers, closed where they are nearest to each other, open at the start"
-        )
+        report.add("read", "robot.yaml", f"{names} {_FINGERS[len(robot.gripper.axes) > 1]}, open at the start")
+    if robot.loops:
+        content["loops"] = {name: dict(entry) for name, entry in robot.loops.items()}
     content |= described_by(semantics, robot, report)
     if not robot.links_without_inertia:
         gains = vars(first_gains(robot)).items()

@@ -39,11 +39,15 @@ class ImportOptions(Strict):
     """Link of the arm that carries the hand; its first tool unless given."""
     hand_pose: Pose = ORIGIN
     """Pose of the hand's root there, [x y z Rz Ry Rx]."""
+    gripper: str = ""
+    """Joint that moves the only moving jaw of the hand; found by its name unless given."""
     srdf: Path | None = None
     """An SRDF of the robot: named postures, home, hands, links that do not mind each other; that of its name beside it,
     or in `srdf` or `config` next to its folder, unless given."""
     drop_loops: Boolean = False
     """Leave joints out that close a loop, which no tree of motored joints has, instead of refusing the robot."""
+    couple: Boolean = False
+    """Make couplings of joints that close a loop, instead of refusing the robot: its first station has them."""
 
 
 EntryKind = Literal["read", "repaired", "approximated", "defaulted", "dropped", "open", "lost", "refused"]

@@ -21,7 +21,7 @@ from simrob_drake.kinematics.closed_form import (
 )
 from simrob_drake.kinematics.constrained import ConstrainedSolver
 from simrob_drake.kinematics.incremental import IncrementalSolver
-from simrob_drake.kinematics.numeric import Flags, NumericSolver, fit_postures
+from simrob_drake.kinematics.numeric import Flags, NumericSolver, fit_postures, settle_at_limits
 from simrob_drake.kinematics.solver import (
     POSITION_TOLERANCE,
     ROTATION_TOLERANCE,
@@ -35,6 +35,7 @@ _ROUNDING = 1e-9  # m or rad
 _EXACT = 1e-10  # m or rad: errors above it come from figures that are rounded, and are polished away
 _POLISHING = 10  # steps at most
 _FAR = 1e6  # ranks every posture that serves before all that do not
+_ROUNDED = 1.0  # rad²: a posture within the limits is preferred to one a little beyond them if it is not much further
 
 
 class AnalyticSolver(Solver):
@@ -97,7 +98,11 @@ class AnalyticSolver(Solver):
         matrices = pose_matrices(targets)
         starts = np.broadcast_to(self.chain.postures(start, "start"), (len(matrices), self.chain.size))
         form, postures, beyond = self._branches(matrices, starts, np.arange(BRANCHES))
-        return postures, (form.short <= _ROUNDING) & (beyond.max(axis=-1) == 0.0)
+        return postures, (form.short <= _ROUNDING) & self._fits(beyond)
+
+    def _fits(self, beyond: Vector) -> Flags:
+        """Whether postures (..., n) lie no further beyond limits than the tolerance for rounding, shape (...)."""
+        return np.asarray((beyond <= self.chain.limits.tolerances).all(axis=-1))
 
     def _branches(self, targets: Vector, starts: Vector, allowed: Indices) -> tuple[ClosedForm, Vector, Vector]:
         """Return the closed form, the wanted postures (k, b, 6) in axis order, and how far each is beyond a limit."""
@@ -135,15 +140,22 @@ class AnalyticSolver(Solver):
         return self._checked(targets, postures[rows, choices], short, beyond[rows, choices])
 
     def _penalty(self, form: ClosedForm, beyond: Vector) -> Vector:
-        """Return what ranks postures that do not serve behind those that do, by how much they miss, shape (k, b)."""
-        miss = form.short[:, self._allowed] + beyond.max(axis=-1)
-        return np.where(miss > _ROUNDING, _FAR * (1.0 + miss), 0.0)
+        """Penalties (k, b) that rank postures behind those that reach their target within the limits.
+
+        Postures that miss the target or a limit rank last, by how much they miss. Those that pass a limit by the
+        tolerance for rounding come before them.
+        """
+        short = form.short[:, self._allowed]
+        miss = short + beyond.max(axis=-1)
+        is_rounded = self._fits(beyond) & (short <= _ROUNDING)
+        penalty = np.where(is_rounded, _ROUNDED, _FAR * (1.0 + miss))
+        return np.where(miss > _ROUNDING, penalty, 0.0)
 
     def _checked(self, targets: Vector, chosen: Vector, short: Vector, beyond: Vector) -> Solutions:
         """Return the chosen postures with their errors, polished where the arm's figures are rounded."""
         positions = np.clip(chosen, self.chain.lower, self.chain.upper)
         errors = pose_errors(targets, self.chain.forward(positions))
-        rough = (np.abs(errors).max(axis=1) > _EXACT) & (short <= _ROUNDING) & (beyond.max(axis=1) == 0.0)
+        rough = (np.abs(errors).max(axis=1) > _EXACT) & (short <= _ROUNDING) & self._fits(beyond)
         if rough.any():
             fit = fit_postures(
                 self.chain,
@@ -154,7 +166,15 @@ class AnalyticSolver(Solver):
                 iterations=_POLISHING,
             )
             positions[rough], errors[rough] = fit.postures, fit.errors
-        reached = within(errors, np.ones(6), np.array([POSITION_TOLERANCE, ROTATION_TOLERANCE]))
+        tolerance = np.array([POSITION_TOLERANCE, ROTATION_TOLERANCE])
+        reached = within(errors, np.ones(6), tolerance)
+        rows = np.flatnonzero(~reached & (short <= _ROUNDING) & self._fits(beyond))
+        if rows.size:
+            settled, left = positions[rows], errors[rows]
+            reached[rows] = settle_at_limits(
+                self.chain, targets[rows], settled, left, weights=np.ones(6), tolerance=tolerance
+            )
+            positions[rows], errors[rows] = settled, left
         none = np.zeros(len(targets), dtype=np.int64)
         return Solutions.found(positions, errors, reached, none, lambda row: self._reason(short[row], beyond[row]))
 
@@ -162,7 +182,7 @@ class AnalyticSolver(Solver):
         postures = "all postures" + (" with these flags" if len(self._allowed) < BRANCHES else "")
         if short > _ROUNDING:
             return f"out of reach: the wrist centre lies {short:.3g} m beyond what the arm reaches"
-        if beyond.any():
+        if not self._fits(beyond):
             axis = int(np.argmax(beyond))
             more = f"{angle(beyond[axis])} or more beyond its limit"
             return f"joint limit: {postures} need {self.chain.names[axis]} {more}"

@@ -16,6 +16,7 @@ from simrob_drake.errors import InvalidParameter, SimrobError, one_of
 from simrob_drake.frames import Targets, Vector, numbers, one_pose
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.limits import AxisLimits
 from simrob_drake.robots.parse import held_robot
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]
@@ -139,6 +140,11 @@ class Chain(Screws):
 
     def __repr__(self) -> str:
         return f"<Chain of {len(self.names)} axes: {', '.join(self.names)}>"
+
+    @cached_property
+    def limits(self) -> AxisLimits:
+        """The ranges of the axes, for checks of positions."""
+        return AxisLimits(names=self.names, lower=self.lower, upper=self.upper, revolute=self.revolute)
 
     @classmethod
     def of_robot(cls, model: RobotModel, tool: str | None = None) -> "Chain":

@@ -74,7 +74,8 @@ def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -
         seeds[0], seeds[:, still] = start, start[still]
         found, good = _led(chain, targets, seeds.reshape(len(targets), each, -1))
     rows, beyond = nearest_turns(chain, found[good], np.broadcast_to(start, found[good].shape))
-    return _merged(chain, rows[~beyond.any(axis=-1)])[0]
+    within_limits = (beyond <= chain.limits.tolerances).all(axis=-1)
+    return _merged(chain, np.clip(rows[within_limits], chain.lower, chain.upper))[0]
 
 
 def _freed(chain: Chain, start: Vector, held: Mapping[str, float]) -> tuple[Chain, Indices]:

@@ -5,7 +5,7 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter, angle
 from simrob_drake.frames import Vector, pose_errors, within
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.numeric import Flags
+from simrob_drake.kinematics.numeric import Flags, settle_at_limits
 from simrob_drake.kinematics.solver import Solutions, Solver, check_search, why_unreached
 
 _NEAR_SINGULAR = 0.02  # smallest singular value [m, rad] below which damping begins
@@ -82,13 +82,23 @@ class IncrementalSolver(Solver):
             positions[rows] = np.clip(moved, self.chain.lower, self.chain.upper)
             steps[rows] += 1
         errors = pose_errors(targets, self.chain.forward(positions))
+        rows = np.flatnonzero(~self._within(errors) & turned)
+        accepted = np.zeros(len(targets), dtype=bool)
+        at_limit = (positions <= self.chain.lower) | (positions >= self.chain.upper)
+        rows = rows[at_limit[rows].any(axis=1)]
+        if rows.size:
+            postures, left = positions[rows], errors[rows]
+            accepted[rows] = settle_at_limits(
+                self.chain, targets[rows], postures, left, weights=np.ones(6), tolerance=self._tolerance
+            )
+            positions[rows], errors[rows] = postures, left
         if self._limit == 0:
             errors[:, 3:] = 0.0
 
         def why(row: int) -> str:
             return self._reason(targets[row], positions[row], errors[row], bool(turned[row]))
 
-        return Solutions.found(positions, errors, self._within(errors), steps, why)
+        return Solutions.found(positions, errors, self._within(errors) | accepted, steps, why)
 
     def _within(self, errors: Vector) -> Flags:
         return within(errors, np.ones(6), self._tolerance)

@@ -4,7 +4,7 @@
 take 1.6 times as long, and they cannot take targets, or starts for one target, side by side.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -172,6 +172,55 @@ def _linearised(chain: Chain, postures: Vector, targets: Vector, base: Vector) -
     return errors, jacobians
 
 
+_SETTLING = 30  # steps at most from a posture at a limit to the target a little beyond it
+
+
+def fit_beyond_limits(chain: Chain, targets: Vector, starts: Vector, *, weights: Vector, tolerance: Vector) -> Fit:
+    """Search postures that reach targets if limits may be passed by the tolerance for rounding.
+
+    Published limits such as pi - 1e-5 rad would else cost the poses at half a turn.
+
+    Args:
+        chain: whose limits are widened by the tolerance.
+        targets: shape (k, 4, 4).
+        starts: best postures within the limits, shape (k, n).
+        weights: of the errors, shape (6,).
+        tolerance: errors at which a target counts as reached, shape (2,) [m, rad].
+
+    Returns:
+        the fit; its postures are up to the tolerance beyond the limits, and its errors are those of these postures.
+    """
+    slack = chain.limits.tolerances
+    widened = replace(chain, lower=chain.lower - slack, upper=chain.upper + slack)
+    return fit_postures(widened, targets, starts, weights=weights, tolerance=tolerance, iterations=_SETTLING)
+
+
+def settle_at_limits(
+    chain: Chain, targets: Vector, postures: Vector, errors: Vector, *, weights: Vector, tolerance: Vector
+) -> Flags:
+    """Accept postures at limits for targets that are reached a little beyond them, within the tolerance for rounding.
+
+    The postures stay within the limits, so they miss such a target by what the clamped part of an axis moves the tool.
+
+    Args:
+        chain: whose limits count.
+        targets: that no posture within the limits was found for, shape (k, 4, 4).
+        postures: the best postures, shape (k, n); those that are accepted are replaced.
+        errors: of the postures, shape (k, 6); replaced likewise.
+        weights: of the errors, shape (6,).
+        tolerance: errors at which a target counts as reached, shape (2,) [m, rad].
+
+    Returns:
+        which targets are accepted, shape (k,).
+    """
+    fit = fit_beyond_limits(chain, targets, postures, weights=weights, tolerance=tolerance)
+    accepted = within(fit.errors, weights, tolerance)
+    if accepted.any():
+        postures[accepted] = chain.limits.clamp(fit.postures[accepted], "inverse kinematics")
+        errors[accepted] = pose_errors(targets[accepted], chain.forward(postures[accepted]))
+    return np.asarray(accepted)
+
+
 _AT_ONCE = 8  # postures that one round of restarts tries side by side
 _FAR = 1e6  # ranks every posture that reaches the target before all that do not
 _ROOM = 0.05  # rad or m
@@ -228,19 +277,38 @@ class NumericSolver(Solver):
         if spare and missing.size:
             fit.replace(missing, self._fit(targets[missing], starts[missing], flat=COARSE))
             missing = np.flatnonzero(~self._within(fit))
+        settled = self._settled(fit, missing, targets)
+        missing = np.flatnonzero(~(self._within(fit) | settled))
         for first in range(0, len(self._seeds), _AT_ONCE):
             if not missing.size:
                 break
             self._restart(fit, missing, self._seeds[first : first + _AT_ONCE], targets, starts)
-            missing = np.flatnonzero(~self._within(fit))
+            missing = np.flatnonzero(~(self._within(fit) | settled))
         if missing.size:  # the best compromise
             fit.replace(missing, self._fit(targets[missing], fit.postures[missing], flat=FINE))
+            settled |= self._settled(fit, missing, targets)
         errors = np.where(self._weights > 0, fit.errors, 0.0)
 
         def why(row: int) -> str:
             return why_unreached(self.chain, targets[row], fit.postures[row], errors[row], self._weights)
 
-        return Solutions.found(fit.postures, errors, self._within(fit), fit.iterations, why)
+        return Solutions.found(fit.postures, errors, self._within(fit) | settled, fit.iterations, why)
+
+    def _settled(self, fit: Fit, missing: Indices, targets: Vector) -> Flags:
+        """Accept postures of missing rows that reach their target but for rounding of limits; flags (k,) of all rows.
+
+        Only rows with an axis at a limit are looked at.
+        """
+        settled = np.zeros(len(targets), dtype=bool)
+        at_limit = (fit.postures <= self.chain.lower) | (fit.postures >= self.chain.upper)
+        rows = missing[at_limit[missing].any(axis=1)]
+        if rows.size:
+            postures, errors = fit.postures[rows], fit.errors[rows]
+            settled[rows] = settle_at_limits(
+                self.chain, targets[rows], postures, errors, weights=self._weights, tolerance=self._tolerance
+            )
+            fit.postures[rows], fit.errors[rows] = postures, errors
+        return settled
 
     def _fit(self, targets: Vector, starts: Vector, *, flat: float, rivals: int = 1, room: float = 0.0) -> Fit:
         return fit_postures(

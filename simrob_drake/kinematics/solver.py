@@ -203,6 +203,11 @@ def nearest_turns(chain: Chain, positions: Vector, reference: Vector) -> tuple[V
     swap = other_beyond < beyond
     best = np.where(swap, other, best)
     beyond = np.where(swap, other_beyond, beyond)
+    # Of two turns a little beyond opposite limits, as half a turn is for limits of pi - 1e-5 rad, the nearer one.
+    near_beyond = _beyond(chain, near)
+    is_rounded = (beyond > 0.0) & (near_beyond <= chain.limits.tolerances)
+    best = np.where(is_rounded, near, best)
+    beyond = np.where(is_rounded, near_beyond, beyond)
     return np.where(beyond > 0.0, best, np.clip(best, chain.lower, chain.upper)), beyond
 
 

@@ -124,11 +124,11 @@ def _postures(ports: StationPorts, at: Posture | None) -> dict[str, Vector]:
         at = {named(None, list(robots), key="at"): at}
     for name, posture in at.items():
         robot, found = robots[one_of("robot", name, robots)], finite(posture)
-        lower, upper = robot.model.axis_limits
-        if found.shape != lower.shape or not ((lower <= found) & (found <= upper)).all():
-            expected = f"{len(lower)} finite numbers within the joint limits, one an axis of {name}"
+        limits = robot.model.limits
+        if found.shape != limits.lower.shape or not limits.are_within(found):
+            expected = f"{len(robot.axes)} finite numbers within the joint limits, one an axis of {name}"
             raise InvalidParameter("at", quoted(posture), expected)
-        postures[name] = found
+        postures[name] = limits.clamp(found, f"the operating point of {name}")
     return postures
 
 

@@ -43,6 +43,7 @@ class Branch:
         """Return what a posture (n,) means that takes so much torque (n,), of a limit (n,)."""
         loads = np.abs(torque) / limit
         rooms = np.minimum(posture - chain.lower, chain.upper - posture)
+        rooms = np.where(chain.limits.excess(posture) > 0.0, rooms, np.maximum(rooms, 0.0))
         most, least = int(np.argmax(loads)), int(np.argmin(rooms))
         load, room = (float(loads[most]), chain.names[most]), (float(rooms[least]), chain.names[least])
         return cls(posture, torque, load, room, collision, gap)

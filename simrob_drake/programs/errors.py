@@ -52,6 +52,22 @@ class AccelerationLimitExceeded(_TooFast):
     _word = "be sped up by"
 
 
+class TorqueLimitExceeded(SimrobError):
+    """A move on which a motor could not even hold its joint still.
+
+    Attributes:
+        axis: the joint.
+        point: point of the move, counted from 1.
+        time: when on the move [s].
+        torque: that holds the joint there [N·m or N].
+    """
+
+    def __init__(self, where: str, axis: str, *, point: int, time: float, torque: float, shown: str) -> None:
+        """Say at which point which axis needs too much; ``shown`` has the torque, the limit and the remedy."""
+        super().__init__(f"{where}: {axis} would need {shown}")
+        self.axis, self.point, self.time, self.torque = axis, point, time, torque
+
+
 class BrokenPath(SimrobError):
     """A path whose points can be reached, but not one after the other: the arm would have to jump between postures.
 

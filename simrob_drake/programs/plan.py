@@ -115,7 +115,6 @@ Naming = Callable[[float], tuple[int, str]]  # from a time [s] of a move to the 
 Remedy = Callable[[float, float], str]
 """From how many times slower a move can be done, and in what time [s], to what its user may do about it."""
 _ROUNDING = 1e-9  # rad or m
-_HIDDEN = (1e-4, np.deg2rad(0.05))  # m and rad: what is nearer to a limit is shown as that
 _MARGIN = 1.02  # of what messages propose
 
 
@@ -124,19 +123,14 @@ def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming, h
 
     Raises JointLimitExceeded: names the first offending point, and ends with ``hint``.
     """
-    beyond = np.maximum(chain.lower - postures, postures - chain.upper) > _ROUNDING
-    if not beyond.any():
+    violation = chain.limits.find_violation(postures)
+    if violation is None:
         return
-    row = int(np.argmax(beyond.any(axis=1)))
-    axis = int(np.argmax(beyond[row]))
-    number, name = named(float(times[row]))
-    value, revolute = float(postures[row, axis]), bool(chain.revolute[axis])
-    lower, upper = float(chain.lower[axis]), float(chain.upper[axis])
-    limits = f"beyond its limits of {shown(lower, revolute)} to {shown(upper, revolute)}"
-    over = max(lower - value, value - upper)
-    more = f" and {np.rad2deg(over) if revolute else over:.2g} more" if over < _HIDDEN[revolute] else ""
-    text = f"{shown(value, revolute)}{more}, {limits}{hint}"
-    raise JointLimitExceeded(name, chain.names[axis], point=number, time=float(times[row]), value=value, shown=text)
+    time = float(times[violation.row])
+    number, name = named(time)
+    value = float(postures[violation.row, violation.axis])
+    text = f"{violation.value} {violation.unit}, beyond its limits of {violation.limits}{hint}"
+    raise JointLimitExceeded(name, chain.names[violation.axis], point=number, time=time, value=value, shown=text)
 
 
 def rate_ratio(trajectory: Trajectory, times: Vector, limits: Vector, order: int) -> float:

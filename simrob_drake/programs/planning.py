@@ -31,7 +31,8 @@ from simrob_drake.programs.free_path import FreeSpace
 from simrob_drake.programs.plan import CHECKED, Check, Plan, check_limits, check_rates, check_tool_speed, target_name
 from simrob_drake.programs.segments import Segment, Way, pose_segment, through_zones, zone_size
 from simrob_drake.programs.time_optimal import Motors
-from simrob_drake.programs.timing import How, Limits, remedy, through_all, timed
+from simrob_drake.programs.timing import How, Limits, is_free, remedy, through_all, timed
+from simrob_drake.programs.torques import check_torques, slowed_for_motors
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import FARTHEST, MOST_TURN
 
@@ -205,6 +206,8 @@ class Planning:
         else:
             plan = timed(self.robot, segments, how, points, self.rate_limits, lambda: self.motors([self.robot]))
         ends = np.array([segment.end for segment in segments]) if rows is None else rows
+        if is_free(how) and how.get("check", CHECKED) != "nothing":
+            plan = slowed_for_motors(self.motors([self.robot]), plan)
         plan = self.looked_at(plan, how, ends, hint)
         if plan.check == "collision":
             self.collide(plan)
@@ -224,6 +227,7 @@ class Planning:
                 check_rates(self.chain, plan.trajectory, looks, limits, order, plan.named, partial(remedy, how, order))
             if self.model.tcp_speed is not None:
                 check_tool_speed(self.chain, plan, self.model.tcp_speed, partial(remedy, how, 1))
+            check_torques(self.motors([self.robot]), self.robot, plan, partial(remedy, how, 2))
         return replace(plan, check=check)
 
 
@@ -257,7 +261,7 @@ def points_of(how: How, default: int) -> int:
 def degrees_hint(chain: Chain, rows: npt.NDArray[np.float64]) -> str:
     """Return what to ask of postures (k, n) that would do if they were in degrees; empty if they would not."""
     turned = np.where(chain.revolute, np.deg2rad(rows), rows)
-    fit = ((turned >= chain.lower) & (turned <= chain.upper)).all()
+    fit = chain.limits.are_within(turned)
     whole_turns = (np.abs(rows) > 2 * np.pi) & chain.revolute
     return (
         "; angles are in radians: were these degrees? np.deg2rad(...) turns them" if fit and whole_turns.any() else ""

@@ -122,6 +122,11 @@ def profile_of(how: How) -> Profile:
     return profile
 
 
+def is_free(how: How) -> bool:
+    """Whether the time of a move is left to the planner."""
+    return not {"duration", "times", "speed"} & {*how} and profile_of(how) not in _LEAST
+
+
 def speed_of(how: How) -> float:
     """Return the speed of a move that has one [m/s]; raises InvalidParameter: none that a tool can have."""
     speed = positive(how["speed"], "speed", "m/s")

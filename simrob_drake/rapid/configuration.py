@@ -77,9 +77,9 @@ def postures_like(chain: Chain, pose: Vector, start: Vector, desired: Sequence[f
         middles, axes = (np.array(quadrants) + 0.5) * np.pi / 2, list(_QUADRANTS)
         turned[axes] += 2 * np.pi * np.round((middles - turned[axes]) / (2 * np.pi))
         away = np.abs(turned[axes] - middles).max() / (np.pi / 2)
-        allowed = ((turned >= chain.lower - 1e-9) & (turned <= chain.upper + 1e-9)).all()
+        allowed = chain.limits.are_within(turned)
         if away <= _COMPLIANT + _BORDER and allowed and _sides(chain, turned) == cfx:
-            fit.append((away, *turned))
-        elif ((posture >= chain.lower) & (posture <= chain.upper)).all():
+            fit.append((away, *np.clip(turned, chain.lower, chain.upper)))
+        elif chain.limits.are_within(posture):
             others.append(str(list(configuration(chain, posture))))
     return np.reshape(sorted(fit), (-1, 1 + _SIX))[:, 1:], others

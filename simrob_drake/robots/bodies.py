@@ -5,8 +5,9 @@ its bodies, and published robots have dozens of fixed links that only name a fra
 centres of mass and inertias add up by the parallel axis theorem, shapes keep their places, and each merged link stays
 on as a frame of its name. What is joined to the last body of a chain tells where that carries its tool.
 
-Fingers are joints that follow one other (``mimic``), or at least two that slide at the end of one link. They are closed
-at that end of their way at which their links' centres of mass are nearer to each other.
+Fingers are joints that follow one other (``mimic``), or at least two that slide at the end of one link, or the only
+moving jaw of a hand, by its name. They are closed at that end of their way at which their links' centres of mass are
+nearer to each other, or to that of the link with the fixed jaw.
 """
 
 import re
@@ -171,6 +172,12 @@ FOLLOWS = "follows"
 """Element in which an import writes a ``mimic``, since Drake's parser would heed that under discrete solvers only."""
 
 
+JAW = "jaw"
+"""Element in which an import marks the joint that its user calls the moving jaw of a hand."""
+_JAWS = re.compile(r"jaw|finger|claw|grip", re.IGNORECASE)
+_TURNS = re.compile(r"roll|pitch|yaw|rot|twist|wrist", re.IGNORECASE)  # joints that turn a whole hand
+
+
 class Gripper(Strict):
     """Fingers, which move together."""
 
@@ -196,6 +203,9 @@ class _Fingers(NamedTuple):
 def fingers_of(root: ET.Element) -> tuple[dict[str, tuple[float, float]], str] | None:
     """Return a URDF's finger joints, closed and open [rad or m], and the link that holds them; None if undecided."""
     joints = {name_of(joint): joint for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS}
+    jaw = _jaw(root, joints)
+    if jaw is not None:
+        return jaw.ends, jaw.palm
     found = _following(joints) or _sliding(root, joints)
     if found is None or not _is_hand(root, joints, found):
         return None
@@ -204,6 +214,60 @@ def fingers_of(root: ET.Element) -> tuple[dict[str, tuple[float, float]], str] |
         return None
     closed = int(apart[1] < apart[0])
     return {name: (ends[closed], ends[1 - closed]) for name, ends in found.ends.items()}, found.palm
+
+
+def _jaw(root: ET.Element, joints: Mapping[str, ET.Element]) -> _Fingers | None:
+    """Find the only moving jaw of a hand whose other jaw is fixed, as most hobby arms have it.
+
+    An import marks the joint that its user names. Unless one is marked, it is the only joint at the end of the tree
+    whose own name or link's name is that of a finger. The link that holds it has to move, and to have a shape, which is
+    the fixed jaw.
+    """
+    marked = [name for name, joint in joints.items() if joint.find(JAW) is not None]
+    found = marked or _joints_named_as_jaws(root, joints)
+    if len(found) != 1:
+        return None
+    name = found[0]
+    joint = joints[name]
+    low, high = joint_limits(joint)
+    if not np.isfinite([low, high]).all():
+        return None
+    palm = link_of(joint, "parent")
+    # The jaws are closed at the end of the range at which they are nearest to each other.
+    is_closed_low = _from_palm(root, joint, low) <= _from_palm(root, joint, high)
+    ends = (low, high) if is_closed_low else (high, low)
+    return _Fingers({name: ends}, palm)
+
+
+def _joints_named_as_jaws(root: ET.Element, joints: Mapping[str, ET.Element]) -> list[str]:
+    """Joints at the end of the tree, of a moving link with a shape, that are named as jaws and follow no other."""
+    starts = joints_at(root)
+    carrier = carriers(root)
+    moved = {carrier[link_of(joint, "child")] for joint in joints.values()}
+    shaped = {name_of(link) for link in root.iterfind("link") if any(link.find(tag) is not None for tag in _SHAPES)}
+    leaders = {follows.get("joint", "") for joint in joints.values() for follows in joint.iterfind(FOLLOWS)}
+    found = []
+    for name, joint in joints.items():
+        is_last = not any(name_of(other) in joints for other in _after(starts, joint))
+        is_alone = joint.find(FOLLOWS) is None and name not in leaders
+        palm = link_of(joint, "parent")
+        is_named = any(_JAWS.search(text) and not _TURNS.search(text) for text in (name, link_of(joint, "child")))
+        if is_named and is_last and is_alone and carrier[palm] in moved and palm in shaped:
+            found.append(name)
+    palms = [link_of(joints[name], "parent") for name in found]
+    # Two jaws that move are a hand of two fingers.
+    return [name for name, palm in zip(found, palms, strict=True) if palms.count(palm) == 1]
+
+
+def _from_palm(root: ET.Element, joint: ET.Element, position: float) -> float:
+    """Distance between the centres of mass of a joint's link and the link that holds it, in a position [m]."""
+    links = {name_of(link): link for link in root.iterfind("link")}
+    centres = []
+    for end in ("parent", "child"):
+        inertial = links[link_of(joint, end)].find("inertial")
+        centres.append(np.zeros(3) if inertial is None else pose_of(inertial).translation())
+    pose = pose_of(joint) @ _motion(joint, position)
+    return float(np.linalg.norm(pose @ centres[1] - centres[0]))
 
 
 def followed(follows: ET.Element) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """The robots that a station can name: folders of ``models/`` with a ``robot.yaml``, such a file, or any clean URDF."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from os.path import isfile
 from pathlib import Path
@@ -8,39 +8,25 @@ from typing import Annotated, Any, Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.files import ROBOT_FILE, models_root, robot_files
 from simrob_drake.frames import Vector
+from simrob_drake.robots.axis import Axis, axes_by_name
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
 from simrob_drake.robots.bodies import Gripper, fingers_of, links_without_inertia, tool_links
 from simrob_drake.robots.coupled_axes import Asked, asked_by
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.followers import Follower, followers_among, with_followers
+from simrob_drake.robots.limits import AxisLimits, Flags, middles
 from simrob_drake.robots.motors import Drives, Gains, set_drives
 from simrob_drake.robots.urdf import DRAKE, joint_figure, joint_limits, movable_joints, name_of, root_link
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
 from simrob_drake.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
 from simrob_drake.yaml_files import read_yaml
-
-
-class Axis(Strict):
-    """One axis of a robot: a joint of its URDF and the sense that counts as positive."""
-
-    joint: str
-    """The joint's name in the URDF."""
-    sign: Literal[-1, 1] = 1
-    """-1 where the axis is positive in the other sense than its joint."""
-    aliases: tuple[str, ...] = ()
-    """Other names by which users may call it."""
-
-
-def _axes_by_name(axes: Any) -> Any:
-    plain = isinstance(axes, list) and all(isinstance(name, str) for name in axes)
-    return {name: {"joint": name} for name in axes} if plain else axes
 
 
 class RobotModel(Strict):
@@ -69,14 +55,15 @@ class RobotModel(Strict):
     """The root link of the URDF."""
     axes: Annotated[
         dict[str, Axis],
-        BeforeValidator(_axes_by_name, json_schema_input_type=dict[str, Axis] | list[str]),
+        BeforeValidator(axes_by_name, json_schema_input_type=dict[str, Axis] | list[str]),
         Field(min_length=1),
     ]
     """Its axes by name, in the order of every vector; a plain list where they are called as their joints."""
     tools: dict[str, str] = Field(default_factory=dict)
     """Links or frames of the URDF that can carry a tool, by the tool's name; the first is the usual one."""
     home_deg: AxisValues = 0.0
-    """Where its axes are at the start of a station [deg, or m of a prismatic axis]."""
+    """Where its axes are at the start of a station that does not say `initial_deg` [deg, or m of a prismatic axis]. An
+    axis whose range excludes 0 is in the middle of it unless a mapping or a list says where."""
     drives: Drives = default_of(Drives)
     """Its motors, gears and friction, which a station may change."""
     acceleration_deg: PositiveAxisValues | None = None
@@ -96,6 +83,9 @@ class RobotModel(Strict):
     """What it stands on."""
     gripper: Gripper | None = None
     """Its fingers; found in a URDF that stands alone."""
+    loops: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    """Couplings that close loops of its tree, as under `couplings` of a station; a first station has them."""
+    _file: Path | None = PrivateAttr(default=None)
 
     @model_validator(mode="before")
     @classmethod
@@ -122,7 +112,12 @@ class RobotModel(Strict):
     @property
     def urdf_path(self) -> Path:
         """The URDF file, or the description where that holds a table."""
-        return self.folder / (self.urdf or ROBOT_FILE)
+        return self.folder / self.urdf if self.urdf is not None else self.description_file
+
+    @property
+    def description_file(self) -> Path:
+        """The YAML file that describes the robot; it need not exist for a robot of a URDF alone."""
+        return self._file or self.folder / ROBOT_FILE
 
     @cached_property
     def element(self) -> Element:
@@ -188,6 +183,13 @@ class RobotModel(Strict):
         lower, upper = np.sort(pairs * self.signs[:, np.newaxis], axis=1).T
         return lower, upper
 
+    @cached_property
+    def limits(self) -> AxisLimits:
+        """The ranges of the axes, in their senses, for checks of positions."""
+        lower, upper = self.axis_limits
+        revolute = ~np.array(self.prismatic, dtype=bool)
+        return AxisLimits(names=tuple(self.axes), lower=lower, upper=upper, revolute=revolute)
+
     @property
     def efforts(self) -> Vector:
         """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]."""
@@ -245,10 +247,23 @@ class RobotModel(Strict):
         """Positions (..., n) [rad or m] with each follower where its leader takes it."""
         return with_followers(list(self.axes), self.followers, positions)
 
+    @cached_property
+    def excludes_zero(self) -> Flags:
+        """Whether zero is outside the range of each axis, shape (n,)."""
+        return self.limits.excess(np.zeros(len(self.axes))) > 0.0
+
     @property
     def home(self) -> Vector:
-        """The home posture, shape (n,) [rad or m], in which followers are where their leaders take them."""
-        return self.with_followers(self.user_units * self.axis_vector(self.home_deg, "home_deg"))
+        """The home posture, shape (n,) [rad or m], in which followers are where their leaders take them.
+
+        An axis whose range excludes zero, and for which ``home_deg`` has no value of its own, is in the middle of it.
+        """
+        midway = middles(self.limits, self.user_units)
+        values = self.axis_vector(self.home_deg, "home_deg", midway)
+        if not isinstance(self.home_deg, Mapping | Sequence):
+            # One number is meant for the axes that can take it.
+            values = np.where(self.excludes_zero & (values == 0.0), midway, values)
+        return self.with_followers(self.user_units * values)
 
     def posture(self, name: str, others: Vector) -> Vector:
         """Return a named posture, shape (n,) [rad or m], ``home`` among them; axes that it leaves out are as others.
@@ -256,9 +271,10 @@ class RobotModel(Strict):
         Raises UnknownName: no such posture, or one of an axis that is not there.
         """
         known = {"home": self.home_deg, **self.postures}
-        where = f"postures.{name}"
-        own = known[one_of(f"posture of {self.name}", name, known)]
-        position = self.axis_vector(own, where, others / self.user_units if name in self.postures else 0.0)
+        one_of(f"posture of {self.name}", name, known)
+        if name not in self.postures:
+            return self.home
+        position = self.axis_vector(self.postures[name], f"postures.{name}", others / self.user_units)
         return self.with_followers(self.user_units * position)
 
     @cached_property
@@ -334,7 +350,9 @@ def load_robot_file(file: Path | str) -> RobotModel:
     """Return the robot of a ``robot.yaml``, named as that or its folder; raises InvalidConfig: a wrong entry."""
     file = as_path(file, "file").resolve()
     name = file.parent.name if file.name == ROBOT_FILE and file.parent.name else file.stem
-    return validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
+    robot = validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
+    robot._file = file
+    return robot
 
 
 def load_robot_from_urdf(path: Path | str) -> RobotModel:
@@ -363,23 +381,10 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
         units = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
         axes = {axis: (closed / units[axis], opened / units[axis]) for axis, (closed, opened) in hand[0].items()}
         robot = robot.model_copy(update={"gripper": Gripper(axes=axes)})
-    return robot.model_copy(update={"home_deg": _usual_home(robot) or 0.0})
-
-
-def _usual_home(robot: RobotModel) -> dict[str, float]:
-    """Return where axes are that cannot be at zero, midway, and fingers, open [deg, or m of prismatic ones]."""
-    lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
-    fingers = robot.gripper.axes if robot.gripper else {}
-    midway = {
-        axis: float(f"{(low + high) / 2:.6g}")
-        for axis, low, high in zip(robot.axes, lower, upper, strict=True)
-        if not low <= 0 <= high
-    }
-    home = midway | {axis: opened for axis, (_, opened) in fingers.items() if opened}
-    if not robot.followers:
-        return home
-    positions = robot.model_copy(update={"home_deg": home or 0.0}).home / robot.user_units
-    return {axis: float(f"{value:.6g}") for axis, value in zip(robot.axes, positions, strict=True) if value}
+    opened = {} if robot.gripper is None else {axis: ends[1] for axis, ends in robot.gripper.axes.items() if ends[1]}
+    home = robot.model_copy(update={"home_deg": opened}).home / robot.user_units
+    values = {axis: float(f"{value:.6g}") for axis, value in zip(robot.axes, home.tolist(), strict=True) if value}
+    return robot.model_copy(update={"home_deg": values or 0.0})
 
 
 def described_robot(path: Path) -> RobotModel | None:

@@ -215,16 +215,12 @@ def check_reference(robot: ResolvedRobot, reference: Reference, duration: float)
         row, axis = np.argwhere(~np.isfinite(positions))[0]
         message = f"{positions[row, axis]} at {times[row]:.2f} s"
         raise InvalidParameter(f"reference of {robot.prefix}{robot.axes[axis]}", message, "a finite number at any time")
-    lower, upper = robot.model.axis_limits
-    outside = ~((positions >= lower - 1e-9) & (positions <= upper + 1e-9))  # nor is what is no number inside
-    if outside.any():
-        row, axis = np.argwhere(outside)[0]
-        unit, name = robot.model.user_units[axis], robot.model.unit_names[axis]
-        low, high, value = np.array([lower[axis], upper[axis], positions[row, axis]]) / unit
+    violation = robot.model.limits.find_violation(positions)
+    if violation is not None:
         raise InvalidParameter(
-            f"reference of {robot.prefix}{robot.axes[axis]}",
-            f"{value:.5g} {name} at {times[row]:.2f} s",
-            f"within the joint's limits of {low:.5g} to {high:.5g} {name}",
+            f"reference of {robot.prefix}{robot.axes[violation.axis]}",
+            f"{violation.value} {violation.unit} at {times[violation.row]:.2f} s",
+            f"within the joint's limits of {violation.limits}",
         )
 
 

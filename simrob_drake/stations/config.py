@@ -153,8 +153,10 @@ class RobotConfig(Renamed):
     base: Pose = ORIGIN
     """Pose of the root link in the world, [x y z Rz Ry Rx]; over the floor, if that is inclined and the robot stands on
     feet of its own."""
-    initial_deg: AxisValues = 0.0
-    """Joint positions at the start, per axis; coupled axes that are not named are where their couplings take them."""
+    initial_deg: AxisValues | None = None
+    """Joint positions at the start, per axis; the robot's `home_deg` unless given. Axes that a mapping leaves out are
+    at 0, or at home if 0 is outside their ranges; coupled axes that are not named are where their couplings take
+    them."""
     mimic: Boolean = True
     """Whether axes that mimic others in the robot's file are coupled to them; each has a motor in any case."""
     tcp: str | None = None

@@ -168,28 +168,45 @@ def starting_positions(
     axes = [f"{config.prefix(name)}{axis}" for name, model in models.items() for axis in model.axes]
     starts = coupled_start(config, coupled_axes(config, unheld, axes), models, positions)
     for name, model in models.items():
-        _check_start(model, starts[name])
+        starts[name] = _within_limits(model, starts[name], f"robots.{name}.initial_deg")
     return starts
 
 
 def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:
-    """Positions (n,) [rad or m] that ``initial_deg`` gives the axes of a robot, before couplings are looked at."""
-    return model.user_units * model.axis_vector(entry.initial_deg, f"robots.{robot}.initial_deg")
+    """Positions (n,) [rad or m] that ``initial_deg`` gives the axes of a robot, before couplings are looked at.
+
+    Without ``initial_deg`` the robot begins at home. Axes that a mapping leaves out begin at zero, or at home if zero
+    is outside their ranges.
+    """
+    if entry.initial_deg is None:
+        return model.home
+    otherwise = np.where(model.excludes_zero, model.home, 0.0)
+    values = model.axis_vector(entry.initial_deg, f"robots.{robot}.initial_deg", otherwise / model.user_units)
+    return np.asarray(model.user_units * values)
 
 
-def _check_start(model: RobotModel, position: Vector) -> None:
-    """Check that a robot begins within its limits, rounding set aside.
+def _within_limits(model: RobotModel, position: Vector, key: str) -> Vector:
+    """Initial positions (n,) [rad or m] of a robot, clamped where they are beyond a limit by rounding.
 
     Raises:
         InvalidParameter: an axis is beyond a limit.
     """
-    lower, upper = model.axis_limits
+    # Followers inherit the rounding of their leaders' positions, which station files hold with four decimals.
     follows = np.array([axis in model.followers for axis in model.axes])
     slack = np.where(follows, model.bounds(ROUNDING_DEG, ROUNDING_METRES), 0.0)
-    for index, axis in enumerate(model.axes):
-        if not lower[index] - slack[index] <= position[index] <= upper[index] + slack[index]:
-            low, high, value = np.array([lower[index], upper[index], position[index]]) / model.user_units[index]
-            limits = f"within {low:.5g} to {high:.5g} {model.unit_names[index]}"
-            if axis in model.followers:
-                limits += f"; it follows {model.followers[axis].leader}, so choose another initial_deg of that"
-            raise InvalidParameter(f"initial_deg of {axis}", f"{value:.5g}", limits)
+    lower, upper = model.axis_limits
+    eased = np.where(follows, np.clip(position, lower - slack, upper + slack), position)
+    is_eased = follows & (np.clip(position, lower, upper) != position) & (eased == position)
+    leading = np.flatnonzero(~is_eased).tolist()
+
+    limits = model.limits.of_axes(leading)
+    violation = limits.find_violation(position[np.newaxis, leading])
+    if violation is not None:
+        axis = limits.names[violation.axis]
+        expected = f"within {violation.limits}"
+        if axis in model.followers:
+            expected += f"; it follows {model.followers[axis].leader}, so choose another initial_deg of that"
+        raise InvalidParameter(f"initial_deg of {axis}", violation.value, expected)
+    clamped = position.copy()
+    clamped[leading] = limits.clamp(position[leading], key)
+    return clamped

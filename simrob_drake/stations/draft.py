@@ -12,23 +12,28 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
 from simrob_drake.arguments import as_path
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.files import ROBOT_FILE
 from simrob_drake.frames import Vector, lean, xyz_quaternion_from_transform
 from simrob_drake.importer.importing import gains_of, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import robot_file
-from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.catalog import RobotModel, load_robot_file
 from simrob_drake.stations.clear_start import ClearStart
 from simrob_drake.stations.clearance import Clearance
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.import_findings import import_findings
 from simrob_drake.stations.load import ONLY_ROBOT
+from simrob_drake.stations.loops import LoopsOfRobot
 from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.stances import Stance, Stances
 from simrob_drake.stations.steps import apply_solver, step_findings
+from simrob_drake.yaml_files import YAML_SUFFIXES
 
 _MOVE = 1.5  # s
+_LOOP_MOVE = np.deg2rad(10.0), 0.01  # way of each motor of a robot with loops in its first station [rad, m]
 _TRIALS = 4  # stances that are tried
 _FALLEN = 0.6  # part of its height below which a robot has fallen
 _FALLS = 40.0  # deg
@@ -40,6 +45,7 @@ _DISCRETE: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 1
 _REPEATED = ("mesh_path", "xacro_arg")  # options that may be given several times
 _COUPLED = "By the robot's file these axes follow others, see couplings: {followers}."
 _HOLDING = "Fingers ({fingers}) move together, as by one motor, and hold by friction: surfaces, and the solver lagged."
+_ORIGINS = ("urdf", "model", "import_options")  # keys of a station that say where its robot comes from
 _GRIPS: dict[str, Any] = {
     "contact": {"model": "hydroelastic", "friction": {"static": 0.5, "dynamic": 0.5}},
     "solver": {"kind": "discrete", "scheme": "lagged", "time_step": 5e-3},
@@ -53,7 +59,10 @@ _HOLDS: dict[str, Any] = {
 
 
 def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, folder: Path | str | None = None) -> str:
-    """Return the YAML text of a first station for a URDF, raw or imported; its file will be in a folder.
+    """Return the YAML text of a first station for a robot's file; its file will be in a folder.
+
+    The file is a URDF, raw or imported, or a YAML file that describes the robot, such as one with a table of
+    Denavit-Hartenberg parameters.
 
     A robot with a fixed base starts clear of the floor and of itself, and moves all joints a little way under joint
     torque, in continuous time if that was tried and found to get through, else in discrete steps. One with a floating
@@ -62,16 +71,20 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     station, and paths start at its folder. Raises InvalidModel: the robot cannot be imported.
     """
     file, home = robot_file(urdf, "urdf"), None if folder is None else as_path(folder, "folder")
-    robot = robot_from_file(file, options)
+    is_description = file.suffix.lower() in YAML_SUFFIXES
+    if is_description and options is not None:
+        raise InvalidParameter("options", "given", f"left out: {file.name} describes a robot, and nothing is imported")
+    robot = load_robot_file(file) if is_description else robot_from_file(file, options)
     remarks = []
     shaped = robot.element.find("link/collision") is not None
-    if robot.base == "floating" and not robot.links_without_inertia and not shaped:
+    if robot.base == "floating" and not robot.links_without_inertia and not shaped and not is_description:
         options = (options or ImportOptions()).model_copy(update={"base": "fixed"})
         robot = robot_from_file(file, options)
         remarks.append(_UNSHAPED)
     kinematic = bool(robot.links_without_inertia)
     near = home is not None and file.is_relative_to(home.resolve())
-    section: dict[str, Any] = {"urdf": str(file.relative_to(home.resolve()) if near and home else file)}
+    origin = "model" if is_description else "urdf"
+    section: dict[str, Any] = {origin: str(file.relative_to(home.resolve()) if near and home else file)}
     if options is not None:
         section["import_options"] = options.model_dump(mode="json", exclude_defaults=True)
     content: dict[str, Any] = {
@@ -83,7 +96,22 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
         content["couplings"] = _couplings(robot)
         remarks.append(_COUPLED.format(followers=", ".join(robot.followers)))
     remarks += _losses(robot, content, file)
+    if robot.loops and not kinematic and robot.base == "fixed":
+        remarks += _looped(robot, content)
+        return _written(robot, file, options, kinematic, remarks, content)
     remarks += _held(robot, content) if kinematic or robot.base == "fixed" else _on_feet(robot, content)
+    return _written(robot, file, options, kinematic, remarks, content)
+
+
+def _written(
+    robot: RobotModel,
+    file: Path,
+    options: ImportOptions | None,
+    kinematic: bool,
+    remarks: list[str],
+    content: dict[str, Any],
+) -> str:
+    """The text of a first station: a header, remarks as comments, and the content."""
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     return _header(robot, file, options, kinematic) + "".join(f"# {remark}\n" for remark in remarks) + text
 
@@ -138,6 +166,33 @@ def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         content["servo"]["realization"] = "implicit"
         remarks.append(_CREEPS)
     return remarks
+
+
+def _looped(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Have loops closed by couplings, and let motors move no more axes than the loops leave free.
+
+    Raises:
+        InvalidParameter: no posture closes the loops.
+    """
+    loops = LoopsOfRobot(robot)
+    posture = loops.closed_posture()
+    passive = loops.passive_axes(posture)
+    axes = list(robot.axes)
+    content.setdefault("couplings", {}).update(robot.loops)
+    content["servo"] = _servo(robot, "implicit")
+    for gain in ("kp", "kd"):
+        values = np.array(robot.axis_vector(content["servo"][gain], gain))
+        values[passive] = 0.0
+        content["servo"][gain] = _by_axis(robot, values)
+    content["solver"] = _DISCRETE
+    _begin(robot, content, posture)
+    target = np.clip(posture + np.where(robot.prismatic, _LOOP_MOVE[1], _LOOP_MOVE[0]), *robot.axis_limits)
+    named = _named(robot, _in_user_units(robot, target))
+    goal = {axis: value for place, (axis, value) in enumerate(named.items()) if place not in passive}
+    content["reference"] = {"kind": "move", "target_deg": goal, "duration": _MOVE}
+    content["duration"] = 3.0
+    moved = ", ".join(axes[place] for place in passive)
+    return [f"Loops are closed by couplings: {', '.join(robot.loops)}.", f"These axes have no motor: {moved}."]
 
 
 def _grips(robot: RobotModel, content: dict[str, Any]) -> list[str]:
@@ -204,6 +259,8 @@ def _begin(robot: RobotModel, content: dict[str, Any], posture: Vector) -> None:
     named = {axis: value for axis, value in _named(robot, values).items() if value and axis not in robot.followers}
     if named:
         content["robot"]["initial_deg"] = named
+    elif robot.home.any():
+        content["robot"]["initial_deg"] = 0.0  # without a value it would begin at home
 
 
 def _home(robot: RobotModel) -> dict[str, float]:
@@ -218,9 +275,14 @@ def _in_user_units(robot: RobotModel, posture: Vector) -> Vector:
 
 
 def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
-    own = {key: value for key, value in content["robot"].items() if key not in ("urdf", "import_options")}
+    """The station of a drafted content, with the robot's file by its absolute path."""
+    own = {key: value for key, value in content["robot"].items() if key not in _ORIGINS}
+    if robot.dh is not None or robot.description_file.name != ROBOT_FILE:
+        own["model"] = str(robot.description_file)
+    else:
+        own["urdf"] = robot.urdf_path
     sections = {key: value for key, value in content.items() if key != "robot"}
-    return StationConfig(name=robot.name, robots={ONLY_ROBOT: {**own, "urdf": robot.urdf_path}}, **sections)
+    return StationConfig(name=robot.name, robots={ONLY_ROBOT: own}, **sections)
 
 
 def _header(robot: RobotModel, urdf: Path, options: ImportOptions | None, kinematic: bool) -> str:
@@ -228,6 +290,8 @@ def _header(robot: RobotModel, urdf: Path, options: ImportOptions | None, kinema
     if kinematic:
         missing = ", ".join(robot.links_without_inertia)
         text += f"# Kinematic, since these links have no inertia: {missing}.\n"
+        if urdf.suffix.lower() in YAML_SUFFIXES:
+            return f"{text}# For motion by torque give them a mass in {urdf.name}, and begin anew.\n"
         values = {} if options is None else options.model_dump(mode="json", exclude_defaults=True)
         flags = list[str]()
         for key, value in values.items():

@@ -158,7 +158,7 @@ def _configured(
     losses = KeyLosses(counts_defaults=not is_complete)
     # A section's kind comes first: it takes away the keys of the old kind, and those that
     # are given with it stay.
-    for key, value in sorted(overrides.items(), key=lambda entry: not entry[0].endswith(".kind")):
+    for key, value in sorted(overrides.items(), key=lambda entry: _rank(entry[0].split("."))):
         _override(content, key.split("."), value, where, losses)
     content = located(content, Path.cwd())
     content = _without_sugar(content, where)
@@ -225,6 +225,13 @@ def _inlined(program: Any, folder: Path, border: Border | None = None) -> Any:
     return located_program(program, folder, border) if isinstance(program, Mapping) else program
 
 
+def _rank(key: list[str]) -> int:
+    """Rank of an override: kinds come first, then a robot's origin, since both drop what others may set again."""
+    if key[-1] == "kind" and len(key) > 1:
+        return 0
+    return 1 if key[0] in _ROBOTS and key[-1] in _ORIGINS else 2
+
+
 def _override(content: dict[str, Any], key: list[str], value: Any, where: Path | str, losses: KeyLosses) -> None:
     """Change one key of a station's content.
 
@@ -251,14 +258,13 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
         del node[last]
         return
     if key[0] in _ROBOTS and last in _ORIGINS and value is not None:
-        for other in _ORIGINS[last]:
-            node.pop(other, None)
+        _drop_former_robot(node, last, value)
     if last == "kind" and section and isinstance(value, str):
         losses.begin_new_kind(node, key[:-1], value)
     if _is_part(value, node.get(last), key):
         for inner in value:
             instance(inner, ".".join(key), str, "a section whose keys are texts")
-        for inner in value:
+        for inner in sorted(value, key=lambda inner: _rank([*key, inner])):
             _override(content, [*key, inner], value[inner], where, losses)
     else:
         node[last] = _copied(value, key, where)
@@ -270,6 +276,21 @@ def _is_part(value: Any, old: Any, key: list[str]) -> bool:
         return False
     old_kind = kind_of(old, key)
     return old_kind is None or value.get("kind", old_kind) == old_kind
+
+
+def _drop_former_robot(section: dict[str, Any], origin: str, value: Any) -> None:
+    """Take out of a robot's section what goes with the robot that another one replaces.
+
+    Args:
+        section: of the robot.
+        origin: ``model`` or ``urdf``, the key that names the new robot.
+        value: the name or file of the new robot.
+    """
+    for other in _ORIGINS[origin]:
+        section.pop(other, None)
+    if section.get(origin) != value and isinstance(section.get("initial_deg"), int | float):
+        # One number was meant for the axes of the former robot; the new one begins at home.
+        del section["initial_deg"]
 
 
 def _of_one_number(content: Any, key: list[str]) -> bool:

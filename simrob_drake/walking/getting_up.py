@@ -56,14 +56,16 @@ def postures(model: RobotModel, way: Sequence[RisingPosture]) -> list[Vector]:
 
     Raises UnknownName: an axis, or a pair, that the robot does not have; InvalidParameter: an angle beyond its limits.
     """
-    found, angles, (lower, upper) = [], np.zeros(len(model.axes)), model.axis_limits
+    found: list[Vector] = []
+    angles = np.zeros(len(model.axes))
     for number, posture in enumerate(way):
         for axis, angle in posture.target_deg.items():
             places = _places(model, axis)
             angles[places] = np.deg2rad(angle)
-            if (angles < lower - 1e-9).any() or (angles > upper + 1e-9).any():
-                limits = f"{np.rad2deg(lower[places[0]]):.5g} to {np.rad2deg(upper[places[0]]):.5g} deg"
-                raise InvalidParameter(f"{GETTING_UP}: {axis} of posture {number}", angle, f"within {limits}")
+            violation = model.limits.find_violation(angles[np.newaxis])
+            if violation is not None:
+                expected = f"within {violation.limits}"
+                raise InvalidParameter(f"{GETTING_UP}: {axis} of posture {number}", angle, expected)
         found.append(angles.copy())
     return found
 

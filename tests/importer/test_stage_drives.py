@@ -149,3 +149,25 @@ def test_a_missing_velocity_is_a_half_turn_or_a_metre_a_second(tmp_path, bad):
     assert any("'shoulder' <limit>: no velocity above 0; 3.142 rad/s" in line for line in turning.told("defaulted"))
     sliding = Repaired(with_defect('velocity="3"', bad).replace("revolute", "prismatic"), tmp_path)
     assert sliding.plant.GetJointByName("shoulder").velocity_upper_limits() == [1.0]
+
+
+ARMATURE = 3.0  # kg m²
+ACCELERATION = 10.0  # rad/s², which the estimate states
+
+
+def test_an_estimated_motor_moves_its_own_armature(tmp_path):
+    """Gravity once, and ten rad/s² of rotor and load: the elbow carries 2 kg at 0.2 m and a hand's own inertia."""
+    gears = f'<drake:rotor_inertia value="{ARMATURE / 100}"/><drake:gear_ratio value="10"/>'
+    text = with_defect(DRIVE, drive("elbow", gears=gears), TWO).replace(ELBOW, ELBOW.replace('effort="10"', ""))
+    done = Repaired(text, tmp_path)
+    needed = G * 2 * 0.2 + (ARMATURE + 2 * 0.2**2) * ACCELERATION
+    assert needed <= effort(done, "elbow") <= 1.15 * needed
+    assert any("its armature of 3" in line for line in done.told("defaulted"))
+
+
+def test_a_sliding_motor_moves_its_own_armature(tmp_path):
+    gears = '<drake:rotor_inertia value="40"/><drake:gear_ratio value="1"/>'
+    text = with_defect(DRIVE, drive("elbow", gears=gears), TWO).replace('type="revolute"', 'type="prismatic"')
+    done = Repaired(text.replace('effort="10"', ""), tmp_path)
+    needed = G * 2 + (40 + 2) * 5
+    assert needed <= effort(done, "elbow") <= 1.1 * needed

@@ -158,7 +158,7 @@ def test_the_configuration_chooses_the_posture(done):
         ),
         (f"MoveJ [[3740,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v200,fine,tool0;", "target cannot be reached"),
         (f"MoveL [[3740,0,500],[0,0,1,0],[0,0,0,0],{FREE}],v200,fine,tool0;", "cannot be reached: out of reach"),
-        (f"MoveAbsJ [[200,0,0,0,0,0],{FREE}],v200,fine,tool0;", "joint_1 would be at 200.0 deg, beyond its limits"),
+        (f"MoveAbsJ [[200,0,0,0,0,0],{FREE}],v200,fine,tool0;", "joint_1 would be at 200 deg, beyond its limits"),
         (
             'MoveJ pA,v200,fine,tPen\\WObj:=[TRUE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
             "a work object that",

@@ -1,5 +1,6 @@
 """The actuators, limits, friction and constraints of MuJoCo at the joints of a robot."""
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from simrob_drake.importer.loops import Closing
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.trees import HOME, KD, KP, add_note
 from simrob_drake.robots.urdf import DRAKE, add_motor, name_of, written
@@ -16,6 +18,7 @@ _IN_JOINT, _IN_PARENT, _TENDON = 0, 1, 3  # mjtTrn
 _OF_JOINT = 1  # mjtWrap
 _FIXED, _NONE, _AFFINE = 0, 0, 1  # mjtGain; mjtBias twice
 _CONNECT, _WELD, _COUPLED = 0, 1, 2  # mjtEq
+_ANCHOR = 3  # numbers of a point [m]
 _SITE = 6  # mjtObj
 _POLYNOMIAL = 5  # coefficients of a coupling of two joints
 _HOME = "home"
@@ -159,12 +162,27 @@ class DriveWriter:
                 continue
             if kind in (_CONNECT, _WELD) and all(body in self.bodies for body in ends):
                 between = "' and '".join(name_of(self.bodies[body]) for body in ends)
-                ET.SubElement(self.robot, "loop_joint", name=f"{name} of '{between}'")
+                loop = ET.SubElement(self.robot, "loop_joint", name=f"{name} of '{between}'")
+                if kind == _CONNECT and model.eq_objtype[index] != _SITE:
+                    self._write_ball(loop, index, name, ends)
                 continue
             if kind == _COUPLED and ends[0] in first:
                 self._write_coupling(index, name, ends, first)
                 continue
             self.report.add("lost", f"constraint '{name}'", "is not simulated")
+
+    def _write_ball(self, loop: ET.Element, index: int, name: str, ends: Sequence[int]) -> None:
+        """Write the coupling into a loop that a connection of two bodies is: a ball joint at its anchor."""
+        anchors = np.asarray(self.model.eq_data[index][: 2 * _ANCHOR]).reshape(2, _ANCHOR)
+        closing = Closing(
+            name=re.sub(r"\W+", "_", name, flags=re.ASCII),
+            kind="ball",
+            body=name_of(self.bodies[ends[0]]),
+            other=name_of(self.bodies[ends[1]]),
+            place=[round(number, 9) + 0.0 for number in anchors[0].tolist()],
+            other_place=[round(number, 9) + 0.0 for number in anchors[1].tolist()],
+        )
+        loop.append(closing.element())
 
     def _write_coupling(self, index: int, name: str, ends: Sequence[int], first: Mapping[int, ET.Element]) -> None:
         """Write an equality of two joints as a ``mimic`` of the first one.

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from simrob_drake.errors import listed, nearest, shortened
+from simrob_drake.importer.loops import TAG as CLOSING
+from simrob_drake.importer.loops import Closing, closing_of_joint, second_parents
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.names import names, repair_names
 from simrob_drake.robots.bodies import FOLLOWS
@@ -162,7 +164,9 @@ _CLOSING = ("loop_joint", f"{DRAKE}joint", f"{DRAKE}ball_constraint", f"{DRAKE}t
 def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Repair a robot's elements, numbers, names and tree in place; raises InvalidModel: a defect without a repair."""
     check_size(robot, report.refusal)
-    _keep_known_elements(robot, options, report)
+    closings = list[ET.Element]()
+    _keep_known_elements(robot, options, report, closings)
+    closings += _closings_of_second_parents(robot, options, report)
     repair_names(robot, report)
     mend_numbers(robot, report)
     if not names(robot, "link"):
@@ -170,18 +174,62 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
     dangling = _drop_dangling(robot, report)
     _keep_one_tree(robot, dangling, set(check_parents(robot, report.refusal)), report)
     drop_lost_frames(robot, report)
+    robot.extend(closings)
 
 
-def _keep_known_elements(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
+def _closings_of_second_parents(
+    robot: ET.Element, options: ImportOptions, report: ImportReport
+) -> Iterator[ET.Element]:
+    """Take out joints that give a link a second parent, and yield the couplings that replace them.
+
+    Raises:
+        InvalidModel: there is such a joint, and the options do not ask for couplings or for leaving it out.
+    """
+    for joint in list(second_parents(robot)):
+        child = link_of(joint, "child")
+        first = next(one for one in robot.iterfind("joint") if link_of(one, "child") == child)
+        where = f"link '{child}'"
+        problem = f"is the child of two joints, '{name_of(first)}' and '{name_of(joint)}'; a URDF is a tree"
+        closing = closing_of_joint(joint) if link_of(joint, "parent") != child else None
+        if closing is not None and options.couple:
+            robot.remove(joint)
+            yield closing.element()
+            report.add("read", f"joint '{name_of(joint)}'", f"a coupling of the first station: {closing.line}")
+        elif options.drop_loops:
+            robot.remove(joint)
+            report.add("lost", f"joint '{name_of(joint)}'", f"{where} {problem}; left out")
+        elif closing is not None:
+            advice = f"leave '{name_of(joint)}' out with --drop-loops and write `{closing.line}` under couplings of a "
+            raise report.refusal(where, f"{problem}; {advice}station, or let --couple do both")
+
+
+def _keep_known_elements(
+    robot: ET.Element, options: ImportOptions, report: ImportReport, closings: list[ET.Element]
+) -> None:
     """Leave out, in place, what no simulation here uses, told once a tag; move misplaced links and joints up.
+
+    Couplings of loops that the options ask for are added to ``closings``.
 
     Raises InvalidModel: the robot closes a loop, or moves in a way that no station can drive.
     """
     for element in [element for element in robot if element.tag in _CLOSING]:
         where = f"<{element.tag.removeprefix(DRAKE)}> '{name_of(element)}'"
         problem = "is no part of a tree of motored joints, which a station's robot is"
+        coupling = element.find(CLOSING)
+        if coupling is not None and options.couple:
+            robot.remove(element)
+            closings.append(coupling)
+            report.add("read", where, f"a coupling of the first station: {Closing.of_element(coupling).line}")
+            continue
         if not options.drop_loops:
-            raise report.refusal(where, f"{problem}; remove it, or leave it out with --drop-loops")
+            advice = "remove it, or leave it out with --drop-loops"
+            if coupling is not None:
+                line = Closing.of_element(coupling).line
+                advice = (
+                    f"leave it out with --drop-loops and write `{line}` under couplings of a station with discrete "
+                )
+                advice += "steps, or let --couple do both"
+            raise report.refusal(where, f"{problem}; {advice}")
         robot.remove(element)
         report.add("lost", where, f"{problem}; left out")
     _lift(robot, robot, report)

@@ -75,14 +75,15 @@ class Sequencer(Pace, LoopSection):
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Return all axes; the targets are checked."""
-        lower, upper = robot.model.axis_limits
+        model = robot.model
         for number, cell in enumerate(self.cells):
             for axis, target in cell.targets_deg.items():
-                index = robot.model.axis_index(axis, f"cells[{number}].targets_deg")
-                unit, name = robot.model.user_units[index], robot.model.unit_names[index]
-                if not lower[index] - 1e-9 <= target * unit <= upper[index] + 1e-9:
-                    limits = f"{lower[index] / unit:.5g} to {upper[index] / unit:.5g} {name}"
-                    raise InvalidParameter(f"cells[{number}].targets_deg.{axis}", target, f"within {limits}")
+                index = model.axis_index(axis, f"cells[{number}].targets_deg")
+                position = np.array([[target * model.user_units[index]]])
+                violation = model.limits.of_axes([index]).find_violation(position)
+                if violation is not None:
+                    key = f"cells[{number}].targets_deg.{axis}"
+                    raise InvalidParameter(key, f"{violation.value} {violation.unit}", f"within {violation.limits}")
         return robot.axes
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:

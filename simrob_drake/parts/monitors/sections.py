@@ -14,6 +14,7 @@ from simrob_drake.frames import Vector, lean
 from simrob_drake.parts.monitors.monitor import MonitorSection, PoseMonitorSection, SensorMonitorSection, of_axes, worst
 from simrob_drake.parts.site import ResolvedRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisValues
+from simrob_drake.robots.description_files import gripper_advice
 from simrob_drake.robots.grasps import stroke_of
 from simrob_drake.sections import NotNegative, Number, Positive, Strict, Triple, validated
 from simrob_drake.yaml_files import read_yaml
@@ -169,7 +170,8 @@ class EmptyGrip(MonitorSection):
         super().check(name, station)
         robot = station.robot(self.robot, f"monitors.{name}")
         if not robot.model.fingers:
-            raise InvalidParameter(f"monitors.{name}.robot", robot.name, "one with a gripper: in its robot.yaml")
+            advice = gripper_advice(robot.model)
+            raise InvalidParameter(f"monitors.{name}.robot", robot.name, f"one with fingers: {advice}")
 
     def condition(self, name: str, station: Surroundings) -> Condition:
         """Return what ends a run; its excess is how much nearer to closed the most open finger is."""

@@ -19,7 +19,6 @@ ROWS = {6: [0, 1, 2, 3, 4, 5], 4: [0, 2, 3, 4], 3: [0, 1, 2]}
 _STEPS = 300  # most of the search
 _CLOSE = np.array([1e-9, 1e-9])  # when it stops [m, rad]
 _FLATNESS = 3.0  # metres that a radian counts for where a foot cannot get to its place
-_ROUNDING = 1e-9  # rad
 _WRONG = 1e-4  # what counts as out of reach [m, rad]
 
 
@@ -65,14 +64,18 @@ def _digits(value: float) -> str:
 
 
 def _check_limits(model: RobotModel, foot: Foot, angles: Vector, when: Vector) -> None:
-    """Check that every joint of a leg stays within its limits."""
-    lower, upper = model.axis_limits
+    """Check that every joint of a leg stays within its limits in postures (m, n) [rad] at times (m,) [s].
+
+    Raises:
+        OutOfReach: a joint is beyond a limit; the message names the posture that is furthest beyond.
+    """
+    excess = model.limits.excess(angles)
     for axis in foot.axes:
-        beyond = np.maximum(lower[axis] - angles[:, axis], angles[:, axis] - upper[axis])
-        row = int(beyond.argmax())
-        if beyond[row] > _ROUNDING:
-            name, value = list(model.axes)[axis], np.rad2deg(angles[row, axis])
+        row = int(excess[:, axis].argmax())
+        violation = model.limits.of_axes([axis]).find_violation(angles[row : row + 1, [axis]])
+        if violation is not None:
+            name = list(model.axes)[axis]
             raise OutOfReach(
-                f"{name} would need {value:.1f} deg at {when[row]:.2f} s, {_digits(np.rad2deg(beyond[row]))} deg beyond"
-                f" its limits of {np.rad2deg(lower[axis]):.0f} to {np.rad2deg(upper[axis]):.0f} deg"
+                f"{name} would need {violation.value} deg at {when[row]:.2f} s, {violation.excess} deg beyond its"
+                f" limits of {violation.limits}"
             )

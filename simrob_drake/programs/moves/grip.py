@@ -18,6 +18,7 @@ from simrob_drake.programs.planning import POINTS, Planning
 from simrob_drake.programs.segments import joint_segment, joint_way
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.description_files import gripper_advice
 from simrob_drake.robots.grasps import Stroke, stroke_of
 from simrob_drake.sections import Duration, NotNegative, Pose, Positive
 from simrob_drake.stations.config import StationConfig
@@ -78,7 +79,7 @@ class FingerMove(Move):
         """Return the fingers' move, planned; other axes stay; raises InvalidParameter: no fingers, or no such width."""
         robot, row = planning.model, planning.start.copy()
         if not robot.fingers:
-            raise InvalidParameter("robot", robot.name, "one with a gripper: in its robot.yaml")
+            raise InvalidParameter("robot", robot.name, f"one with fingers: {gripper_advice(robot)}")
         part = float(self.opens) if self.width is None else self._part(robot, self.width)
         for place, (closed, opened) in robot.fingers.items():
             row[place] = closed + part * (opened - closed)

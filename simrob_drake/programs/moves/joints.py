@@ -16,8 +16,6 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import Duration, Number
 from simrob_drake.stations.coupled_references import with_partners
 
-_ROUNDING = 1e-9  # rad or m
-
 Targets = Annotated[dict[str, Number], Field(min_length=1)]
 """Where axes are to be [deg], and m for a prismatic one, by name or alias; the others stay where they were."""
 
@@ -66,18 +64,21 @@ def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, t
     Messages call the move ``where``, with its ``time`` [s]. Raises UnknownName: no such axis, proposes the nearest;
     InvalidParameter: one under two names; JointLimitExceeded: beyond an axis' limits, tells by how much.
     """
-    names, units, slides = list(model.axes), model.user_units, model.prismatic
-    lower, upper = model.axis_limits
+    names, units = list(model.axes), model.user_units
     found: dict[int, float] = {}
     for axis, value in target_deg.items():
         place = model.axis_index(axis, where)
         if place in found:
             raise InvalidParameter(f"{where}: {axis}", "another name of an axis that it moves, too", "named once")
-        position = float(value * units[place])
-        bound = lower[place] if position < lower[place] else upper[place]
-        if abs(position - np.clip(position, lower[place], upper[place])) > _ROUNDING:
-            unit, limit = ("m" if slides[place] else "deg"), bound / units[place]
-            shown = f"{value:.4g} {unit}, {abs(value - limit):.4g} {unit} beyond its limit of {limit:.4g} {unit}"
-            raise JointLimitExceeded(where, names[place], point=1, time=time, value=position, shown=shown)
-        found[place] = position
-    return found
+        found[place] = float(value * units[place])
+
+    places = list(found)
+    positions = np.array(list(found.values()))
+    limits = model.limits.of_axes(places)
+    violation = limits.find_violation(positions[np.newaxis])
+    if violation is not None:
+        unit = violation.unit
+        shown = f"{violation.value} {unit}, {violation.excess} {unit} beyond its limit of {violation.limit} {unit}"
+        name, value = names[places[violation.axis]], float(positions[violation.axis])
+        raise JointLimitExceeded(where, name, point=1, time=time, value=value, shown=shown)
+    return dict(zip(places, limits.clamp(positions, where).tolist(), strict=True))

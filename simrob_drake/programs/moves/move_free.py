@@ -19,12 +19,13 @@ from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.programs.errors import GoalInCollision
 from simrob_drake.programs.free_path import FreeSpace, Search, metres
 from simrob_drake.programs.moves.motion import ArmMotion, Row
-from simrob_drake.programs.plan import Plan, check_limits
+from simrob_drake.programs.plan import CHECKED, Plan, check_limits
 from simrob_drake.programs.planning import POINTS, Planning, PoseTargets, WorkObject, degrees_hint, points_of, zone_of
 from simrob_drake.programs.segments import Segment, tool_length
 from simrob_drake.programs.smooth_path import shortened
 from simrob_drake.programs.tape import recorded
-from simrob_drake.programs.timing import How, timed
+from simrob_drake.programs.timing import How, is_free, timed
+from simrob_drake.programs.torques import slowed_for_motors
 from simrob_drake.sections import Boolean, Integer, Pose, Positive
 from simrob_drake.stations.collisions import Overlap
 
@@ -219,7 +220,9 @@ def plan_around(
     def plan(way: tuple[Vector, Vector]) -> Plan:
         ways = [tool_length(chain, own) for chain, own in zip(chains, space.parts(way[1]).values(), strict=True)]
         segment, motors = Segment(*way, max(ways), np.ones(1)), partial(first.motors, [*space.start])
-        return timed(first.robot, [segment], how, points, together, motors)
+        made = timed(first.robot, [segment], how, points, together, motors)
+        is_slowed = is_free(how) and how.get("check", CHECKED) != "nothing"
+        return slowed_for_motors(motors(), made) if is_slowed else made
 
     corners = search.path(_free(space, goals))
     found = [search.rounded(corners)]

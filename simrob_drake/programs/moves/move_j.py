@@ -56,6 +56,8 @@ def plan_move_abs_j(
         JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first bad point.
     """
     rows = planning.postures(targets)
+    if planning.chain.limits.are_within(rows):
+        rows = planning.chain.limits.clamp(rows, "the targets")
     points, zone = points_of(how, POINTS), zone_of(how, len(rows))
     if truth(stop, "stop") and zone:
         raise InvalidParameter("stop", stop, "left out with a zone")

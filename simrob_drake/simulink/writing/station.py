@@ -14,6 +14,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.files import PIECE_FILE, ROBOT_FILE
 from simrob_drake.importer.options import ImportReport
+from simrob_drake.robots.urdf import joint_limits, name_of
 from simrob_drake.simulink.mechanics.bodies import PUSH
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
@@ -259,8 +260,11 @@ class StationWriter:
         if not base.IsNearlyIdentity(1e-12):
             entry["base"] = pose_list(base)
         degrees = {axis: np.rad2deg(start[axis]) if one.turns else start[axis] for one, axis in robot.axes.items()}
-        if initial := {axis: float(f"{value:.12g}") for axis, value in degrees.items() if value}:
-            entry["initial_deg"] = initial
+        # The robot has no home, so an axis at zero is named only where its range excludes zero.
+        ranges = {name_of(joint): joint_limits(joint) for joint in robot.element.iterfind("joint")}
+        named = [axis for axis, value in degrees.items() if value or not ranges[axis][0] <= 0.0 <= ranges[axis][1]]
+        if named:
+            entry["initial_deg"] = {axis: float(f"{degrees[axis]:.12g}") for axis in named}
         laws = {freedom: self._law(freedom) for freedom in robot.axes}
         for freedom, law in laws.items():
             self._tell(name, robot.axes[freedom], freedom, law, kinematic=kinematic)
