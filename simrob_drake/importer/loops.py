@@ -19,7 +19,7 @@ _DIGITS = 9  # of lengths and angles that are written
 
 
 @dataclass(frozen=True)
-class Closing:
+class LoopCoupling:
     """A coupling that closes a loop of a robot.
 
     Attributes:
@@ -58,7 +58,7 @@ class Closing:
         return ET.Element(TAG, own | {key: " ".join(map(repr, value)) for key, value in places.items()})
 
     @classmethod
-    def of_element(cls, element: ET.Element) -> "Closing":
+    def of_element(cls, element: ET.Element) -> "LoopCoupling":
         """Read the coupling of an element."""
         texts = {key: element.get(key, "") for key in ("name", "kind", "body", "other")}
         places = {key: [float(number) for number in element.get(key, "").split()] for key in ("place", "other_place")}
@@ -70,7 +70,7 @@ def _text(value: Any) -> str:
     return f"[{', '.join(f'{number:.6g}' for number in value)}]" if isinstance(value, list) else str(value)
 
 
-def closing_of_joint(joint: ET.Element) -> Closing | None:
+def closing_of_joint(joint: ET.Element) -> LoopCoupling | None:
     """The coupling that replaces a joint of a URDF. Returns None if no coupling moves as the joint does."""
     kinds = {"revolute": "hinge", "continuous": "hinge", "fixed": "weld", "ball": "ball", "spherical": "ball"}
     kind = kinds.get(joint.get("type", ""))
@@ -86,7 +86,7 @@ def closing_of_joint(joint: ET.Element) -> Closing | None:
             turn = RigidTransform(RotationMatrix.MakeFromOneVector(np.array(direction), _Z), np.zeros(3))
             place, other = place @ turn, other @ turn
         numbers = _rounded(pose_from_transform(place)), _rounded(pose_from_transform(other))
-    return Closing(
+    return LoopCoupling(
         name=name_of(joint),
         kind=kind,
         body=link_of(joint, "parent"),
@@ -111,9 +111,9 @@ def second_parents(robot: ET.Element) -> Iterator[ET.Element]:
         held.add(child)
 
 
-def take_closings(robot: ET.Element) -> list[Closing]:
+def take_closings(robot: ET.Element) -> list[LoopCoupling]:
     """Take the couplings off a robot that the stages of its import handed on."""
     found = robot.findall(TAG)
     for element in found:
         robot.remove(element)
-    return [Closing.of_element(element) for element in found]
+    return [LoopCoupling.of_element(element) for element in found]

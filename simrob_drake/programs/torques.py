@@ -69,7 +69,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
             continue
         unit = own.model.effort_units[axis]
         needed = f"{abs(torques[row, axis]):.4g} {unit}"
-        given = f"the limit of its motor is {limits[axis]:.4g} {unit}"
+        maximum = f"the limit of its motor is {limits[axis]:.4g} {unit}"
         time = float(looks[row])
         number, name = plan.named(time)
         if speed == 0.0:
@@ -79,11 +79,11 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
                 point=number,
                 time=time,
                 torque=float(torques[row, axis]),
-                shown=f"{needed} to hold still there, and {given}; raise servo.torque_limit or lighten the load",
+                shown=f"{needed} to hold still there, and {maximum}; raise servo.torque_limit or lighten the load",
             )
         factor = slower_factor(motors, plan)
         advice = remedy(factor, factor * plan.duration)
-        text = f"{name}: {own.axes[axis]} would need {needed} at {time:.2f} s, and {given}, so that it lags behind"
+        text = f"{name}: {own.axes[axis]} would need {needed} at {time:.2f} s, and {maximum}, so that it lags behind"
         warnings.warn(f"{text}; {advice}", TorqueShortage, stacklevel=2)
 
 

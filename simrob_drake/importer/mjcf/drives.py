@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from simrob_drake.importer.loops import Closing
+from simrob_drake.importer.loops import LoopCoupling
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.trees import HOME, KD, KP, add_note
 from simrob_drake.robots.urdf import DRAKE, add_motor, name_of, written
@@ -174,7 +174,7 @@ class DriveWriter:
     def _write_ball(self, loop: ET.Element, index: int, name: str, ends: Sequence[int]) -> None:
         """Write the coupling into a loop that a connection of two bodies is: a ball joint at its anchor."""
         anchors = np.asarray(self.model.eq_data[index][: 2 * _ANCHOR]).reshape(2, _ANCHOR)
-        closing = Closing(
+        closing = LoopCoupling(
             name=re.sub(r"\W+", "_", name, flags=re.ASCII),
             kind="ball",
             body=name_of(self.bodies[ends[0]]),

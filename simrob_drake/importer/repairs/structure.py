@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from simrob_drake.errors import listed, nearest, shortened
 from simrob_drake.importer.loops import TAG as CLOSING
-from simrob_drake.importer.loops import Closing, closing_of_joint, second_parents
+from simrob_drake.importer.loops import LoopCoupling, closing_of_joint, second_parents
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.names import names, repair_names
 from simrob_drake.robots.bodies import FOLLOWS
@@ -219,12 +219,12 @@ def _keep_known_elements(
         if coupling is not None and options.couple:
             robot.remove(element)
             closings.append(coupling)
-            report.add("read", where, f"a coupling of the first station: {Closing.of_element(coupling).line}")
+            report.add("read", where, f"a coupling of the first station: {LoopCoupling.of_element(coupling).line}")
             continue
         if not options.drop_loops:
             advice = "remove it, or leave it out with --drop-loops"
             if coupling is not None:
-                line = Closing.of_element(coupling).line
+                line = LoopCoupling.of_element(coupling).line
                 advice = (
                     f"leave it out with --drop-loops and write `{line}` under couplings of a station with discrete "
                 )

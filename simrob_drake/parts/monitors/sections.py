@@ -170,8 +170,8 @@ class EmptyGrip(MonitorSection):
         super().check(name, station)
         robot = station.robot(self.robot, f"monitors.{name}")
         if not robot.model.fingers:
-            advice = gripper_advice(robot.model)
-            raise InvalidParameter(f"monitors.{name}.robot", robot.name, f"one with fingers: {advice}")
+            expected = f"one with a gripper: in its robot.yaml; {gripper_advice(robot.model)}"
+            raise InvalidParameter(f"monitors.{name}.robot", robot.name, expected)
 
     def condition(self, name: str, station: Surroundings) -> Condition:
         """Return what ends a run; its excess is how much nearer to closed the most open finger is."""

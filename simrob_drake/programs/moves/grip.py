@@ -79,7 +79,9 @@ class FingerMove(Move):
         """Return the fingers' move, planned; other axes stay; raises InvalidParameter: no fingers, or no such width."""
         robot, row = planning.model, planning.start.copy()
         if not robot.fingers:
-            raise InvalidParameter("robot", robot.name, f"one with fingers: {gripper_advice(robot)}")
+            raise InvalidParameter(
+                "robot", robot.name, f"one with a gripper: in its robot.yaml; {gripper_advice(robot)}"
+            )
         part = float(self.opens) if self.width is None else self._part(robot, self.width)
         for place, (closed, opened) in robot.fingers.items():
             row[place] = closed + part * (opened - closed)
