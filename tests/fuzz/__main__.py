@@ -1,4 +1,4 @@
-"""Give a thousand cases to the command line, each in a process of its own: ``python -m tests.fuzz [COUNT [SEED [KIND...]]]``.
+"""Give a thousand cases to the command line, a process each: ``python -m tests.fuzz [COUNT [SEED [KIND...]]]``.
 
 Fails where one of them ends with anything else than an exit code and one line, takes 20 s or 1 GB.
 """
