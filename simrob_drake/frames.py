@@ -24,6 +24,9 @@ VELOCITY_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 Vector = np.ndarray[Any, np.dtype[np.float64]]
 """An array of floats of any shape; the shape is in the docstrings."""
 
+Indices = np.ndarray[Any, np.dtype[np.intp]]
+"""An array of indices of another array."""
+
 
 PoseLike: TypeAlias = RigidTransform | npt.ArrayLike
 """A pose in any form: a RigidTransform, a pose vector (6,), or a homogeneous matrix (4, 4)."""

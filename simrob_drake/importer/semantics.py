@@ -89,21 +89,39 @@ def _states(tree: ET.Element, joints: Container[str], report: ImportReport) -> _
     return states
 
 
-def _joints(name: str, groups: dict[str, ET.Element], joints: dict[str, ET.Element], depth: int = 0) -> set[str]:
-    """Return the joints of a group: named, above its links, on its chains, and of its groups."""
-    group = groups.get(name)
-    if group is None or depth > len(groups):
-        return set()
+def _joints(name: str, groups: dict[str, ET.Element], joints: dict[str, ET.Element]) -> set[str]:
+    """Return the joints of a group: named, above its links, on its chains, and those of the groups that it names.
+
+    Each group is read once. Groups may name each other, and thirty levels of two names each would be 2**30 groups.
+    """
     above = {link_of(joint, "child"): joint for joint in joints.values()}
-    found = {name_of(joint) for joint in group.iterfind("joint")}
-    found |= {name_of(above[name_of(link)]) for link in group.iterfind("link") if name_of(link) in above}
-    for chain in group.iterfind("chain"):
-        link, passed = chain.get("tip_link", ""), set[str]()
-        while link in above and link != chain.get("base_link") and link not in passed:
-            passed.add(link)
-            found.add(name_of(above[link]))
-            link = link_of(above[link], "parent")
-    return found.union(*(_joints(name_of(one), groups, joints, depth + 1) for one in group.iterfind("group")))
+    found = set[str]()
+    visited = set[str]()
+    waiting = [name]
+    while waiting:
+        group_name = waiting.pop()
+        group = groups.get(group_name)
+        if group is None or group_name in visited:
+            continue
+        visited.add(group_name)
+        waiting += [name_of(named) for named in group.iterfind("group")]
+        found |= {name_of(joint) for joint in group.iterfind("joint")}
+        found |= {name_of(above[name_of(link)]) for link in group.iterfind("link") if name_of(link) in above}
+        for chain in group.iterfind("chain"):
+            found |= _joints_of_chain(chain, above)
+    return found
+
+
+def _joints_of_chain(chain: ET.Element, above: Mapping[str, ET.Element]) -> set[str]:
+    """Return the joints from a chain's tip to its base, with the joint above each link by the link's name."""
+    found = set[str]()
+    visited = set[str]()
+    link = chain.get("tip_link", "")
+    while link in above and link != chain.get("base_link") and link not in visited:
+        visited.add(link)
+        found.add(name_of(above[link]))
+        link = link_of(above[link], "parent")
+    return found
 
 
 def _pairs(tree: ET.Element, carrier: dict[str, str]) -> Iterator[tuple[str, str]]:

@@ -18,7 +18,7 @@ from simrob_drake.blocks.monitor import Trigger
 from simrob_drake.blocks.references import Reference
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Indices, Vector
 from simrob_drake.lifetime import release_with
 from simrob_drake.parts.captions import BlockRole, Drawn, InnerBlock
 from simrob_drake.parts.ground import Ground
@@ -221,15 +221,30 @@ class StationPlant:
 
 @dataclass(frozen=True)
 class FromState:
-    """How the state of the whole plant gives an output at once: ``finish(state @ matrix.T)``, shape (m, size)."""
+    """How an output follows from the state of the whole plant, for many states at once.
 
-    matrix: Vector
+    Attributes:
+        pick: entries of the state that the output has, shape (size,) of whole numbers, or a matrix (size, nq + nv) by
+            which the state is multiplied. A station of many free pieces has many outputs, and entries take no memory.
+        finish: makes the output of the picked values (m, size); without it they are the output.
+    """
+
+    pick: Vector | Indices
     finish: Callable[[Vector], Vector] | None = None
 
     def of(self, states: Vector) -> Vector:
-        """Return the output of states (m, nq + nv)."""
-        values = np.asarray(states @ self.matrix.T)
+        """Return the output (m, size) of states (m, nq + nv)."""
+        # The sum with 0 makes 0 of -0, as a product with a matrix does.
+        values = states[:, self.pick] + 0.0 if self.pick.ndim == 1 else np.asarray(states @ self.pick.T)
         return values if self.finish is None else self.finish(values)
+
+    def matrix(self, size: int) -> Vector:
+        """Return the matrix by which a state (size,) gives the picked values, for a block of the diagram."""
+        if self.pick.ndim == 2:
+            return np.asarray(self.pick, dtype=float)
+        rows = np.zeros((len(self.pick), size))
+        rows[np.arange(len(self.pick)), self.pick] = 1.0
+        return rows
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,6 +30,7 @@ from simrob_drake.rapid.values import LeftOut, RecordValue, WrongType, transform
 _MOST_MOVES = 5000
 _SAME = 1e-6  # rad, that two ways to a posture are apart at most
 _NEAR, _SAME_PLACE = 1e-12, 1e-9
+_REACH_IN_METRES = 2e-3  # m: a target of up to 2 in a module, which is a usual reach in metres
 _ZONE = 3e-4  # m, the smallest
 _SLOWER, _TRIES = 1.02, 4
 
@@ -198,7 +199,8 @@ class Controller:
             self._do(move, plan)
         except SimrobError as problem:
             joined = f", with the {len(group.targets) - 1} before that its zones join" if len(group.targets) > 1 else ""
-            group.call.remark(f"{problem}; left out{joined}")
+            hint = "" if group.postures and not group.poses else metres_hint(np.array(group.targets)[:, :3])
+            group.call.remark(f"{problem}{hint}; left out{joined}")
 
     def _keys(self, group: Group) -> dict[str, Any]:
         motion = group.motion
@@ -258,6 +260,7 @@ class Controller:
     def posture(self, call: Call, target: RecordValue, pose: Vector) -> Vector:
         """Return an arm's posture (n,) for a target; raises LeftOut: there is none, or not in this configuration."""
         arm, start = self.arm, self.ahead
+        place = transform_of(target).translation()
         if self.configured["j"] and has_configuration(arm.chain):
             desired = [int(value) for value in target["robconf"].flat()]
             found, others = postures_like(arm.chain, pose, start, desired)
@@ -273,7 +276,7 @@ class Controller:
         try:
             return np.asarray(require(arm.inverse(None).solve(pose[np.newaxis], start), "target")[0])
         except Unreachable as problem:
-            raise LeftOut(str(problem)) from problem
+            raise LeftOut(f"{problem}{metres_hint(place)}") from problem
 
     def _do(self, move: Move, plan: Plan | None = None) -> None:
         if len(self.moves) >= _MOST_MOVES:
@@ -316,9 +319,20 @@ class Controller:
         return value
 
     def _name(self, call: Call, problem: str, *, lost: bool) -> None:
-        if problem not in self._unknown:
-            self._unknown.add(problem)
+        if problem.lower() not in self._unknown:  # RAPID does not tell capitals apart
+            self._unknown.add(problem.lower())
             call.remark(f"{problem}: name it in a table, --io", lost=lost)
+
+
+def metres_hint(places: Vector) -> str:
+    """Return what to ask of places (..., 3) [m] that the robot cannot reach, if their numbers may have been in metres.
+
+    The hint is empty if a place is farther from its frame's origin than a robot's reach in metres would be in
+    millimetres, or if all places are the origin, which is the same in both units.
+    """
+    if not np.any(places) or np.abs(places).max() > _REACH_IN_METRES:
+        return ""
+    return "; lengths of RAPID are in millimetres: were these metres?"
 
 
 def _numbers(pose: RigidTransform) -> tuple[float, ...]:

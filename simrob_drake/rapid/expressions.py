@@ -233,23 +233,24 @@ class Expressions:
         """Return the signal that an expression names: data of a signal's type, or a name of the controller's."""
         found = self._find(node.children[0]) if node.data == "name" else None
         if node.data == "name" and found is None:
-            return SignalName(str(node.children[0]).lower())
+            return SignalName(str(node.children[0]))
         value = found.value if isinstance(found, Datum) else self.value(node)
         if not isinstance(value, SignalName):
             raise WrongType(f"{shape(value)} where a signal is asked for")
         return value
 
     def _value_name(self, name: str) -> Value:
-        key = name.lower()
-        if key in ("true", "false"):
-            return key == "true"
+        if name.lower() in ("true", "false"):
+            return name.lower() == "true"
+        signal = name
         found = self._find(name)
         if isinstance(found, Datum):
             value: Value = found.value
             if not isinstance(value, SignalName):
                 return value
-            key, found = value.name, None
-        level = self._signal(key)
+            signal = value.name
+            found = None
+        level = self._signal(signal)
         if found is not None or level is None:
             raise NoData(f"there is no data '{name}'{self._hint(name)}")
         return level

@@ -264,7 +264,7 @@ def _ask(controller: Controller, call: Call) -> None:
     asked = call.argument(0)
     while asked.data != "name":
         asked = asked.children[0]
-    call.place(0).set(controller.read(call, str(asked.children[0]).lower()))
+    call.place(0).set(controller.read(call, str(asked.children[0])))
 
 
 def _test_and_set(controller: Controller, call: Call) -> bool:

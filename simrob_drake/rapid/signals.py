@@ -45,7 +45,10 @@ class SignalTable(Strict):
 
 
 class Signals:
-    """The signals of a controller while a program is done: what was set, and what the table says of the rest."""
+    """The signals of a controller while a program is done: what was set, and what the table says of the rest.
+
+    Names may be in capitals or not, as in RAPID.
+    """
 
     def __init__(self, table: SignalTable | None = None) -> None:
         """Take a table; without one outputs do nothing, and inputs are not known."""
@@ -71,15 +74,15 @@ class Signals:
 
     def put(self, name: str, value: float) -> Sequence[Move] | None:
         """Set an output, and return what that does; None if the table has no such output."""
-        self._set[name] = value
-        entry = self._entries.get(name)
+        self._set[name.lower()] = value
+        entry = self._entries.get(name.lower())
         return None if entry is None or entry.does is None else entry.does.get(int(value), ())
 
     def value(self, name: str, time: float, seen: Mapping[str, float]) -> float | None:
         """Return the value of a signal at a time [s], with what sensors see; None if nothing tells."""
-        entry = self._entries.get(name)
+        entry = self._entries.get(name.lower())
         if entry is None or entry.does is not None:
-            return self._set.get(name, None if entry is None else 0.0)
+            return self._set.get(name.lower(), None if entry is None else 0.0)
         if entry.sensor is not None:
             now = seen.get(entry.sensor)
             if now is None:
@@ -91,11 +94,11 @@ class Signals:
 
     def next_change(self, name: str, time: float) -> float | None:
         """Return when an input changes next [s]; None if its table tells of no change."""
-        entry = self._entries.get(name)
+        entry = self._entries.get(name.lower())
         changes: Any = entry.is_ if entry is not None and isinstance(entry.is_, dict) else ()
         return min((at for at in changes if at > time), default=None)
 
     def watches(self, name: str) -> bool:
         """Tell whether an input watches a sensor, which nothing tells beforehand."""
-        entry = self._entries.get(name)
+        entry = self._entries.get(name.lower())
         return entry is not None and entry.sensor is not None

@@ -49,7 +49,7 @@ class RecordValue:
 
 @dataclass(frozen=True)
 class SignalName:
-    """An input or output of the controller, by its name in lower case."""
+    """An input or output of the controller, by its name as the module has it, in capitals or not."""
 
     name: str
 

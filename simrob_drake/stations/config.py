@@ -55,6 +55,10 @@ Feedforward = Literal["none", "gravity", "inverse_dynamics"]
 MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
 MOST_LATE = 10_000  # by so many samples a sensor may be late
+MOST_FREE_PIECES = 200
+"""Pieces of ``free: true``. Drake's time to build a station grows with the third power of the pieces: 4 s for 200."""
+MOST_PIECES = 300
+"""Pieces, free or not. A station of 300 is built in about 14 s."""
 MOST_STEPS = 10_000_000
 """Steps that a run may have, and samples of a sensor: a day of steps of 10 ms. A robot's states fill 4 GB then."""
 
@@ -322,7 +326,16 @@ class StationConfig(Renamed):
 
 
 def check_effort(config: StationConfig) -> None:
-    """Check that a run's samples can be kept and its steps be done; raises InvalidParameter: too many."""
+    """Check that a run's samples can be kept, its steps be done and its pieces be built.
+
+    Raises:
+        InvalidParameter: there are too many samples, steps or pieces.
+    """
+    if len(config.free_pieces) > MOST_FREE_PIECES:
+        found = f"with {len(config.free_pieces)} free pieces"
+        raise InvalidParameter("pieces", found, f"with at most {MOST_FREE_PIECES} of free: true")
+    if len(config.pieces) > MOST_PIECES:
+        raise InvalidParameter("pieces", f"{len(config.pieces)} pieces", f"at most {MOST_PIECES}")
     duration, rate, solver = config.duration, config.sample_rate, config.solver
     if duration * rate > MOST_SAMPLES:
         longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"

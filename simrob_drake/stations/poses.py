@@ -1,13 +1,15 @@
 """Add the pose outputs of a station: bases, tools and free pieces, and how these move."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import MatrixGain
+from pydrake.systems.primitives import Selector, SelectorParams
 
 from simrob_drake.blocks.frame_poses import FramePoses
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Indices, Vector
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.site import FromState, StationRobot
 from simrob_drake.signals import POSE, VELOCITY, Panel, Role, Signal
@@ -30,13 +32,13 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
             signals, of_state = [], None
             if name == "base_pose":
                 signals = [_pose_signal(robot, "base", name)]
-                of_state = FromState(_free_pose(plant, robot.root.body()), unit_poses) if _is_free(robot) else None
+                of_state = FromState(_free_pose(robot.root.body()), unit_poses) if _is_free(robot) else None
             ports.add(f"{robot.prefix}{name}", block.GetOutputPort(name), *signals, of_state=of_state)
         if _is_free(robot):
             output, pick = f"{robot.prefix}base_velocity", _free_velocity(plant, robot.root.body())
-            gain = MatrixGain(pick)
-            ports.add_report(builder, output, gain, ports.state, output)
-            ports.add(output, gain.get_output_port(), of_state=FromState(pick))
+            velocity = _selector(plant, {output: pick})
+            ports.add_report(builder, output, velocity, ports.state, output)
+            ports.add(output, velocity.get_output_port(), of_state=FromState(pick))
         if robot.tcp:
             port = block.GetOutputPort(f"tcp_pose.{robot.tcp}")
             ports.add(f"{robot.prefix}tcp_pose", port, _pose_signal(robot, "tcp", "tcp_pose"))
@@ -51,14 +53,16 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
     poses = FramePoses(plant=plant, frames=frames)
     ports.add_report(builder, "piece_poses", poses, ports.state, *frames)
     ports.draw("piece_poses", "sensor", wrapped(f"Poses of {', '.join(free)}"))
+    picks = {f"piece_velocity.{piece}": _free_velocity(plant, body) for piece, body in free.items()}
+    velocities = _selector(plant, picks)
+    ports.add_report(builder, "piece_velocity", velocities, ports.state, *picks)
     for piece, body in free.items():
-        pick = _free_velocity(plant, body)
-        gain = MatrixGain(pick)
-        ports.add_report(builder, f"piece_velocity.{piece}", gain, ports.state, f"piece_velocity.{piece}")
-        pose, velocity = piece_pose_signal(piece), _piece_signal(piece, "velocity", VELOCITY)
-        port, unit = poses.GetOutputPort(pose.output), FromState(_free_pose(plant, body), unit_poses)
-        ports.add(pose.output, port, pose, of_state=unit)
-        ports.add(velocity.output, gain.get_output_port(), velocity, of_state=FromState(pick))
+        pose = piece_pose_signal(piece)
+        from_state = FromState(_free_pose(body), unit_poses)
+        ports.add(pose.output, poses.GetOutputPort(pose.output), pose, of_state=from_state)
+        velocity = _piece_signal(piece, "velocity", VELOCITY)
+        port = velocities.GetOutputPort(velocity.output)
+        ports.add(velocity.output, port, velocity, of_state=FromState(picks[velocity.output]))
 
 
 def piece_pose_signal(piece: str) -> Signal:
@@ -90,15 +94,27 @@ def _is_free(robot: StationRobot) -> bool:
     return robot.floats and robot.root.body().is_floating_base_body() and robot.root.is_body_frame()
 
 
-def _free_pose(plant: MultibodyPlant, body: RigidBody) -> Vector:
-    """Return the matrix (7, nq + nv) that picks the pose of a free body from the state."""
-    places = body.floating_positions_start() + np.array([4, 5, 6, 0, 1, 2, 3])  # Drake has the quaternion first
-    return np.asarray(np.eye(plant.num_multibody_states())[places])
+def _free_pose(body: RigidBody) -> Indices:
+    """Return the entries (7,) of the state that are the pose of a free body: x y z qw qx qy qz."""
+    drake_order = np.array([4, 5, 6, 0, 1, 2, 3])  # Drake has the quaternion first
+    return np.asarray(body.floating_positions_start() + drake_order)
 
 
-def _free_velocity(plant: MultibodyPlant, body: RigidBody) -> Vector:
-    """Return the matrix (6, nq + nv) that picks the linear and the angular velocity of a free body from the state."""
-    start = plant.num_positions() + body.floating_velocities_start_in_v()
-    pick = np.zeros((6, plant.num_multibody_states()))
-    pick[[3, 4, 5, 0, 1, 2], range(start, start + 6)] = 1.0  # Drake has the angular part first
-    return pick
+def _free_velocity(plant: MultibodyPlant, body: RigidBody) -> Indices:
+    """Return the entries (6,) of the state that are the linear and the angular velocity of a free body."""
+    drake_order = np.array([3, 4, 5, 0, 1, 2])  # Drake has the angular part first
+    return np.asarray(plant.num_positions() + body.floating_velocities_start_in_v() + drake_order)
+
+
+def _selector(plant: MultibodyPlant, picks: Mapping[str, Indices]) -> Selector:
+    """Return a block that reads the state of a plant, with an output port for each name of these entries."""
+    selection = SelectorParams.OutputSelection
+    outputs = [
+        SelectorParams.OutputPortParams(
+            name=name,
+            selections=[selection(input_port_index=0, input_offset=int(entry)) for entry in entries],
+        )
+        for name, entries in picks.items()
+    ]
+    state = SelectorParams.InputPortParams(name="state", size=plant.num_multibody_states())
+    return Selector(SelectorParams(inputs=[state], outputs=outputs))

@@ -1,13 +1,16 @@
 """Files of a user's own: kept beside what is taught, and the one among them that is to be opened."""
 
+import lzma
 import re
+import struct
 import zipfile
+import zlib
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path, PurePosixPath
 
-from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.errors import InvalidParameter, SimrobError, shown
 from simrob_drake.folders import writing
 from simrob_drake.importer.options import REPORT_FILE
 from simrob_drake.importer.packages import ROBOT_SUFFIXES
@@ -15,6 +18,21 @@ from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
 
 FOLDER = "own"  # of what is taught, for these files; each set of them has a folder there
 MOST = 200_000_000  # bytes of a set of files, unpacked
+_MOST_FILES = 10_000
+"""Files of an archive. A robot's package has some hundreds; this many are unpacked in about 2 s."""
+_MOST_FOLDERS = 50
+"""Folders in which a file may lie."""
+_LONGEST_NAME = 200
+"""Length of the name of a file or folder [bytes]. File systems take 255, of which an import needs some."""
+_LONGEST_PATH = 1000
+"""Length of a path in an archive [bytes]. Linux takes 4096, with the folder of what is taught."""
+_ENTRY = b"PK\x01\x02"
+"""Mark of each entry in a ZIP archive's table of contents."""
+_DAMAGED = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
+    *(RuntimeError, NotImplementedError, EOFError, OSError, ValueError),
+)
+"""What Python's zipfile raises for damaged archives, and for ones with a password."""
 _LINES = 8  # of what an import did that are told at once
 _ORDER = (*YAML_SUFFIXES, *ROBOT_SUFFIXES)  # a station or a program names its robots' files
 
@@ -23,8 +41,8 @@ def keep(files: Mapping[str, bytes], folder: Path) -> Path:
     """Keep files in a folder of what is taught, those of a ZIP archive unpacked; return the one to be opened.
 
     That is a program or a station, else the robot that lies highest. The same files are kept once. Raises
-    InvalidParameter: nothing among them can be opened, an archive is damaged, or all are too large; OutputError: the
-    folder cannot be written.
+    InvalidParameter: nothing among them can be opened, an archive is damaged or has too many files, a name is too long,
+    or all are too large; OutputError: the folder cannot be written.
     """
     found = {path: content for name, content in files.items() for path, content in _unpacked(name, content).items()}
     if sum(map(len, found.values())) > MOST:
@@ -44,20 +62,40 @@ def _unpacked(name: str, content: bytes) -> dict[Path, bytes]:
     """Return the files of an archive by their paths, or the file itself; no path leads out of its folder."""
     if not name.lower().endswith(".zip"):
         return {_inside(name): content}
+    # Python reads the whole table of contents at once, so its entries are counted before.
+    if content.count(_ENTRY) > _MOST_FILES:
+        raise InvalidParameter(name, "too many files", f"an archive of at most {_MOST_FILES} files")
     try:
         with zipfile.ZipFile(BytesIO(content)) as archive:
-            entries = [entry for entry in archive.infolist() if not entry.is_dir()]
-            if sum(entry.file_size for entry in entries) > MOST:
+            entries = {_inside(entry.filename): entry for entry in archive.infolist() if not entry.is_dir()}
+            if sum(entry.file_size for entry in entries.values()) > MOST:
                 raise InvalidParameter(name, "too large", f"at most {MOST / 1e6:g} MB unpacked")
-            return {_inside(entry.filename): archive.read(entry) for entry in entries}
-    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, EOFError) as problem:
-        raise InvalidParameter(name, str(problem), "a whole ZIP archive without a password") from problem
+            return {path: archive.read(entry) for path, entry in entries.items()}
+    except SimrobError:
+        raise
+    except _DAMAGED as problem:
+        detail = shown(str(problem)) or type(problem).__name__
+        raise InvalidParameter(name, detail, "a whole ZIP archive without a password") from problem
 
 
 def _inside(name: str) -> Path:
-    """Return a path below a folder that a name of somewhere else stands for."""
-    parts = [part for part in PurePosixPath(name.replace("\\", "/")).parts if part.strip("./ ")]
-    return Path(*(re.sub(r'[<>:"|?*\x00-\x1f]', "_", part) for part in parts or ["file"]))
+    """Return a path below a folder for a name that may lead anywhere.
+
+    Raises:
+        InvalidParameter: no file can have the name: it is too long, in too many folders, or no Unicode text.
+    """
+    parts = [part for part in PurePosixPath(name.replace("\\", "/")).parts if part.strip("./ ")] or ["file"]
+    try:
+        lengths = [len(part.encode()) for part in parts]
+    except UnicodeEncodeError as problem:
+        raise InvalidParameter("the name of a file", repr(shown(name)), "a text of whole characters") from problem
+    if len(parts) > _MOST_FOLDERS + 1:
+        expected = f"in at most {_MOST_FOLDERS} folders"
+        raise InvalidParameter(f"the file '{shown(name)}'", f"in {len(parts) - 1} folders", expected)
+    if max(lengths) > _LONGEST_NAME or sum(lengths) > _LONGEST_PATH:
+        expected = f"at most {_LONGEST_NAME} bytes each, {_LONGEST_PATH} together"
+        raise InvalidParameter("names of a file and its folders", f"'{shown(name)}'", expected)
+    return Path(*(re.sub(r'[<>:"|?*\x00-\x1f]', "_", part) for part in parts))
 
 
 def _subject(paths: Sequence[Path]) -> Path:

@@ -1,8 +1,9 @@
-"""Give a thousand cases to the command line, each in a process of its own: ``python -m tests.fuzz [COUNT [SEED]]``.
+"""Give a thousand cases to the command line, a process each: ``python -m tests.fuzz [COUNT [SEED [KIND...]]]``.
 
 Fails where one of them ends with anything else than an exit code and one line, takes 20 s or 1 GB.
 """
 
+import itertools
 import os
 import resource
 import sys
@@ -66,15 +67,20 @@ def verdict(attempt: Attempt, status: int, memory: int) -> str:
     return ended(os.WEXITSTATUS(status), told)
 
 
-def main(count: int = 1000, seed: int = 1) -> int:
-    """Try the cases, two at a time on two processors, and print a table of what became of them."""
+def main(count: int = 1000, seed: int = 1, *kinds: str) -> int:
+    """Try the cases, two at a time on two processors, and print a table of what became of them.
+
+    If there are ``kinds``, only cases of these are tried.
+    """
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     found: Counter[tuple[str, str]] = Counter()
     console = Console(width=160, markup=False)
     began, slowest, largest = time.monotonic(), 0.0, 0
     with tempfile.TemporaryDirectory(prefix="fuzz-") as top:
         os.environ["XDG_CACHE_HOME"] = f"{top}/cache"
-        waiting, running = list(range(count))[::-1], dict[int, Attempt]()
+        numbers = (number for number in itertools.count() if not kinds or kind_of(number) in kinds)
+        waiting = list(itertools.islice(numbers, count))[::-1]
+        running = dict[int, Attempt]()
         while waiting or running:
             while waiting and len(running) < (os.cpu_count() or 1):
                 number = waiting.pop()
@@ -102,4 +108,4 @@ def main(count: int = 1000, seed: int = 1) -> int:
 
 
 if __name__ == "__main__":  # processes of a case's own import this file again
-    sys.exit(main(*map(int, sys.argv[1:])))
+    sys.exit(main(*map(int, sys.argv[1:3]), *sys.argv[3:]))

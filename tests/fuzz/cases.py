@@ -9,8 +9,8 @@ from pathlib import Path
 
 import yaml
 
-from tests.fuzz import valid
-from tests.fuzz.damage import BY_SUFFIX, VALUES, damaged, places, yaml_damage
+from tests.fuzz import formats, valid
+from tests.fuzz.damage import BY_SUFFIX, VALUES, damaged, places, xml_damage, yaml_damage
 from tests.fuzz.valid import EXAMPLES, Files, mesh, models_root, station
 
 STATIONS = ("double_pendulum", "irb120_kinematic", "irb120_dynamic", "bouncing_ball")
@@ -31,7 +31,7 @@ class Case:
 
     Attributes:
         kind: what is hostile.
-        arguments: of ``simrob``; ``program``, ``study`` or ``task`` and a file load that and do no more.
+        arguments: of ``simrob``; ``program``, ``study``, ``task`` or ``upload`` and a file load that and do no more.
         files: that lie in the folder, or what they link to; beside them there are a named pipe, ``pipe``, and a link to
             itself, ``circle``.
     """
@@ -100,6 +100,11 @@ def _pieces(ending: str) -> Files:
     return {"case.yaml": text.encode(), part: mesh(ending)}
 
 
+def _imports(file: str) -> list[list[str]]:
+    """Return the commands that read a robot's file."""
+    return [["check", file], ["import", file, "--out", "../made"]]
+
+
 def _begins(name: str, **overrides: float) -> Class:
     command = ["run", name, *SHORT, "--set", "start=start.json"]
     return Class([partial(valid.start, name, **overrides)], ["start.json"], [command])
@@ -161,6 +166,34 @@ CLASSES: Mapping[str, Class] = {
         [["check", "arm.urdf"], ["import", "arm.urdf", "--out", "../made"]],
     ),
     "mesh": Class([partial(_pieces, ending) for ending in MESHES], [f"part.{ending}" for ending in MESHES], [CHECK]),
+    "MJCF": Class(_of({"arm.xml": formats.MJCF}), ["arm.xml"], _imports("arm.xml"), xml_damage),
+    "SDF": Class(_of({"arm.sdf": formats.SDF}), ["arm.sdf"], _imports("arm.sdf"), xml_damage),
+    "SRDF": Class(
+        _of({"arm.urdf": valid.URDF, "arm.srdf": formats.SRDF, "part.stl": mesh("stl")}),
+        ["arm.srdf"],
+        [["check", "arm.urdf"], ["import", "arm.urdf", "--srdf", "arm.srdf", "--out", "../made"]],
+        xml_damage,
+    ),
+    "RAPID": Class(
+        _of({"Test.mod": formats.RAPID}),
+        ["Test.mod"],
+        [["import", "Test.mod", "--robot", "irb120", "--allow-losses", "--out", "../made"]],
+    ),
+    ".slx": Class(
+        [lambda: {"model.slx": formats.simulink()}],
+        ["model.slx"],
+        [["import", "model.slx", "--out", "../made"]],
+        formats.slx_damage,
+    ),
+    "networks": Class([valid.network], ["net.onnx"], [CHECK, RUN], formats.network_damage),
+    "uploads": Class(
+        [lambda: {"robot.zip": formats.archive()}], ["robot.zip"], [["upload", "robot.zip"]], formats.zip_damage
+    ),
+    "programs": Class(
+        _of({"p.yaml": valid.PROGRAM}, {"p.yaml": valid.ARM_PROGRAM}),
+        ["p.yaml"],
+        [["program", "p.yaml"], ["run", "p.yaml", *SHORT]],
+    ),
     "table": Class(
         _of({"t.csv": valid.TABLE}),
         ["t.csv"],

@@ -5,7 +5,18 @@ import pytest
 from tests.fuzz.cases import CLASSES, case, kind_of
 from tests.fuzz.verdicts import ALLOWED, ended, run
 
-SLOW = {"option", "URDF", "xacro", "walking", "start of a loop", "runs of studies", "journals of studies"}
+SLOW = {
+    "option",
+    "URDF",
+    "xacro",
+    "walking",
+    "start of a loop",
+    "runs of studies",
+    "journals of studies",
+    "MJCF",
+    "SDF",
+    "SRDF",
+}
 QUICK = [number for number in range(len(CLASSES)) if kind_of(number) not in SLOW]
 """One of each class that begins no process of its own and steps no robot on its feet."""
 

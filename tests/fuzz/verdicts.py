@@ -3,12 +3,15 @@
 import sys
 import traceback
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import SimrobError
+from simrob_drake.files import NotRead, content_of
 from simrob_drake.learning.environment import StationEnvironment
 from simrob_drake.programs.program import Program
+from simrob_drake.teach.own_files import MOST, keep
 from simrob_drake.tuning.proof import Proof
 from simrob_drake.tuning.study import Study
 from tests.fuzz.cases import Case
@@ -26,11 +29,21 @@ def _task(file: str) -> None:
     environment.step(environment.action_space.sample())
 
 
+def _upload(file: str) -> None:
+    """Keep an uploaded file as the pendant does; raises SimrobError: it is refused, or no browser would send it."""
+    try:
+        content = content_of(file, 2 * MOST)
+    except NotRead as problem:
+        raise SimrobError(f"{file}: {problem}") from problem
+    keep({Path(file).name: content}, Path("taught"))
+
+
 _LOADERS: Mapping[str, Callable[[str], object]] = {
     "program": Program.load,
     "study": Study.read,
     "proof": lambda folder: Proof.of(folder, 1).cases(),
     "task": _task,
+    "upload": _upload,
 }
 """What reads files that no command reads, or none without minutes of work."""
 

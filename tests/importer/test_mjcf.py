@@ -432,3 +432,20 @@ def test_every_command_takes_it(tmp_path, here, monkeypatch):
     assert station.robots["robot"].urdf == file
     shown = CliRunner().invoke(app, ["check", "arm.yaml"])
     assert shown.exit_code == 0, shown.output
+
+
+@pytest.mark.parametrize(
+    "counts", [["1000000000"], ["1000", "1000", "1000"], ["1e9"]], ids=["one", "nested", "with an exponent"]
+)
+def test_copies_without_measure_are_refused_before_they_are_made(tmp_path, counts):
+    inner = '<geom type="sphere" size="0.1"/>'
+    for count in counts:
+        inner = f'<replicate count="{count}" euler="0 0 1">{inner}</replicate>'
+    hinge = '<joint name="pan" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    body = f'<body name="base"><body name="arm">{hinge}{inner}</body></body>'
+    file = tmp_path / "arm.xml"
+    file.write_text(f'<mujoco model="arm"><worldbody>{body}</worldbody></mujoco>')
+    began = time.process_time()
+    with pytest.raises(SimrobError, match=f"more than {reading._MOST_COPIES} elements with all that is replicated"):
+        read_source(file, ImportReport(file), ImportOptions())
+    assert time.process_time() - began < 2

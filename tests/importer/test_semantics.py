@@ -1,5 +1,7 @@
 """An SRDF beside a robot's file: named postures, home, hands, and links that do not mind each other."""
 
+import time
+
 import numpy as np
 import pytest
 from pydrake.geometry import Role
@@ -114,3 +116,17 @@ def test_groups_in_a_circle_end(file):
     end = '<end_effector name="e" parent_link="palm" group="all"/>'
     beside(file, f'<robot name="gantry">{circle}{end}</robot>')
     assert robot_from_file(file).gripper is not None
+
+
+def test_groups_that_name_others_twice_are_read_once(file):
+    """Thirty levels of two names each: 2**30 groups, if each were read again."""
+    levels = "".join(
+        f'<group name="g{level}"><group name="g{level + 1}"/><group name="g{level + 1}"/></group>'
+        for level in range(30)
+    )
+    end = '<group name="g30"><joint name="lift"/></group><end_effector name="e" parent_link="palm" group="g0"/>'
+    beside(file, f'<robot name="gantry">{levels}{end}</robot>')
+    began = time.process_time()
+    robot = robot_from_file(file)
+    assert time.process_time() - began < 5
+    assert robot.tools["palm"] == "palm"

@@ -122,17 +122,16 @@ def test_a_policy_of_the_wrong_size_is_refused_with_both_sizes(tmp_path):
         simulate(station(file), duration=0.1)
 
 
-def test_a_network_that_gives_no_number_is_told_as_what_it_is(tmp_path):
-    """From a moment on: at the start the clock's sine is 0, later times a weight of infinity it is."""
+@pytest.mark.parametrize(
+    ("weights", "value"), [([np.inf, 0], "inf"), ([-np.inf, 0], "-inf"), ([np.inf, -np.inf], "nan")]
+)
+def test_an_action_that_is_not_finite_ends_the_run_with_its_value(tmp_path, weights, value):
     (first, one), (second, two) = layers()
-    second[0, 0] = np.inf
-    result = simulate(station(write_network(tmp_path / "net.onnx", [(first, one), (second, two)])), duration=0.1)
-    assert (result.ending, result.stopped_by) == ("completed", None)  # an infinite action is one, at its bound
-    second[0, 1] = -np.inf
-    one[:2], first[:2] = 1.0, 0.0
+    first[:2], one[:2] = 0.0, 1.0  # two neurons of tanh(1), whatever is observed
+    second[0, :2] = weights
     result = simulate(station(write_network(tmp_path / "net.onnx", [(first, one), (second, two)])), duration=0.1)
     assert (result.ending, result.stopped_by) == ("failed", "controller.learnt")
-    assert result.message == "controller.learnt failed at 0 s: it has a network that gives nan as an action"
+    assert result.message == f"controller.learnt failed at 0 s: it has a network that gives {value} as an action"
 
 
 @pytest.mark.parametrize(
@@ -186,3 +185,100 @@ def test_layers_that_do_not_fit_are_refused(tmp_path):
     (first, _), (_, second) = layers(), layers(hidden=5)
     with pytest.raises(SimrobError, match=r"weights of layer 1 is of shape \(2, 5\); it must be of shape \(2, 8\)"):
         write_network(tmp_path / "net.onnx", [first, second])
+
+
+def network_file(folder, nodes, constants=(), functions=()):
+    """Write a network of an input x (1, 2) and an output y (1, 2), with these nodes, and return its file."""
+    helper = onnx.helper
+    ports = [helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, 2]) for name in "xy"]
+    graph = helper.make_graph(nodes, "graph", ports[:1], ports[1:], list(constants))
+    opsets = [helper.make_opsetid("", 17), helper.make_opsetid("own", 1)]
+    model = helper.make_model(graph, opset_imports=opsets, ir_version=8, functions=list(functions))
+    file = folder / "net.onnx"
+    file.write_bytes(model.SerializeToString())
+    return file
+
+
+def own_function(name, nodes):
+    return onnx.helper.make_function("own", name, ["x"], ["y"], nodes, [onnx.helper.make_opsetid("", 17)])
+
+
+def loop_of(rounds):
+    """Return the node and the constants of a loop that copies its value in each of its rounds."""
+    helper, kind = onnx.helper, onnx.TensorProto
+    body = helper.make_graph(
+        [helper.make_node("Identity", ["going"], ["goes_on"]), helper.make_node("Identity", ["before"], ["after"])],
+        "body",
+        [
+            helper.make_tensor_value_info("number", kind.INT64, []),
+            helper.make_tensor_value_info("going", kind.BOOL, []),
+            helper.make_tensor_value_info("before", kind.FLOAT, [1, 2]),
+        ],
+        [
+            helper.make_tensor_value_info("goes_on", kind.BOOL, []),
+            helper.make_tensor_value_info("after", kind.FLOAT, [1, 2]),
+        ],
+    )
+    constants = [
+        helper.make_tensor("rounds", kind.INT64, [], [rounds]),
+        helper.make_tensor("always", kind.BOOL, [], [True]),
+    ]
+    return helper.make_node("Loop", ["rounds", "always", "x"], ["y"], body=body), constants
+
+
+def test_a_loop_is_refused_before_it_runs(tmp_path):
+    node, constants = loop_of(2**62)
+    told = r"here is .*net.onnx; it must be a network without loops and branches \(it has the operator Loop\)"
+    with pytest.raises(SimrobError, match=told):
+        Network(network_file(tmp_path, [node], constants), "here")
+
+
+@pytest.mark.parametrize("operator", ["RandomNormalLike", "RandomUniformLike", "Bernoulli"])
+@pytest.mark.parametrize("hidden", [False, True], ids=["in the graph", "in a function"])
+def test_random_operators_are_refused_by_name(tmp_path, operator, hidden):
+    node = onnx.helper.make_node(operator, ["x"], ["y"])
+    call = onnx.helper.make_node("Draw", ["x"], ["y"], domain="own")
+    file = network_file(
+        tmp_path, [call if hidden else node], functions=[own_function("Draw", [node])] if hidden else []
+    )
+    with pytest.raises(SimrobError, match=rf"without random numbers \(it has the operator {operator}\)"):
+        Network(file, "here")
+
+
+@pytest.mark.parametrize("training", [True, False])
+def test_a_dropout_is_refused_only_in_training(tmp_path, training):
+    helper, kind = onnx.helper, onnx.TensorProto
+    constants = [helper.make_tensor("ratio", kind.FLOAT, [], [0.5])]
+    constants.append(helper.make_tensor("training", kind.BOOL, [], [training]))
+    node = helper.make_node("Dropout", ["x", "ratio", "training"], ["y"])
+    file = network_file(tmp_path, [node], constants)
+    if training:
+        with pytest.raises(SimrobError, match=r"without random numbers \(it has the operator Dropout\)"):
+            Network(file, "here")
+    else:
+        np.testing.assert_array_equal(Network(file, "here")(np.array([1.0, -2.0])), [1.0, -2.0])
+
+
+def test_a_network_that_makes_gigabytes_is_refused(tmp_path):
+    """8 GB of zeros, of which the largest is added to the input."""
+    helper, kind = onnx.helper, onnx.TensorProto
+    constants = [helper.make_tensor("shape", kind.INT64, [2], [100_000, 20_000])]
+    nodes = [
+        helper.make_node("ConstantOfShape", ["shape"], ["zeros"]),
+        helper.make_node("ReduceMax", ["zeros"], ["largest"], keepdims=1),
+        helper.make_node("Add", ["x", "largest"], ["y"]),
+    ]
+    with pytest.raises(SimrobError, match=r"needs more than 256 MiB"):
+        Network(network_file(tmp_path, nodes, constants), "here")
+
+
+def test_functions_that_call_others_twice_are_counted_written_out(tmp_path):
+    """Forty functions of two calls each are 2**40 operators."""
+    make = onnx.helper.make_node
+    functions = [own_function("F0", [make("Tanh", ["x"], ["y"])])]
+    for number in range(1, 41):
+        calls = [make(f"F{number - 1}", ["x"], ["z"], domain="own"), make(f"F{number - 1}", ["z"], ["y"], domain="own")]
+        functions.append(own_function(f"F{number}", calls))
+    file = network_file(tmp_path, [make("F40", ["x"], ["y"], domain="own")], functions=functions)
+    with pytest.raises(SimrobError, match="at most 100000 operators"):
+        Network(file, "here")

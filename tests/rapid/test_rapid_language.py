@@ -1,5 +1,7 @@
 """RAPID itself: data, arithmetic, loops and routines, by what a program tells of them; and what is refused."""
 
+import time
+
 import pytest
 
 from simrob_drake.rapid.importing import Interpreter
@@ -119,7 +121,7 @@ def test_an_endless_loop_is_done_as_often_as_asked_and_told():
 
 
 def test_inputs_that_no_data_hides_are_read_by_name():
-    assert told("IF diPart=1 Tell 5;", inputs={"dipart": 1.0}) == [5.0]
+    assert told("IF diPart=1 Tell 5;", inputs={"diPart": 1.0}) == [5.0]
 
 
 @pytest.mark.parametrize(
@@ -217,7 +219,7 @@ def test_an_error_after_what_was_left_out_is_left_out_too():
 
 def test_a_parameter_that_is_a_signal_has_its_level_in_expressions():
     sub = "PROC Sub(VAR signaldi at)\n Tell at; IF at=1 Tell 7;\nENDPROC"
-    assert told("Sub diPart;", sub, inputs={"dipart": 1.0}) == [1.0, 7.0]
+    assert told("Sub diPart;", sub, inputs={"diPart": 1.0}) == [1.0, 7.0]
 
 
 def test_data_that_begins_with_what_nobody_declares_is_told_each_time_it_is_asked_for():
@@ -304,3 +306,11 @@ def test_the_first_fault_comes_first_with_what_was_expected(text, first):
 def test_a_module_without_an_end_is_refused_with_its_line():
     with pytest.raises(RapidError, match="line 1: the MODULE of line 1 has no ENDMODULE before the end of the file"):
         modules_of("MODULE T\nPROC main()\n a;\nENDPROC\n", "T.mod")
+
+
+def test_a_module_of_tens_of_thousands_of_moves_is_refused_at_once():
+    move = "MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;\n"
+    began = time.process_time()
+    with pytest.raises(RapidError, match="has 20000 statements, more than 10000: split it into modules"):
+        modules_of(f"MODULE M\nPROC main()\n{20_000 * move}ENDPROC\nENDMODULE\n", "M.mod")
+    assert time.process_time() - began < 1

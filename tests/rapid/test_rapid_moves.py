@@ -288,3 +288,24 @@ def test_flags_and_meetings_of_other_tasks_have_no_effect(done):
     assert [remark.text.partition(":")[0] for remark in moved.remarks] == [
         "SyncMoveOn has no effect", "WaitTestAndSet waits for what no other task releases", "SyncMoveOff has no effect",
     ]  # fmt: skip
+
+
+FLANGE_DOWN = "[0, 0.7071068, 0, 0.7071068], [0,0,0,0], [9E9,9E9,9E9,9E9,9E9,9E9]"
+
+
+@pytest.mark.parametrize("instruction", ["MoveJ", "MoveL"])
+@pytest.mark.parametrize(("place", "is_hinted"), [("0.3, 0.1, 0.4", True), ("3000, 100, 400", False)])
+def test_a_target_in_metres_that_is_not_reached_gets_a_hint(done, instruction, place, is_hinted):
+    moved = done(
+        f"MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;\n"
+        f"{instruction} [[{place}],{FLANGE_DOWN}],v100,fine,tool0;"
+    )
+    (remark,) = moved.lost
+    assert ("lengths of RAPID are in millimetres: were these metres?" in remark.text) == is_hinted
+
+
+def test_a_target_in_millimetres_near_its_frame_gets_no_hint(done):
+    """Places of up to 2 mm from a work object are right where the robot reaches them."""
+    wobj = 'PERS wobjdata bench:=[FALSE,TRUE,"",[[400,0,400],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];'
+    moved = done(f"ConfJ\\Off;\nMoveJ [[0,1,0.5],{FLANGE_DOWN}],v100,fine,tool0\\WObj:=bench;", wobj)
+    assert not [remark for remark in moved.remarks if "metres" in remark.text]

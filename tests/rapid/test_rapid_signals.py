@@ -38,12 +38,12 @@ def done(tmp_path):
 
 
 def test_a_signal_of_which_nothing_is_known_is_named_once(done):
-    asked = [f"IF TestDI({name}) WaitTime 1;" for name in ("diA", "diA", "diB")]
+    asked = [f"IF TestDI({name}) WaitTime 1;" for name in ("diA", "DIA", "diB")]
     moved = done("\n".join(["WaitTime 1;", *asked, "Set doC;", "Reset doC;"]))
     named = [(remark.line, remark.text.partition(",")[0].partition(":")[0]) for remark in moved.remarks]
     unknown = "nothing is known of the"
     assert done("WaitTime 1;\nIF diQ=1 WaitTime 1;").lost[0].text.endswith("name it in a table, --io; left out")
-    assert named == [(4, f"{unknown} input dia"), (6, f"{unknown} input dib"), (7, f"{unknown} output doc")]
+    assert named == [(4, f"{unknown} input diA"), (6, f"{unknown} input diB"), (7, f"{unknown} output doC")]
 
 
 def keys(imported: Imported) -> list[str]:
@@ -89,13 +89,21 @@ def test_an_operator_answers_with_an_input_called_as_the_data(done):
     ]
 
 
+def test_capitals_do_not_tell_signals_apart(done):
+    """The table names diPart and doGrip; the program writes them otherwise."""
+    moved = done("WaitDI DIPART,1;\nSet DOGRIP;")
+    assert not moved.remarks
+    assert moved.time == pytest.approx(2.5, abs=1e-5)
+    assert len(moved.program.moves) == 2
+
+
 def test_what_never_comes_or_is_not_known_is_told(done):
     never = done("WaitTime 1; WaitDI diReady,0;\nWaitDI diOther,1;\nSetDO doOther,1;")
     assert [str(remark) for remark in never.remarks] == [
         "Test.mod: line 3: WaitDI waits for what never comes: it is left out; name it in a table, --io",
-        "Test.mod: line 4: nothing is known of the input diother, it is taken as 0: name it in a table, --io",
+        "Test.mod: line 4: nothing is known of the input diOther, it is taken as 0: name it in a table, --io",
         "Test.mod: line 4: WaitDI waits for what never comes: it is left out; name it in a table, --io",
-        "Test.mod: line 5: nothing is known of the output doother: name it in a table, --io",
+        "Test.mod: line 5: nothing is known of the output doOther: name it in a table, --io",
     ]
     assert [remark.lost for remark in never.remarks] == [True, True, True, False]
 

@@ -1,5 +1,6 @@
 """Files of a user's own: kept where no path leads out of, and the right one of them opened."""
 
+import time
 import zipfile
 from io import BytesIO
 
@@ -59,6 +60,53 @@ def test_what_holds_nothing_to_open_is_refused_in_a_line(tmp_path):
             keep(files, tmp_path)
         assert "\n" not in str(refused.value)
     assert not (tmp_path / FOLDER).exists()
+
+
+def refused_in_a_line(files, folder, message):
+    """Check that files are refused within 3 s [processor time], and that nothing is written."""
+    began = time.process_time()
+    with pytest.raises(SimrobError, match=message) as refused:
+        keep(files, folder)
+    assert time.process_time() - began < 3
+    assert "\n" not in str(refused.value)
+    assert str(refused.value).isprintable()
+    assert not (folder / FOLDER).exists()
+
+
+def test_a_file_in_thousands_of_folders_is_refused(tmp_path):
+    deep = "a/" * 3000 + "arm.urdf"
+    for files in ({"arm.zip": archive({deep: b"<robot/>"})}, {deep: b"<robot/>"}):
+        refused_in_a_line(files, tmp_path, "is in 3000 folders; it must be in at most 50 folders")
+
+
+@pytest.mark.parametrize("name", [f"{'n' * 300}.urdf", "/".join(["n" * 190] * 10) + "/arm.urdf", "ñ" * 120 + ".urdf"])
+def test_names_that_no_disk_takes_are_refused(tmp_path, name):
+    for files in ({"arm.zip": archive({name: b"<robot/>"})}, {name: b"<robot/>"}):
+        refused_in_a_line(files, tmp_path, "at most 200 bytes each, 1000 together")
+
+
+@pytest.mark.parametrize("name", ["arm\ud800.urdf", "\udfff/arm.urdf"])
+def test_half_a_surrogate_in_a_name_is_refused(tmp_path, name):
+    refused_in_a_line({name: b"<robot/>"}, tmp_path, "text of whole characters")
+
+
+def test_tens_of_thousands_of_entries_are_refused_at_once(tmp_path):
+    packed = archive({f"{number}.txt": b"" for number in range(20_000)} | {"arm.urdf": b"<robot/>"})
+    refused_in_a_line({"arm.zip": packed}, tmp_path, "too many files; it must be an archive of at most 10000 files")
+
+
+def test_a_damaged_archive_is_refused_whatever_byte_is_wrong(tmp_path):
+    packed = archive({"arm.urdf": b"<robot/>" * 50})
+    with zipfile.ZipFile(compressed := BytesIO(), "w", zipfile.ZIP_DEFLATED) as made:
+        made.writestr("arm.urdf", b"<robot/>" * 50)
+    for content in (packed, compressed.getvalue()):
+        for place in range(len(content)):
+            damaged = bytearray(content)
+            damaged[place] ^= 0xFF
+            try:
+                keep({"arm.zip": bytes(damaged)}, tmp_path)
+            except SimrobError as problem:
+                assert "\n" not in str(problem)  # noqa: PT017
 
 
 def test_what_the_import_did_is_told(tmp_path):

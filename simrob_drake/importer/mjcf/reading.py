@@ -30,6 +30,8 @@ from simrob_drake.robots.urdf_check import numbers_in
 
 TIME_LIMIT = 120.0  # of a compilation [s]
 _MOST_FILES = 100  # that a model may include
+_MOST_COPIES = 1000
+"""Elements that all ``replicate`` elements of a model stand for."""
 _SOFT = {
     "deformable": "what is soft is not simulated",
     "flexcomp": "what is soft is not simulated",
@@ -65,6 +67,7 @@ def read_mjcf(root: ET.Element, path: Path, options: ImportOptions, report: Impo
         raise report.refusal("<attach>", "puts another model in; let MuJoCo save all as one file (mj_saveLastXML)")
     files = source.take_file_names()
     _leave_out(root, report)
+    _check_replicates(root, report)
     try:
         fields = in_child(
             "simrob_drake.importer.mjcf.compiling",
@@ -186,6 +189,33 @@ def _leave_out(root: ET.Element, report: ImportReport) -> None:
         compiler.attrib = {key: value for key, value in compiler.attrib.items() if key in _COMPILER}
     for key in root.iterfind("keyframe/key"):
         key.attrib = {name: value for name, value in key.attrib.items() if name in ("name", "qpos")}
+
+
+def _check_replicates(root: ET.Element, report: ImportReport) -> None:
+    """Check how many elements the ``replicate`` elements stand for, nested ones too.
+
+    Raises:
+        InvalidModel: they stand for more than can be imported in a few seconds.
+    """
+    total = 0
+    waiting = [(root, 1)]  # elements, each with the number of its copies
+    while waiting:
+        element, copies = waiting.pop()
+        total += copies if copies > 1 else 0
+        if element.tag == "replicate":
+            copies *= _count_of(element)
+        if total > _MOST_COPIES or copies > _MOST_COPIES:
+            where = f"<replicate count='{shortened(element.get('count', ''))}'>" if element.tag == "replicate" else ""
+            raise report.refusal(where, f"more than {_MOST_COPIES} elements with all that is replicated")
+        waiting += [(child, copies) for child in element]
+
+
+def _count_of(replicate: ET.Element) -> int:
+    """Return the number of copies that a ``replicate`` element makes; 1 if it is no number, which MuJoCo refuses."""
+    numbers = numbers_in(replicate.get("count", "")) or ()
+    if len(numbers) != 1 or not np.isfinite(numbers[0]):
+        return 1
+    return max(1, int(numbers[0]))
 
 
 def _report_physics(option: Mapping[str, str], report: ImportReport) -> None:

@@ -184,7 +184,7 @@ class Balance(LoopSection):
         if name in self.reads or known is None:
             return super().source(builder, name, robot, site, key)
         site.draw_nothing(f"{key}.{name}")
-        return mapped(builder, f"{key}.{name}", known.matrix[part], site.state)
+        return mapped(builder, f"{key}.{name}", known.matrix(site.state.size())[part], site.state)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         assert robot.feet is not None  # check() has asked

@@ -171,7 +171,7 @@ def of_state(builder: DiagramBuilder, site: Site, output: str) -> OutputPort:
     if builder.HasSubsystemNamed(name):
         return builder.GetSubsystemByName(name).get_output_port()
     site.draw_nothing(name)
-    return mapped(builder, name, site.of_state[output].matrix, site.state)
+    return mapped(builder, name, site.of_state[output].matrix(site.state.size()), site.state)
 
 
 def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None:

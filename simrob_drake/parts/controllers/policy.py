@@ -8,7 +8,7 @@ within ±1, moves the axes from their reference,
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -17,68 +17,12 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.blocks.sampled import BlockFails, Changes, Named, SampledBlock
 from simrob_drake.errors import InvalidParameter, UnknownName, shown
-from simrob_drake.extras import needed
-from simrob_drake.files import NotRead, content_of
 from simrob_drake.frames import Vector, rotation_of
 from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.controllers.network import Network
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.robots.axis_map import PositiveAxisValues
 from simrob_drake.sections import Frequency, Number, Positive
-
-_LARGEST = 10_000_000  # of a file [bytes]: a policy of a million weights has less than half of it
-_FLOATS = {"tensor(float)": np.float32, "tensor(double)": np.float64}
-
-
-class Network:
-    """A function of one vector that gives one, from an ONNX file, evaluated by ONNX Runtime on one thread.
-
-    Attributes:
-        inputs: the size of what it takes.
-        outputs: the size of what it gives.
-    """
-
-    def __init__(self, file: Path, key: str) -> None:
-        """Read a file with a network of one input and one output, of shapes (size,) or (batch, size).
-
-        Raises SimrobError, which names the ``key``: no such file, no network, or another kind; ONNX Runtime is missing.
-        """
-        with needed("a policy of kind ONNX", "rl"):
-            import onnxruntime
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1  # it is small, and runs beside others
-        options.log_severity_level = 4
-        try:
-            content = content_of(file, _LARGEST)
-            self._session: Any = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-        except NotRead as problem:
-            raise InvalidParameter(key, str(file), f"an ONNX file that can be read ({problem})") from problem
-        except Exception as problem:  # ONNX Runtime has many classes of its own, without a base
-            detail = " ".join(str(problem).split())
-            raise InvalidParameter(key, str(file), f"a network as ONNX ({detail})") from problem
-        takes, gives = self._session.get_inputs(), self._session.get_outputs()
-        if len(takes) != 1 or len(gives) != 1:
-            detail = f"a network of one input and one output (it has {len(takes)} and {len(gives)})"
-            raise InvalidParameter(key, str(file), detail)
-        self.inputs, self.outputs = (_size(port, file, key) for port in (takes[0], gives[0]))
-        self._input, self._output, self._kind = takes[0].name, gives[0].name, _FLOATS[takes[0].type]
-        self._shape = (1, self.inputs) if len(takes[0].shape) == 2 else (self.inputs,)
-
-    def __call__(self, values: Vector) -> Vector:
-        """Return what it gives (outputs,) for values (inputs,)."""
-        fed = np.asarray(values, dtype=self._kind).reshape(self._shape)
-        (output,) = self._session.run([self._output], {self._input: fed})
-        return np.asarray(output, dtype=float).reshape(self.outputs)
-
-
-def _size(port: Any, file: Path, key: str) -> int:
-    *batch, size = port.shape or [None]
-    if port.type not in _FLOATS or len(batch) > 1 or not isinstance(size, int):
-        expected = (
-            f"a network of floats of shapes (size,) or (batch, size) ('{port.name}' is a {port.type} of {port.shape})"
-        )
-        raise InvalidParameter(key, str(file), expected)
-    return size
-
 
 TURNED = {"attitude": 3, "lean": 2, "heading_error": 1}  # what is observed of the orientation, and of what size it is
 _TURN = 2  # the place in a goal of the rate at which the heading is to turn to the left [rad/s]
@@ -228,7 +172,11 @@ class LearntPolicy(SampledBlock):
         return {"offset": self._matrix @ action, "action": action, "count": memory["count"] + 1}
 
     def _action(self, law: Callable[[Vector], Vector], observation: Vector) -> Vector:
-        """Return the action of a law, which is not asked where what is observed is no number."""
+        """Return the action (m,) of a law for an observation.
+
+        Raises:
+            BlockFails: the observation or the action is not finite, or the law fails.
+        """
         if not np.isfinite(observation).all():
             first = int(np.flatnonzero(~np.isfinite(observation))[0])
             raise BlockFails(self.get_name(), f"observes {observation[first]} in place {first} of {len(observation)}")
@@ -236,8 +184,9 @@ class LearntPolicy(SampledBlock):
             action = law(observation)
         except Exception as problem:  # ONNX Runtime has many classes of its own, without a base
             raise BlockFails(self.get_name(), f"has a network that fails: {shown(str(problem))}") from problem
-        if np.isnan(action).any():
-            raise BlockFails(self.get_name(), "has a network that gives nan as an action")
+        infinite = action[~np.isfinite(action)]
+        if len(infinite):
+            raise BlockFails(self.get_name(), f"has a network that gives {infinite[0]} as an action")
         return action
 
     def _observation(self, memory: Named, read: Named) -> Vector:

@@ -1,0 +1,67 @@
+"""Stations of many pieces: each piece costs the same memory, and there is a stated number of them."""
+
+import numpy as np
+import pytest
+import yaml
+
+from simrob_drake import build_station, load_station
+from simrob_drake.errors import SimrobError
+from simrob_drake.frames import rotation_of
+
+
+def pieces_file(folder, free, fixed=0):
+    """Write a station of small boxes in a row, and return its file."""
+    box = {"box": [0.01, 0.02, 0.03], "density": 500}
+    pieces = {f"free_{index}": {**box, "free": True, "pose": [0.1 * index, 0, 1, 0, 0, 0]} for index in range(free)}
+    pieces |= {
+        f"fixed_{index}": {**box, "parent": "world", "pose": [0, 0.1 * index, 0, 0, 0, 0]} for index in range(fixed)
+    }
+    file = folder / "pieces.yaml"
+    file.write_text(yaml.safe_dump({"pieces": pieces}))
+    return file
+
+
+@pytest.mark.parametrize(
+    ("free", "fixed", "message"),
+    [
+        (3000, 0, "pieces is with 3000 free pieces; it must be with at most 200 of free: true"),
+        (1, 3000, "pieces is 3001 pieces; it must be at most 300"),
+    ],
+)
+def test_thousands_of_pieces_are_refused_by_their_number(tmp_path, free, fixed, message):
+    with pytest.raises(SimrobError, match=message):
+        load_station(pieces_file(tmp_path, free, fixed))
+
+
+def test_the_memory_of_a_free_piece_does_not_grow_with_their_number(tmp_path):
+    for count in (2, 20):
+        ports = build_station(load_station(pieces_file(tmp_path, count))).ports
+        assert ports.of_state["piece_pose.free_1"].pick.shape == (7,)
+        assert ports.of_state["piece_velocity.free_1"].pick.shape == (6,)
+
+
+def test_outputs_of_free_pieces_are_poses_and_velocities_of_the_plant(tmp_path):
+    """Ports and outputs computed from recorded states agree with Drake's own pose and velocity of each body."""
+    station = build_station(load_station(pieces_file(tmp_path, 3)))
+    plant = station.ports.plant.plant
+    context = station.CreateDefaultContext()
+    own = plant.GetMyMutableContextFromRoot(context)
+    draw = np.random.default_rng(5)
+    positions = draw.normal(size=plant.num_positions())
+    for body in station.ports.plant.free_pieces.values():
+        start = body.floating_positions_start()
+        positions[start : start + 4] /= np.linalg.norm(positions[start : start + 4])
+    velocities = draw.normal(size=plant.num_velocities())
+    plant.SetPositionsAndVelocities(own, np.concatenate([positions, velocities]))
+    states = plant.GetPositionsAndVelocities(own)[np.newaxis]
+    for name, body in station.ports.plant.free_pieces.items():
+        motion = plant.EvalBodySpatialVelocityInWorld(own, body)
+        expected = [*motion.translational(), *motion.rotational()]
+        velocity = station.GetOutputPort(f"piece_velocity.{name}").Eval(context)
+        np.testing.assert_allclose(velocity, expected, atol=1e-12)
+        np.testing.assert_array_equal(station.ports.of_state[f"piece_velocity.{name}"].of(states)[0], velocity)
+        pose = station.ports.of_state[f"piece_pose.{name}"].of(states)[0]
+        np.testing.assert_allclose(pose, station.GetOutputPort(f"piece_pose.{name}").Eval(context), atol=1e-12)
+        transform = plant.EvalBodyPoseInWorld(own, body)
+        np.testing.assert_allclose(pose[:3], transform.translation(), atol=1e-12)
+        np.testing.assert_allclose(rotation_of(pose[3:]).matrix(), transform.rotation().matrix(), atol=1e-12)
