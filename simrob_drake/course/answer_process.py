@@ -7,7 +7,7 @@ sampled block, or takes a sample of such a block. Whatever the answer prints is 
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -54,11 +54,17 @@ class ServedAnswer:
         self.file = file
         self._module: ModuleType | None = None
         self._blocks: list[SampledBlock] = []
+        self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+            "load": self._load,
+            "call": self._call,
+            "get": self._get,
+            "sample": self._sample,
+        }
 
     def reply(self, request: dict[str, Any]) -> dict[str, Any]:
         """Carry out a request and describe its result, or why it failed."""
         try:
-            return getattr(self, f"_{request['do']}")(request)
+            return self._actions[request["do"]](request)
         except NotImplementedError:
             return {"failed": "not written"}
         except MemoryError:

@@ -11,11 +11,11 @@ import numpy as np
 
 from simrob_drake.errors import SimrobError, quoted
 
-MOST_NESTED = 40
-"""How deep values may be nested."""
+MOST_NESTED = 100
+"""Most levels of an encoded value. A list takes one, a tuple or a set two, and a mapping three."""
 
 TAG = "__value__"
-"""Key of the kind of a value that JSON has not."""
+"""Key under which an encoded value has its kind, if JSON does not know that kind."""
 
 
 class NotPlain(SimrobError):
@@ -23,13 +23,19 @@ class NotPlain(SimrobError):
 
 
 def encode(value: Any, depth: int = 0) -> Any:
-    """Describe a value by what JSON has.
+    """Turn a value into one that `json.dumps` accepts.
+
+    A kind of value that JSON does not know becomes ``{TAG: kind, "content": ...}``.
+
+    Args:
+        value: numbers, texts, None, and containers of them.
+        depth: levels around the value.
 
     Raises:
         NotPlain: the value is no plain data, or nested too deeply.
     """
     if depth > MOST_NESTED:
-        raise NotPlain(f"values nested more than {MOST_NESTED} deep cannot be passed on")
+        raise NotPlain("values nested so deeply cannot be passed on")
     if isinstance(value, np.generic):
         value = value.item()
     if value is None or isinstance(value, bool | int | float | str):
@@ -41,9 +47,13 @@ def encode(value: Any, depth: int = 0) -> Any:
 
 
 def _kind_and_content(value: Any) -> tuple[str, list[Any]]:
-    """Describe a value that JSON has not by its kind and a list."""
+    """Return the kind, and the content as a list, of a value that JSON does not know, such as a tuple.
+
+    A frozenset comes back as a set.
+    """
     if isinstance(value, complex):
         return "complex", [value.real, value.imag]
+    # Truth values, integers and floats; not arrays of objects, which pickle would be needed for.
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
         return "array", [value.dtype.str, list(value.shape), value.ravel().tolist()]
     if isinstance(value, Mapping):
@@ -73,7 +83,7 @@ _MAKERS: dict[str, Callable[[list[Any]], Any]] = {
 
 
 def decode(value: Any) -> Any:
-    """Make a value of its description."""
+    """Make the value that `encode` has turned into plain JSON."""
     if isinstance(value, list):
         return [decode(part) for part in value]
     if isinstance(value, dict):

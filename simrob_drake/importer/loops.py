@@ -60,9 +60,19 @@ class LoopCoupling:
     @classmethod
     def of_element(cls, element: ET.Element) -> "LoopCoupling":
         """Read the coupling of an element."""
-        texts = {key: element.get(key, "") for key in ("name", "kind", "body", "other")}
-        places = {key: [float(number) for number in element.get(key, "").split()] for key in ("place", "other_place")}
-        return cls(**texts, **places)
+        return cls(
+            name=element.get("name", ""),
+            kind=element.get("kind", ""),
+            body=element.get("body", ""),
+            other=element.get("other", ""),
+            place=_numbers(element.get("place", "")),
+            other_place=_numbers(element.get("other_place", "")),
+        )
+
+
+def _numbers(text: str) -> list[float]:
+    """Read numbers that stand in a text with blanks between them."""
+    return [float(number) for number in text.split()]
 
 
 def _text(value: Any) -> str:

@@ -84,7 +84,7 @@ def _piece_findings(ports: StationPorts) -> list[Finding]:
 
 
 def _reference_findings(config: StationConfig, robot: StationRobot, reference: Reference | None) -> list[Finding]:
-    """Judge a reference by the limits of position and speed of the robot's axes.
+    """Judge a reference: its positions by the limits of the axes, its speeds by the share that the verdict allows.
 
     Raises:
         InvalidParameter: the reference leaves the range of an axis.
@@ -94,11 +94,12 @@ def _reference_findings(config: StationConfig, robot: StationRobot, reference: R
         return [Finding("note", subject, "not looked at: a controller says where the robot goes")]
     check_reference(robot, reference, config.duration)
     times, positions = reference_samples(reference, config.duration)
-    speeds = np.abs(np.diff(positions, axis=0)).max(axis=0) / times[1]
+    step = times[1]  # the samples are evenly spaced and begin at 0
+    speeds = np.abs(np.diff(positions, axis=0)).max(axis=0) / step
     limits = robot.speed_limits
-    bound = bound_value(config.verdict.speed_share)
+    allowed_share = bound_value(config.verdict.speed_share)
     findings = []
-    for axis in np.flatnonzero(speeds > bound * limits):
+    for axis in np.flatnonzero(speeds > allowed_share * limits):
         unit = robot.model.user_units[axis]
         unit_name = f"{robot.model.unit_names[axis]}/s"
         text = f"{robot.prefix}{robot.axes[axis]} is asked for {speeds[axis] / unit:.4g} {unit_name}"
@@ -108,6 +109,7 @@ def _reference_findings(config: StationConfig, robot: StationRobot, reference: R
         return findings
     text = f"within the joints' limits at {len(times)} times from 0 to {config.duration:g} s"
     if np.isfinite(limits).any():
+        # An axis without a limit of speed has a share of 0 or, at rest, none at all.
         text += f", at most {np.nanmax(speeds / limits):.0%} of their speed"
     return [Finding("ok", subject, text)]
 

@@ -384,7 +384,8 @@ def _radius(shortest_side: float, depth: float) -> float:
 def _spread(corners: Vector, most: int) -> Vector:
     """Select ``most`` corners (k, 3) that are far apart: each is the farthest from those before.
 
-    The choice begins at the corner with the lowest coordinates, so that it does not depend on their order.
+    The choice begins at the corner with the lowest z, then y, then x. Of corners that are equally far away, the first one
+    in the given order is taken, which is that of the mesh's hull and the same in every run.
     """
     chosen = [int(np.lexsort(corners.T)[0])]
     distances = np.linalg.norm(corners - corners[chosen[0]], axis=1)
