@@ -72,7 +72,7 @@ MOST_EDGE_PARTS = 8
 """Parts into which balls divide an edge. A part is at most half of the shape's shortest side, if these suffice."""
 
 
-class Ball(NamedTuple):
+class ContactBall(NamedTuple):
     """A ball that stands for a part of a flat shape.
 
     Attributes:
@@ -251,7 +251,7 @@ def _add_balls(
     material = inspector.GetProximityProperties(shape)
     name = own_name(inspector, shape)
 
-    def register(ball: Ball, label: str) -> GeometryId:
+    def register(ball: ContactBall, label: str) -> GeometryId:
         centre = RigidTransform(pose.multiply(ball.centre))
         properties = ProximityProperties(material)
         return plant.RegisterCollisionGeometry(body, centre, Sphere(ball.radius), f"{name}.{label}", properties)
@@ -268,7 +268,7 @@ def _add_balls(
     points.corners += [register(ball, f"corner_{number}") for number, ball in enumerate(balls)]
 
 
-def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float = 0.0) -> list[Ball]:
+def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float = 0.0) -> list[ContactBall]:
     """Place balls at the corners of a convex body (m, 3) [m], so that they touch its faces from inside.
 
     This is exact if the faces are parallel to the axes of the shape. At other corners a ball lies up to its radius
@@ -283,10 +283,10 @@ def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float =
     radius = _radius(float(np.ptp(corners, axis=0).min()), depth)
     outward = np.sign(corners - middle)
     centres = corners - outward * (radius - protrusion)
-    return [Ball(centre, radius) for centre in centres]
+    return [ContactBall(centre, radius) for centre in centres]
 
 
-def balls_on_edges(corners: Sequence[Ball], edges: Sequence[tuple[int, int]]) -> Iterator[Ball]:
+def balls_on_edges(corners: Sequence[ContactBall], edges: Sequence[tuple[int, int]]) -> Iterator[ContactBall]:
     """Yield balls along edges, evenly spaced between those at the corners.
 
     Args:
@@ -300,7 +300,7 @@ def balls_on_edges(corners: Sequence[Ball], edges: Sequence[tuple[int, int]]) ->
         needed = np.ceil(np.linalg.norm(along) / longest_part)
         parts = int(min(needed, MOST_EDGE_PARTS))
         for part in range(1, parts):
-            yield Ball(centres[first] + along * part / parts, corners[first].radius)
+            yield ContactBall(centres[first] + along * part / parts, corners[first].radius)
 
 
 def _edges_of(inspector: SceneGraphInspector, shape_id: GeometryId) -> list[tuple[int, int]]:
@@ -333,7 +333,7 @@ def _sinking(config: StationConfig, piece: str | None, load: float) -> float:
     return 0.0 if stiffness is None else load / (4 * stiffness)
 
 
-def _balls_of_round_shape(inspector: SceneGraphInspector, shape_id: GeometryId, depth: float) -> list[Ball]:
+def _balls_of_round_shape(inspector: SceneGraphInspector, shape_id: GeometryId, depth: float) -> list[ContactBall]:
     """Place the balls of a shape that is flat in parts only: a cylinder, a capsule or a mesh with many corners.
 
     They protrude by twice the depth (m) to which they sink in, so that they carry its flat faces.
@@ -344,12 +344,12 @@ def _balls_of_round_shape(inspector: SceneGraphInspector, shape_id: GeometryId, 
         return balls_of_cylinder(shape.radius(), shape.length() / 2, protrusion)
     if isinstance(shape, Capsule):
         ends = np.array([[0.0, 0.0, side * shape.length() / 2] for side in (-1.0, 1.0)])
-        return [Ball(end, shape.radius() + protrusion) for end in ends]
+        return [ContactBall(end, shape.radius() + protrusion) for end in ends]
     corners = _spread(shape_corners(inspector, shape_id), MOST_CORNERS)
     return balls_at_corners(corners, depth=depth, protrusion=protrusion)
 
 
-def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> list[Ball]:
+def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> list[ContactBall]:
     """Place balls on both rims of a cylinder and, if it is long, two as wide as itself on which it rolls.
 
     The balls on the rims protrude from the end faces and not from the mantle, so that they do not disturb rolling.
@@ -366,11 +366,11 @@ def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> l
     balls = []
     for side, angle in product((-1.0, 1.0), angles):
         centre = np.array([across * np.cos(angle), across * np.sin(angle), side * height])
-        balls.append(Ball(centre, small))
+        balls.append(ContactBall(centre, small))
     if half_length > radius:
         for side in (-1.0, 1.0):
             centre = np.array([0.0, 0.0, side * (half_length - radius)])
-            balls.append(Ball(centre, radius + protrusion))
+            balls.append(ContactBall(centre, radius + protrusion))
     return balls
 
 
@@ -384,8 +384,8 @@ def _radius(shortest_side: float, depth: float) -> float:
 def _spread(corners: Vector, most: int) -> Vector:
     """Select ``most`` corners (k, 3) that are far apart: each is the farthest from those before.
 
-    The choice begins at the corner with the lowest z, then y, then x. Of corners that are equally far away, the first one
-    in the given order is taken, which is that of the mesh's hull and the same in every run.
+    The choice begins at the corner with the lowest z, then y, then x. Of corners that are equally far away, the
+    first one in the order of the mesh's hull is taken, which is the same in every run.
     """
     chosen = [int(np.lexsort(corners.T)[0])]
     distances = np.linalg.norm(corners - corners[chosen[0]], axis=1)

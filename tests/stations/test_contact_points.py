@@ -13,7 +13,7 @@ from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.contact_points import (
     LARGEST_RADIUS,
     SMALLEST_PROTRUSION,
-    Ball,
+    ContactBall,
     balls_at_corners,
     balls_of_cylinder,
     balls_on_edges,
@@ -231,7 +231,7 @@ def test_balls_of_a_long_cylinder_let_it_roll():
         assert np.hypot(*ball.centre[:2]) + ball.radius < 0.05
         assert abs(ball.centre[2]) + ball.radius == pytest.approx(0.2 + SMALLEST_PROTRUSION)
     disc = balls_of_cylinder(0.1, 0.01, SMALLEST_PROTRUSION)
-    assert all(isinstance(ball, Ball) and ball.radius <= LARGEST_RADIUS for ball in disc)
+    assert all(isinstance(ball, ContactBall) and ball.radius <= LARGEST_RADIUS for ball in disc)
 
 
 def test_bodies_that_are_deep_in_each_other_do_not_start(write_station):

@@ -166,8 +166,8 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
     check_size(robot, report.refusal)
     closings = list[ET.Element]()
     _keep_known_elements(robot, options, report, closings)
+    repair_names(robot, report)  # first, since of two joints that are alike one goes
     closings += _closings_of_second_parents(robot, options, report)
-    repair_names(robot, report)
     mend_numbers(robot, report)
     if not names(robot, "link"):
         raise report.refusal("", "has no link")

@@ -156,7 +156,9 @@ class Objective(LoopSection):
         signal, entry = self._measured(site, key)
         site.draw_nothing(f"{key}.measured")
         if signal.output in site.of_state:
-            return mapped(builder, f"{key}.measured", site.of_state[signal.output].matrix[[entry]], site.state)
+            return mapped(
+                builder, f"{key}.measured", site.of_state[signal.output].matrix(site.state.size())[[entry]], site.state
+            )
         output = super().source(builder, signal.output, robot, site, key)
         return mapped(builder, f"{key}.measured", np.eye(output.size())[[entry]], output)
 

@@ -61,8 +61,8 @@ def looks_at_pieces(
 
 def _rows(times: Vector) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
     """Select samples that are evenly spaced: LOOK_RATE a second, MOST_LOOKS in all."""
-    wanted = min(LOOK_RATE * float(times[-1]), float(MOST_LOOKS))
-    step = max(int(np.ceil(len(times) / max(wanted, 1.0))), 1)
+    looks = min(LOOK_RATE * float(times[-1]), float(MOST_LOOKS))
+    step = max(int(np.ceil(len(times) / max(looks, 1.0))), 1)
     return np.arange(0, len(times), step)
 
 

@@ -24,7 +24,7 @@ MOST_ELEMENTS = 100_000_000
 Shape = tuple[int, int]
 
 
-class Growth(NamedTuple):
+class CallSize(NamedTuple):
     """What a call comes to.
 
     Attributes:
@@ -49,54 +49,54 @@ def _size(shape: Shape) -> int:
     return shape[0] * shape[1]
 
 
-def _elementwise(shapes: Sequence[Shape]) -> Growth:
+def _elementwise(shapes: Sequence[Shape]) -> CallSize:
     """Bound what spreads over rows and columns, as a row plus a column does."""
     if any(_size(shape) == 0 for shape in shapes):
-        return Growth(0)
+        return CallSize(0)
     rows = max(shape[0] for shape in shapes)
     columns = max(shape[1] for shape in shapes)
-    return Growth(rows * columns)
+    return CallSize(rows * columns)
 
 
-def _diagonal(shapes: Sequence[Shape]) -> Growth:
+def _diagonal(shapes: Sequence[Shape]) -> CallSize:
     """Bound a matrix made of its diagonal, or a diagonal taken from a matrix."""
     longest = max(shapes[0])
-    return Growth(longest**2 if 1 in shapes[0] else longest)
+    return CallSize(longest**2 if 1 in shapes[0] else longest)
 
 
-def _pairwise(shapes: Sequence[Shape]) -> Growth:
+def _pairwise(shapes: Sequence[Shape]) -> CallSize:
     """Bound what combines each element of one argument with each of the other."""
     product = math.prod(map(_size, shapes))
-    return Growth(product, product)
+    return CallSize(product, product)
 
 
-def _polynomial(shapes: Sequence[Shape]) -> Growth:
+def _polynomial(shapes: Sequence[Shape]) -> CallSize:
     """Bound a polynomial at many places: a product for each coefficient at each place."""
-    return Growth(_size(shapes[-1]), math.prod(map(_size, shapes)))
+    return CallSize(_size(shapes[-1]), math.prod(map(_size, shapes)))
 
 
-def _product(shapes: Sequence[Shape]) -> Growth:
+def _product(shapes: Sequence[Shape]) -> CallSize:
     """Bound a product of matrices; a number multiplies every element."""
     first, second = shapes
     if _size(first) == 1 or _size(second) == 1:
         return _elementwise(shapes)
-    return Growth(first[0] * second[1], first[0] * first[1] * second[1])
+    return CallSize(first[0] * second[1], first[0] * first[1] * second[1])
 
 
-def _solved(shapes: Sequence[Shape]) -> Growth:
+def _solved(shapes: Sequence[Shape]) -> CallSize:
     """Bound an inverse, a determinant, a quotient or a power of matrices: the cube of the longest side."""
     longest = max((side for shape in shapes for side in shape), default=0)
     if all(_size(shape) == 1 or 1 in shape for shape in shapes):
         return _elementwise(shapes)
-    return Growth(longest**2, longest**3)
+    return CallSize(longest**2, longest**3)
 
 
-def _side_by_side(shapes: Sequence[Shape]) -> Growth:
+def _side_by_side(shapes: Sequence[Shape]) -> CallSize:
     """Bound what is put together of its arguments."""
-    return Growth(sum(map(_size, shapes)))
+    return CallSize(sum(map(_size, shapes)))
 
 
-_RULES: dict[str, Callable[[Sequence[Shape]], Growth]] = {
+_RULES: dict[str, Callable[[Sequence[Shape]], CallSize]] = {
     "diag": _diagonal,
     "kron": _pairwise,
     "polyval": _polynomial,
