@@ -387,7 +387,6 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
         (EXAMPLES / "learning" / "yobotics_walker.onnx", "is no station but a network: controllers: {policy: "),
         (EXAMPLES / "own_loop.py", "is no station but a script: python "),
         (models_root() / "tasks" / "reach.yaml", "is no station but a task to learn"),
-        (models_root() / "roid1" / "robot.yaml", "is no station but a robot: simrob check URDF"),
         (models_root() / "roid1" / "gaits.yaml", "is no station but the gaits of a robot"),
         (models_root() / "pieces" / "ball" / "piece.yaml", "is no station but a piece: pieces: {part: {model: "),
         (

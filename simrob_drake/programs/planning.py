@@ -206,7 +206,9 @@ class Planning:
         else:
             plan = timed(self.robot, segments, how, points, self.rate_limits, lambda: self.motors([self.robot]))
         ends = np.array([segment.end for segment in segments]) if rows is None else rows
-        if is_free(how) and how.get("check", CHECKED) != "nothing":
+        check = how.get("check", CHECKED)  # not looked at yet: it may be anything
+        is_unchecked = isinstance(check, str) and check == "nothing"
+        if is_free(how) and not is_unchecked:
             plan = slowed_for_motors(self.motors([self.robot]), plan)
         plan = self.looked_at(plan, how, ends, hint)
         if plan.check == "collision":

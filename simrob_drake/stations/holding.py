@@ -4,7 +4,6 @@ Predictions are judged by the bounds of the station's verdict, as the run will b
 """
 
 import numpy as np
-from scipy.optimize import root
 
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.frames import Vector
@@ -102,6 +101,8 @@ def _sag(config: StationConfig, robot: StationRobot, dynamics: Dynamics, referen
     At rest the proportional part of each servo carries the weight, kp (q_r - q) = g(q). An integral part leaves no sag.
     Returns None if a joint has no gain, if the servo knows the weight, or if no posture is found.
     """
+    from scipy.optimize import root  # loaded where it is needed: commands that do not check start without SciPy
+
     gains = robot.gains
     if config.mode == "kinematic" or holds_by_model(config, robot) or not (gains.kp > 0).all():
         return None
