@@ -16,7 +16,7 @@ from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.solver_config import bound_value
 
 _EVERY = 20
-"""Every 20th of a reference's 501 samples is checked, since each check takes several milliseconds."""
+"""Every 20th of a reference's 501 samples is checked; checking all of them would be slow."""
 
 
 def clearance_findings(config: StationConfig, references: Mapping[str, Reference]) -> list[Finding]:
@@ -50,7 +50,7 @@ def clearance_findings(config: StationConfig, references: Mapping[str, Reference
             text = "not looked at: the robot has no shapes that collide"
             findings.append(Finding("note", f"clearance of {name}", text))
             continue
-        if not robot.floats:  # a robot on its own feet is always in contact with the floor
+        if not robot.floats:  # a robot without a fixed base stands on the floor
             findings += _floor_findings(clearance, robot, times, heights[name], looked)
         findings += _self_findings(clearance, robot, overlaps, len(heights[name][0]), looked)
     return findings + _other_findings(clearance, overlaps)
