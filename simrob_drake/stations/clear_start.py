@@ -76,11 +76,18 @@ class ClearStart:
         self._postures = robot.model.with_followers(self._postures)
         bodies = [clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)]
         moves = np.array([not clearance.plant.IsAnchored(body) for body in bodies], dtype=bool)
-        seen = np.array([self._heights(posture) for posture in [self._home, *self._postures]])
-        foot, reach = float(seen[0][~moves].min(initial=0.0)), float(np.ptp(seen)) if seen.size else 0.0
-        highest = seen.max(axis=0)
-        self.hangs = bool(seen[0].min(initial=0.0) < foot - _HANGS * reach)
-        self.height = _ABOVE * reach - float(seen.min()) if self.hangs else -float(highest.min(initial=min(foot, 0.0)))
+
+        # Heights (postures, bodies) [m] above the floor of the root, the home posture first.
+        # They show how far the robot reaches, and whether it stands or hangs.
+        heights = np.array([self._heights(posture) for posture in [self._home, *self._postures]])
+        foot = float(heights[0][~moves].min(initial=0.0))
+        reach = float(np.ptp(heights)) if heights.size else 0.0
+        highest = heights.max(axis=0)
+        self.hangs = bool(heights[0].min(initial=0.0) < foot - _HANGS * reach)
+        if self.hangs:
+            self.height = _ABOVE * reach - float(heights.min())
+        else:
+            self.height = -float(highest.min(initial=min(foot, 0.0)))
         self._highest = np.where(moves, highest + self.height, -np.inf)
         self._keep_over(_OVER)
 
@@ -146,8 +153,9 @@ class ClearStart:
         first = self._robot.model.with_followers(first)
         self._near = first
         for postures in ([self._home], [first], *map(self._changed, (1, 2, 3)), list(self._postures)):
-            rated = [(self._dexterity(posture), row) for row, posture in enumerate(postures)]
-            ordered = [postures[row] for dexterity, row in sorted(rated, reverse=True) if dexterity >= good]
+            # The index makes the order unique for equal dexterities, and arrays cannot be compared.
+            rated = [(self._dexterity(posture), index) for index, posture in enumerate(postures)]
+            ordered = [postures[index] for dexterity, index in sorted(rated, reverse=True) if dexterity >= good]
             yield [posture for posture in ordered if not any(self._faults(posture))]
 
     def _changed(self, count: int) -> list[Vector]:

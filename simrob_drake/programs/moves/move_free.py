@@ -104,10 +104,10 @@ def plan_move_free(
     show_search: bool = False,
     **how: Unpack[How],
 ) -> Plan:
-    """Plan a move around all that stands in the way, with what the arm carries, to any posture that will do.
+    """Plan a move around obstacles to any posture that reaches the target, with what the arm carries.
 
-    The way is found by a search between two trees of postures, made shorter, and rounded; every posture that is looked
-    at is free of collisions, of the arm with itself, too. What touches at the start may do so all the way.
+    A search that grows two trees of postures finds the path, which is then shortened and rounded. No checked posture
+    has a collision, not even of the arm with itself. Bodies that touch at the start may touch during the whole move.
 
     Args:
         planning: what the move starts from.

@@ -55,13 +55,14 @@ class MoveVerdict:
 
 
 def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
-    """Return what became of a move that a run was asked for, from its samples."""
+    """Compare a recorded move with the move that was planned: its end, path, speed, torque and distances."""
     last = min(int(np.searchsorted(run.times, asked.duration - _SOON)), len(run.times) - 1)
     times, rows = run.times[: last + 1], slice(0, last + 1)
     tool, should = (asked.tool(run.axes(signal, asked.robot)[rows]) for signal in ("q", "q_ref"))
     target = asked.tool(asked.end[np.newaxis])[0]
     places = tool[:, :3, 3]
     speeds = np.linalg.norm(np.gradient(places, times, axis=0), axis=1) if last else np.zeros(1)
+    # The angle of the rotation between both orientations of the tool: its trace is 1 + 2 cos(angle).
     cosine = (np.trace(tool[-1, :3, :3].T @ target[:3, :3]) - 1) / 2
     at_limit = torque_shares(run, run.plant.robots[asked.robot])[rows] > AT_LIMIT
     looks = np.linspace(0.0, times[-1], _LOOKS)  # distances are slow to compute: evaluate them at few times
