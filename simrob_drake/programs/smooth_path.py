@@ -88,19 +88,20 @@ class _Problem:
         """
         self._search, self._station = search, station
         self._at_rest = station.plant.GetPositions(station.context)
-        way = self._spread(rows)
-        parts = search.gone(rows)
+        path = self._spread(rows)
+        fractions = search.gone(rows)  # of the path's length, and of its duration in the initial guess
         # Only the knots of a first optimisation are used: the initial guess is a least-squares
         # spline with these knots.
-        knots = KinematicTrajectoryOptimization(way.shape[1], int(np.clip(control, _LEAST, _MOST)), _ORDER).basis()
-        fitted = make_lsq_spline(parts, way, np.array(knots.knots()), k=_ORDER - 1)
+        control_points = int(np.clip(control, _LEAST, _MOST))
+        knots = KinematicTrajectoryOptimization(path.shape[1], control_points, _ORDER).basis()
+        fitted = make_lsq_spline(fractions, path, np.array(knots.knots()), k=_ORDER - 1)
         self._optimisation = KinematicTrajectoryOptimization(BsplineTrajectory(knots, list(fitted.c[:, :, np.newaxis])))
         # A joint that turns opposite to its axis exchanges its limits, hence the sort.
         position_limits = np.sort([self._spread(search.lower), self._spread(search.upper)], axis=0)
         self._add_limits_and_costs(position_limits, limits)
         # The path begins and ends at rest, exactly in the given postures.
-        rest = np.zeros(way.shape[1])
-        for end, part in ((way[0], 0.0), (way[-1], 1.0)):
+        rest = np.zeros(path.shape[1])
+        for end, part in ((path[0], 0.0), (path[-1], 1.0)):
             self._optimisation.AddPathPositionConstraint(end, end, part)
             self._optimisation.AddPathVelocityConstraint(rest, rest, part)
         self._apart = MinimumDistanceLowerBoundConstraint(station.plant, _APART, station.context, None, _NEAR)
@@ -158,8 +159,9 @@ class _Problem:
 
     def _rows(self, trajectory: BsplineTrajectory, times: Vector) -> Vector:
         """Postures (k, n) of the robots that move, at times (k,) [s] of a trajectory of the plant."""
-        whole, robots = np.array(trajectory.vector_values(times.tolist())).T, self._station.station.robots
-        return np.hstack([robots[robot].axis_map.positions(whole) for robot in self._search.space.start])
+        positions = np.array(trajectory.vector_values(times.tolist())).T  # of the whole plant, (k, nq)
+        robots = self._station.station.robots
+        return np.hstack([robots[robot].axis_map.positions(positions) for robot in self._search.space.start])
 
     def keep_apart(self, hits: Vector) -> None:
         """Keep shapes apart at more points: in the middle of each section of the path that collides.

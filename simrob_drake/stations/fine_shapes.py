@@ -72,7 +72,8 @@ class FineShapes:
     def __init__(self, station: StationPlant) -> None:
         """Prepare the parts of a station's meshes; a mesh is cut when its hull first overlaps another shape."""
         self._station = station
-        # Both are filled on demand. None: the shape, or neither shape of the pair, is concave.
+        # Both are filled on demand. A shape without convex parts, and a pair of two such shapes,
+        # is recorded as None, so that it is examined only once.
         self._parts: dict[GeometryId, list[PosedShape] | None] = {}
         self._pairs: dict[tuple[GeometryId, GeometryId], PairOfBodies | None] = {}
 

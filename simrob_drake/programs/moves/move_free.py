@@ -116,9 +116,9 @@ def plan_move_free(
         joints: instead of it a posture (n,) [rad or m], or one of the robot's by name, such as ``home``.
         wobj: the work object.
         free_turn: the tool may turn about its z axis as it likes.
-        seed: of the search: with the same one it finds the same way, if it has the time.
-        planning_time: how long it may take [s].
-        show_search: whether the recording shows the ways of the tool that the search tried.
+        seed: seed of the search. The same seed gives the same path, if the search has enough time.
+        planning_time: longest duration of the search [s].
+        show_search: whether the recording shows the paths of the tool that the search tried.
         how: see :class:`How`.
 
     Raises:
