@@ -6,7 +6,7 @@ from itertools import combinations, product
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import Role
+from pydrake.geometry import GeometryId, Role
 
 from simrob_drake.arguments import instance
 from simrob_drake.blocks.contacts import Distances, Pair
@@ -40,9 +40,10 @@ class Branch:
     def of(
         cls, chain: Chain, posture: Vector, torque: Vector, limit: Vector, collision: str, gap: tuple[float, str, str]
     ) -> "Branch":
-        """Return what a posture (n,) means that takes so much torque (n,), of a limit (n,)."""
+        """Evaluate a posture (n,) that needs a torque (n,) to be held, given the torque limits (n,) of the motors."""
         loads = np.abs(torque) / limit
         rooms = np.minimum(posture - chain.lower, chain.upper - posture)
+        # A posture at a limit may exceed it by rounding errors: that counts as a distance of zero.
         rooms = np.where(chain.limits.excess(posture) > 0.0, rooms, np.maximum(rooms, 0.0))
         most, least = int(np.argmax(loads)), int(np.argmin(rooms))
         load, room = (float(loads[most]), chain.names[most]), (float(rooms[least]), chain.names[least])
@@ -106,13 +107,19 @@ class Branches:
     __str__ = __repr__
 
 
-_LOOKS = 6  # postures of chance that tell which distances change at all
-_SAME = 1e-6  # m
-_SPARSE, _NEAREST = 4, 6  # looks of which one is at all pairs, and pairs that all are at
+_LOOKS = 6  # count of random postures that show which distances change
+_SAME = 1e-6  # a distance that changes by less is constant [m]
+_SPARSE = 4  # all pairs of shapes are evaluated at every fourth posture
+_NEAREST = 6  # count of pairs of shapes that are evaluated at every posture
 
 
 def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> str:
-    """Return what is in what with a robot in a posture (n,), but what touches where it is ``now``; empty if nothing."""
+    """Describe the collision of a robot in a posture (n,) [rad or m], such as "link_5 in table".
+
+    Returns an empty string if there is no collision. Bodies that touch in the present posture
+    ``now`` (n,) may stay as deep.
+    """
+    # A motion of two postures: the first one shows what touches already, the second is checked.
     try:
         check_collisions(model, {robot: np.array([now, posture])}, np.array([0.0, 1.0]), lambda _: (1, robot))
     except PathCollision as found:
@@ -121,26 +128,31 @@ def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> 
 
 
 def _surroundings(model: StationModel, robot: str) -> Distances:
-    """Return the distances between a robot, with what it carries, and all else.
+    """Distances of all pairs of shapes between a robot and its surroundings.
 
-    The robot's own shapes are first in the pairs.
+    One shape of each pair belongs to the robot (or to what it carries), and the other does
+    not. The robot's shape is first.
     """
     inspector = model.station.scene_graph.model_inspector()
-    owner = {shape: model.policy.owner(shape)[1] for shape in inspector.GetAllGeometryIds(Role.kProximity)}
+    is_of_robot: dict[GeometryId, bool] = {}
+    for shape in inspector.GetAllGeometryIds(Role.kProximity):
+        _, owner = model.policy.owner(shape)
+        is_of_robot[shape] = owner == robot
     pairs = [
-        (first, second) if owner[first] == robot else (second, first)
-        for first, second in combinations(owner, 2)
-        if (owner[first] == robot) != (owner[second] == robot) and not inspector.CollisionFiltered(first, second)
+        (first, second) if is_of_robot[first] else (second, first)
+        for first, second in combinations(is_of_robot, 2)
+        if is_of_robot[first] != is_of_robot[second] and not inspector.CollisionFiltered(first, second)
     ]
     return Distances(pairs, inspector)
 
 
 def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tuple[float, str, str]]:
-    """Return a function of a posture (n,): the least distance to the surroundings [m].
+    """Make a function that computes the smallest distance of a robot to its surroundings.
 
-    It also gives the names of the two bodies, that of the robot first. The distance is
-    negative if they overlap. Pairs whose distance no posture changes, as of a turning
-    column and its floor, do not count. It is infinite, without names, if none counts.
+    The function takes a posture (n,) [rad or m]. It returns the distance [m] and the names of
+    the two bodies, the robot's body first. The distance is negative if the bodies overlap.
+    Pairs of shapes with a constant distance do not count, such as a turning column and the
+    floor below. If no pair counts, the distance is infinite and both names are empty.
     """
     near = _surroundings(model, robot)
 
@@ -165,8 +177,9 @@ def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tu
 def approaches(model: StationModel, robot: str, rows: Vector) -> Approaches:
     """Find the smallest distances of a robot, with what it carries, along a motion.
 
-    What touches the surroundings at first does not count, nor does a pair of bodies as
-    far apart all along, nor links that the collision policy leaves out.
+    These pairs do not count: a body of the robot and one of the surroundings that touch at
+    the start, two bodies whose distance is constant, and links that the collision policy
+    leaves out.
 
     Args:
         model: the station with collision shapes.
@@ -174,7 +187,8 @@ def approaches(model: StationModel, robot: str, rows: Vector) -> Approaches:
         rows: positions (k, nq) of the plant along the motion.
     """
     nothing = Approach(np.inf, "")
-    if rows.shape[1] != model.plant.num_positions():  # a robot's base is not fixed
+    # The recorded positions have another size if the base of a robot is not fixed.
+    if rows.shape[1] != model.plant.num_positions():
         return Approaches(nothing, nothing)
     inspector = model.station.scene_graph.model_inspector()
     own = model.policy.own_distances(robot)
@@ -198,16 +212,20 @@ def _approach(
     *,
     ignores_first_contacts: bool,
 ) -> Approach:
-    """Find the smallest of some distances at positions (k, nq) of the plant.
+    """Find the smallest of several distances along a motion.
 
-    Every fourth row shows which pairs come nearest; the others are evaluated for these.
+    To save time, all pairs of shapes are evaluated at every fourth posture only. The pairs
+    that come nearest there are then evaluated at every posture.
 
     Args:
         model: the station with collision shapes.
-        rows: positions of the plant.
-        near: the distances.
-        only: gives the distances of some of the pairs.
-        ignores_first_contacts: leave out what touches in the first row.
+        rows: positions of the plant along the motion, shape (k, nq).
+        near: the distances of all pairs of shapes.
+        only: makes the distances of a subset of the pairs.
+        ignores_first_contacts: leave out the pairs that touch at the start.
+
+    Returns:
+        the smallest distance; infinite and without names if no pair counts.
     """
     if not near.pairs:
         return Approach(np.inf, "")
@@ -215,7 +233,7 @@ def _approach(
     counts = np.ptp(sparse, axis=0) > _SAME
     if ignores_first_contacts:
         counts &= sparse[0] > OTHER_TOLERANCE
-    least = np.where(counts, sparse.min(axis=0), np.inf)
+    least = np.where(counts, sparse.min(axis=0), np.inf)  # infinite for pairs that do not count
     order = np.argsort(least)[:_NEAREST]
     nearest = [near.pairs[index] for index in order if np.isfinite(least[index])]
     if not nearest:
@@ -228,9 +246,9 @@ def _approach(
 
 
 def _distances(model: StationModel, near: Distances, rows: Vector) -> Vector:
-    """Return the distances (k, pairs) [m] at positions (k, nq) of the plant."""
-    found = list[Vector]()
-    for row in rows:
-        model.place(row)
-        found.append(near.of(model.query()))
-    return np.array(found)
+    """Compute the distances of all pairs of shapes at positions (k, nq) of the plant, shape (k, pairs) [m]."""
+    distances = list[Vector]()
+    for positions in rows:
+        model.place(positions)
+        distances.append(near.of(model.query()))
+    return np.array(distances)

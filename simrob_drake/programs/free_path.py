@@ -1,6 +1,7 @@
-"""Paths of robots around obstacles: a search between two trees of postures, in the space in which they touch nothing.
+"""Paths of robots around obstacles, found by a search that grows two trees of postures without collisions.
 
-Distances are measured by how far tools move: a radian of an axis counts as many metres as it may move the tool.
+Distances between postures are measured in metres: a radian of an axis counts as the largest distance that it can move
+the tool.
 """
 
 from collections import Counter
@@ -22,109 +23,136 @@ from simrob_drake.programs.model import StationModel
 from simrob_drake.stations.collisions import START_TOLERANCE, Bodies, Overlap
 
 SEARCHED = 0.5
-"""Fraction of the tolerances that a search uses: its path is rounded, and then keeps to
-all of them."""
+"""Fraction of the collision tolerances that a search uses. Rounding moves the path slightly,
+and the rounded path may use the whole tolerances."""
 
 
 @dataclass(eq=False)
 class FreeSpace:
-    """The postures without collisions of robots that move together, by the one policy.
+    """The postures in which robots that move at the same time do not collide.
 
-    The robots move with what they carry; other robots stand where they are.
+    The station's collision policy decides what counts as a collision. The robots move with
+    the pieces that they carry; all other robots stand still.
     """
 
-    model: StationModel  # the station with collision shapes, its robots where they stand
-    start: Mapping[str, Vector]  # where the robots that move begin, (n,) each, by name
-    met: Counter[str] = field(default_factory=Counter)  # how often each thing was in the way
-    _begun: Mapping[Bodies, float] = field(default_factory=dict)
-    _at_goal: set[Bodies] = field(default_factory=set)
+    model: StationModel  # the station with collision shapes, and its robots in their present postures
+    start: Mapping[str, Vector]  # start posture of each robot that moves, (n,) [rad or m], by name
+    met: Counter[str] = field(default_factory=Counter)  # how often a search collided with each body
+    # overlap [m] that each pair of bodies may keep, because the pair touches at the start
+    _depths_at_start: Mapping[Bodies, float] = field(default_factory=dict)
+    # pairs of bodies that nearly touch at a goal: the search uses their whole tolerance
+    _close_at_goal: set[Bodies] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        """Allow what touches at the start.
+        """Record which bodies touch at the start; these may stay as deep on the path.
 
         Raises:
-            StartInCollision: a robot begins deep in something else.
+            StartInCollision: a robot overlaps a body of another owner by more than
+                START_TOLERANCE at the start.
         """
-        lengths = [len(posture) for posture in self.start.values()]
-        self._ends = np.cumsum(lengths)[:-1]
+        # Indices at which the joined posture of all robots is split into one for each robot.
+        axis_counts = [len(posture) for posture in self.start.values()]
+        self._split_indices = np.cumsum(axis_counts)[:-1]
         self.model.place_robots(self.start)
-        self._begun = self.model.policy.allowed_from_start(self.start)
-        start = self.model.policy.overlaps(self.start)
-        deep = [overlap for overlap in start if not overlap.robot and overlap.depth > START_TOLERANCE]
-        if deep:
-            raise StartInCollision(deep[0].depth, deep[0].moved)
+        self._depths_at_start = self.model.policy.allowed_from_start(self.start)
+        overlaps_at_start = self.model.policy.overlaps(self.start)
+        too_deep = [
+            overlap for overlap in overlaps_at_start if overlap.is_between_owners and overlap.depth > START_TOLERANCE
+        ]
+        if too_deep:
+            deepest = too_deep[0]
+            raise StartInCollision(deepest.depth, deepest.moved)
 
     @property
     def posture(self) -> Vector:
-        """Where all that move begin, one after the other, shape (n,) [rad or m]."""
+        """Start posture of all robots that move, one robot after the other, shape (n,) [rad or m]."""
         return np.concatenate(list(self.start.values()))
 
     def parts(self, rows: Vector) -> dict[str, Vector]:
-        """Return postures (..., n) of all that move by robot."""
-        return dict(zip(self.start, np.split(rows, self._ends, axis=-1), strict=True))
+        """Split postures (..., n) of all robots that move into the postures of each robot, by name."""
+        return dict(zip(self.start, np.split(rows, self._split_indices, axis=-1), strict=True))
 
     def collisions(self, posture: Vector, share: float = 1.0) -> list[Overlap]:
-        """Find the collisions in a posture (n,), the deepest first.
+        """Find the collisions in a posture, the deepest first.
+
+        If only pairs collide that :meth:`allow_goal` has named, `share` is ignored.
 
         Args:
-            posture: of all that move [rad or m].
-            share: fraction of the tolerances that is used.
+            posture: positions of all robots that move, shape (n,) [rad or m].
+            share: factor on the tolerances, from 0 to 1.
         """
         self.model.place_robots(self.parts(posture))
         policy = self.model.policy
-        found = policy.overlaps(self.start, self._begun, share)
-        if found and all(overlap.bodies in self._at_goal for overlap in found):
-            return policy.overlaps(self.start, self._begun)
+        found = policy.overlaps(self.start, self._depths_at_start, share)
+        # A goal may need more than a share of the tolerance, as at a piece that is grasped.
+        if found and all(overlap.bodies in self._close_at_goal for overlap in found):
+            return policy.overlaps(self.start, self._depths_at_start)
         return found
 
     def allow_goal(self, posture: Vector) -> None:
-        """Allow bodies their whole tolerance in the search if a goal (n,) needs it."""
+        """Let the search use the whole tolerance for the pairs of bodies that need it at a goal (n,) [rad or m]."""
         found = self.collisions(posture, SEARCHED)
-        self._at_goal.update(overlap.bodies for overlap in found)
+        self._close_at_goal.update(overlap.bodies for overlap in found)
 
     def free(self, posture: Vector) -> bool:
-        """Whether a posture (n,) is free in a search; if not, count what is in the way."""
+        """Whether a posture (n,) is free of collisions, by the tolerances of a search.
+
+        If the posture is not free, the two bodies that collide deepest are counted in `met`.
+        """
         found = self.collisions(posture, SEARCHED)
         self.met.update(found[0].bodies if found else ())
         return not found
 
     def obstacles(self, most: int = 3) -> list[str]:
-        """Return what was in the way most often, without the robots that move."""
+        """Names of the bodies with which the search collided most often, without the robots that move.
+
+        Args:
+            most: largest count of names.
+        """
         policy = self.model.policy
         inspector = self.model.station.scene_graph.model_inspector()
-        owners = dict(map(policy.owner, inspector.GetAllGeometryIds(Role.kProximity)))
-        others = [body for body, _ in self.met.most_common() if owners[body] not in self.start]
+        robots = dict(map(policy.owner, inspector.GetAllGeometryIds(Role.kProximity)))  # robot of each body, by name
+        others = [body for body, _ in self.met.most_common() if robots[body] not in self.start]
         return others[:most]
 
     def carried(self, robot: str) -> Vector:
-        """Return the corners of boxes around what a robot carries, where they are at the start, shape (k, 3) [m]."""
+        """Corners of the bounding boxes of the pieces that a robot carries or holds, shape (k, 3) [m].
+
+        The corners are in the world, at the start. Without any piece, k is 0.
+        """
         self.model.place_robots(self.start)
         query, corners = self.model.query(), np.array([*product((-1.0, 1.0), repeat=3)])
         found = [np.zeros((0, 3))]
+        carried = {*self.model.robots[robot].held, *self.model.holders}
         for shape in query.inspector().GetAllGeometryIds(Role.kProximity):
-            owner, own = self.model.policy.owner(shape)
+            body, owner = self.model.policy.owner(shape)
             box = query.inspector().GetObbInGeometryFrame(shape)
-            if own == robot and box is not None and owner in {*self.model.robots[robot].held, *self.model.holders}:
+            if owner == robot and box is not None and body in carried:
                 pose = query.GetPoseInWorld(shape) @ box.pose()
                 found.append((pose.rotation().matrix() @ (corners * box.half_width()).T).T + pose.translation())
         return np.vstack(found)
 
 
-_LOOK = 0.02  # m between the looks of a search
-CLOSE_LOOK = 0.005  # m between those at the way that is found
-_RANGE = 1.0  # m: the longest branch of a tree
-_STRAIGHT = 8  # goals that are tried by a straight way first
-_DEGREE = 5
-_ROUND = (0.2, 0.1, 0.05, 0.02)  # m between the points that round corners are made of
-_THINNEST = 0.1  # m of an arm that turns about itself
-_POSTURES = 100
+_LOOK = 0.02  # distance between the postures that a search checks [m]
+CLOSE_LOOK = 0.005  # distance between the checked postures of the final path [m]
+_RANGE = 1.0  # length of the longest branch of a search tree [m]
+_STRAIGHT = 8  # count of goals to which a straight line is tried first
+_DEGREE = 5  # degree of the spline that rounds corners
+_ROUND = (0.2, 0.1, 0.05, 0.02)  # distances between the spline's control points, tried in this order [m]
+_THINNEST = 0.1  # least distance that a radian counts [m]: the radius of an arm that turns about its own axis
+_POSTURES = 100  # count of random postures from which the motion of a tool is estimated
 _NOTHING = np.zeros((0, 3))
 _ROUNDING = 1e-9  # m
 _FROM_START = 1  # how the search marks the tree that grows from the start
 
 
 def metres(chain: Chain, carried: Vector = _NOTHING) -> Vector:
-    """Return how far a radian of each axis moves tool, 10 cm around it, and points (k, 3) in its frame, (n,) [m]."""
+    """Largest distance that a radian (or metre) of each axis moves the tool or carried points, shape (n,) [m].
+
+    Args:
+        chain: the arm.
+        carried: points of what the arm carries, in the frame of the tool, shape (k, 3) [m].
+    """
     postures = random_postures(chain, _POSTURES, 0)
     jacobians = chain.jacobian(postures)[:, np.newaxis]
     arms = np.vstack([np.zeros(3), carried]) @ chain.forward(postures)[:, :3, :3].swapaxes(1, 2)
@@ -135,12 +163,12 @@ def metres(chain: Chain, carried: Vector = _NOTHING) -> Vector:
 
 
 class _Plan(NamedTuple):
-    """What a search found.
+    """Result of a search.
 
     Attributes:
-        from_start: postures that it reached from the start, shape (k, n).
-        branches: pairs of postures between which it found free motions, shape (m, 2, n).
-        corners: of the path, shape (c, n); None if there is none.
+        from_start: postures that the search reached from the start, shape (k, n).
+        branches: pairs of postures with a free motion in between, shape (m, 2, n).
+        corners: corners of the path, shape (c, n). It is None if no path was found.
     """
 
     from_start: Vector
@@ -150,23 +178,35 @@ class _Plan(NamedTuple):
 
 @dataclass
 class Search:
-    """A search for a way of robots that move together, each number (n,) being of all their axes in turn."""
+    """A search for a path of robots that move at the same time.
 
-    space: FreeSpace  # what is free
-    # limits of the axes
+    A posture (n,) contains the axes of all these robots, one robot after the other.
+    """
+
+    space: FreeSpace  # decides which postures are free of collisions
+    # limits of the axes, each (n,) [rad or m]
     lower: Vector
     upper: Vector
-    scale: Vector  # how many metres a radian counts, see :func:`metres`
-    seed: int  # two searches with the same one find the same, if they have the time
-    seconds: float  # how long it may take
-    branches: Vector = field(init=False)  # of the trees that have grown, from posture to posture, shape (k, 2, n)
+    scale: Vector  # metres that one radian (or metre) of each axis counts, shape (n,), see :func:`metres`
+    seed: int  # two searches with the same seed find the same path, if both have enough time
+    seconds: float  # longest duration of the search [s]
+    branches: Vector = field(init=False)  # pairs of postures that the search trees connect, shape (k, 2, n)
 
     def __post_init__(self) -> None:
-        """Begin with trees of nothing."""
+        """Start with empty search trees."""
         self.branches = np.zeros((0, 2, len(self.scale)))
 
     def path(self, goals: Vector) -> Vector:
-        """Return corners (k, n) of a way to one of goals (m, n), nearest first; raises NoFreePath: what was near."""
+        """Find a path without collisions to one of several goals (m, n), sorted by distance, the nearest first.
+
+        Straight lines to the nearest goals are tried before the search.
+
+        Returns:
+            the corners of the path, shape (k, n) [rad or m].
+
+        Raises:
+            NoFreePath: no path was found within `seconds`; names the bodies in the way.
+        """
         start = self.space.posture
         for goal in goals[:_STRAIGHT]:
             if all(self.space.free(posture) for posture in self._between(np.array([start, goal]), _LOOK)[1:]):
@@ -174,10 +214,17 @@ class Search:
         return self._found(start, goals)
 
     def rounded(self, corners: Vector) -> tuple[Vector, Vector]:
-        """Return a smooth way near straight lines: its parts (k,) from 0 to 1 by length, and postures (k, n) there.
+        """Round the corners (c, n) of a path.
 
-        It is a spline whose control points lie on the lines, so it cuts the corners, as near as it must to be free.
-        Raises NoFreePath: it touches something at its nearest.
+        The smooth path is a spline whose control points lie on the straight lines between
+        the corners. If it collides, the control points are put closer together, which keeps
+        the spline nearer to the lines.
+
+        Returns:
+            fractions (k,) of the length, from 0 to 1, and the postures (k, n) [rad or m] there.
+
+        Raises:
+            NoFreePath: even the spline nearest to the lines collides.
         """
         whole = self.length(corners)
         hit: Overlap | None = None
@@ -187,8 +234,8 @@ class Search:
             control = self._between(corners, min(step, whole / (2 * _DEGREE)))
             inner = np.linspace(0.0, 1.0, len(control) - _DEGREE + 1)
             knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
-            looks = int(np.ceil(whole / CLOSE_LOOK)) + 2 * len(control)
-            rows = np.asarray(BSpline(knots, control, _DEGREE)(np.linspace(0.0, 1.0, looks)))
+            count = int(np.ceil(whole / CLOSE_LOOK)) + 2 * len(control)
+            rows = np.asarray(BSpline(knots, control, _DEGREE)(np.linspace(0.0, 1.0, count)))
             hits = (self.space.collisions(row) for row in rows)
             hit = next((found[0] for found in hits if found), None)
             if hit is None:
@@ -198,39 +245,46 @@ class Search:
         raise NoFreePath(f"the way that was found leads {one} {1e3 * hit.depth:.1f} mm into {other}: try another seed")
 
     def length(self, rows: Vector) -> float:
-        """Return how long a way through postures (k, n) is [m]."""
+        """Length of a path through postures (k, n) [m]."""
         return float(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1).sum())
 
     def gone(self, rows: Vector) -> Vector:
-        """Return which part of a way is gone at postures (k, n) on it, from 0 to 1, by length, shape (k,)."""
+        """Fraction of a path's length at each of its postures (k, n), from 0 to 1, shape (k,)."""
         gone = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1)))
         return np.asarray(gone / gone[-1])
 
     def _between(self, corners: Vector, step: float) -> Vector:
-        """Return postures on straight lines, at most a step [m] apart."""
-        ways = np.linalg.norm(np.diff(corners * self.scale, axis=0), axis=1)
-        parts = [np.linspace(0.0, 1.0, int(np.ceil(way / step)) + 1)[1:, np.newaxis] for way in ways]
+        """Postures (k, n) on the straight lines between corners (c, n), at most a step [m] apart."""
+        lengths = np.linalg.norm(np.diff(corners * self.scale, axis=0), axis=1)
+        parts = [np.linspace(0.0, 1.0, int(np.ceil(length / step)) + 1)[1:, np.newaxis] for length in lengths]
         lines = [one + part * (other - one) for part, one, other in zip(parts, corners, corners[1:], strict=False)]
         return np.vstack([corners[:1], *lines])
 
     def _found(self, start: Vector, goals: Vector) -> Vector:
-        """Search for a path and shorten it, shape (k, n).
+        """Search for a path from a start (n,) to one of several goals (m, n), and shorten the path.
+
+        Returns the corners of the path, shape (k, n) [rad or m].
 
         Raises:
-            NoFreePath: none was found in the time that there is.
+            NoFreePath: no path was found within `seconds`.
         """
         plan = self._planned(start, goals)
         if plan.corners is None:
-            raise self._none(plan.from_start, goals)
+            raise self._no_path_error(plan.from_start, goals)
         self.branches = plan.branches
         corners = plan.corners
+        # The search works in metres: put back the exact ends, without rounding errors.
         nearest_goal = np.abs(goals - corners[-1]).sum(axis=1).argmin()
         corners[0] = start
         corners[-1] = goals[nearest_goal]
         return corners
 
     def _planned(self, start: Vector, goals: Vector) -> "_Plan":
-        """Search by OMPL. None of its objects outlives this call, in which no error is raised: it reports leaks."""
+        """Search with OMPL's RRT-Connect from a start (n,) to goals (m, n).
+
+        OMPL reports objects that are never freed. So all its objects end with this call, and
+        no error is raised here, whose traceback would keep them.
+        """
         with needed("move_free", "plan"):
             from ompl import base, geometric, util
         util.setLogLevel(util.LOG_NONE)
@@ -256,10 +310,12 @@ class Search:
         planner.getPlannerData(tree)
         vertices = [tree.getVertex(index) for index in range(tree.numVertices())]
         reached = np.array([self._posture(vertex.getState()) for vertex in vertices])
+        # RRT-Connect grows a second tree from the goals.
         is_from_start = [vertex.getTag() == _FROM_START for vertex in vertices]
         if not problem.hasExactSolution():
             return _Plan(from_start=reached[is_from_start], branches=np.zeros((0, 2, len(start))), corners=None)
         edges = [(index, other) for index in range(len(vertices)) for other in tree.getEdges(index)]
+        # Without edges the array is empty, and needs its second dimension.
         branches = reached[np.array(edges, dtype=int).reshape(-1, 2)]
 
         path = problem.getSolutionPath()
@@ -271,7 +327,11 @@ class Search:
         return _Plan(from_start=reached[is_from_start], branches=branches, corners=corners)
 
     def _box(self, ends: Vector) -> Any:
-        """Return the space of postures, in metres; axes without limits turn a half turn beyond the ends (k, n)."""
+        """OMPL's space of postures, scaled to metres.
+
+        An axis without limits may go half a turn beyond its positions in ``ends``: the start
+        and the goals, shape (k, n).
+        """
         from ompl import base
 
         space, bounds = base.RealVectorStateSpace(len(self.scale)), base.RealVectorBounds(len(self.scale))
@@ -293,12 +353,17 @@ class Search:
     def _posture(self, state: Any) -> Vector:
         return np.array([state[axis] for axis in range(len(self.scale))]) / self.scale
 
-    def _none(self, reached: Vector, goals: Vector) -> NoFreePath:
-        """Return what to say of a search that found nothing: how near it came from the start, and what it met."""
-        ways = np.array([self.space.posture, *reached])[:, np.newaxis] - goals
-        gaps = np.linalg.norm(ways * self.scale, axis=2)
-        row, which = np.unravel_index(int(gaps.argmin()), gaps.shape)
-        short = f"{which + 1} of {len(goals)} is nearest, with a motion of {gaps[row, which]:.2g} m left"
+    def _no_path_error(self, reached: Vector, goals: Vector) -> NoFreePath:
+        """Error of a search without a path: the goal that came nearest, and the bodies that were in the way.
+
+        Args:
+            reached: postures that the search reached from the start, shape (k, n).
+            goals: the goals, shape (m, n).
+        """
+        differences = np.array([self.space.posture, *reached])[:, np.newaxis] - goals
+        gaps = np.linalg.norm(differences * self.scale, axis=2)  # [m], from each posture to each goal
+        row, goal = np.unravel_index(int(gaps.argmin()), gaps.shape)
+        short = f"{goal + 1} of {len(goals)} is nearest, with a motion of {gaps[row, goal]:.2g} m left"
         met = ", ".join(self.space.obstacles()) or "the arm itself"
         return NoFreePath(
             f"no free way was found in {self.seconds:g} s: of the goals number {short}; in the way: {met}"

@@ -40,7 +40,7 @@ _THICK = 0.1  # m, of a floor that is a box
 
 
 class StationModel(PosedStation):
-    """The plant of a station, robots' bases fixed, put into any posture.
+    """The plant of a station with fixed robot bases, which can be set to any posture.
 
     Attributes:
         config: the station.
@@ -52,8 +52,8 @@ class StationModel(PosedStation):
 
         Args:
             config: the station.
-            collision: give it collision shapes, for :meth:`query` and :attr:`policy`;
-                links of one robot collide with each other, too.
+            collision: whether the plant has collision shapes, which :meth:`query` and
+                :attr:`policy` need. Links of one robot then collide with each other, too.
 
         Raises:
             InvalidModel: a robot or piece cannot be built.
@@ -75,7 +75,7 @@ class StationModel(PosedStation):
 
     @cached_property
     def policy(self) -> CollisionPolicy:
-        """What counts as a collision in a model with collision shapes."""
+        """Collision policy of the station; this model must have collision shapes."""
         return CollisionPolicy(self)
 
     @cached_property
@@ -152,8 +152,8 @@ class StationModel(PosedStation):
 
     @property
     def holders(self) -> dict[str, str]:
-        """The robots whose fingers hold a piece, by that."""
-        if not self._held:
+        """Name of the robot whose fingers hold a piece, for each piece that is held."""
+        if not self._held:  # the usual case, and this property is read in every collision check
             return {}
         robots = {own.instance: name for name, own in self.robots.items()}
         return {piece: robots[link.model_instance()] for piece, (link, _) in self._held.items()}

@@ -119,9 +119,17 @@ _MARGIN = 1.02  # of what messages propose
 
 
 def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming, hint: str = "") -> None:
-    """Check that all axes stay within their limits in postures (k, n) at times (k,) [s].
+    """Check that all axes stay within their limits.
 
-    Raises JointLimitExceeded: names the first offending point, and ends with ``hint``.
+    Args:
+        chain: the arm.
+        times: times of the postures, shape (k,) [s].
+        postures: positions of the axes, shape (k, n) [rad or m].
+        named: gives the number and the name of the point that a time belongs to.
+        hint: text that is appended to the message.
+
+    Raises:
+        JointLimitExceeded: names the first point, the axis, its position and its limits.
     """
     violation = chain.limits.find_violation(postures)
     if violation is None:
@@ -202,52 +210,58 @@ def check_collisions(
     *,
     judged: Collection[str] | None = None,
 ) -> None:
-    """Check by the station's collision policy that robots collide with nothing on the way.
+    """Check that robots do not collide during a motion, by the station's collision policy.
 
-    What touches at the first time may touch as deep on the way, as a piece on its table;
-    what is deep in something else then is not judged against it.
+    Two bodies that touch at the first time may stay as deep, such as a piece on its table.
+    Two bodies of different owners that overlap deeply at the first time are not checked
+    against each other, see :meth:`CollisionPolicy.allowed_from_start`.
 
     Args:
-        model: the station with collision shapes; other robots stay where they are.
-        robots: postures (k, n) [rad or m] by robot.
-        times: when they are taken, shape (k,) [s].
+        model: the station with collision shapes. Robots that do not move stay as they are in
+            this model.
+        robots: postures (k, n) [rad or m] of each robot that moves, by name.
+        times: times of the postures, shape (k,) [s].
         named: gives the number and the name of the point that a time belongs to.
-        judged: the robots whose collisions count; all that move if it is None.
+        judged: names of the robots whose collisions count. If it is None, the collisions of
+            all robots that move count.
 
     Raises:
-        PathCollision: names the first point with a collision, and the bodies.
+        PathCollision: names the first point with a collision, and the two bodies.
     """
     movers = robots if judged is None else judged
-    begun: dict[Bodies, float] = {}
-    for row, time in enumerate(times):
-        model.place_robots({name: postures[row] for name, postures in robots.items()})
-        if row == 0:
-            begun = model.policy.allowed_from_start(movers)
+    depths_at_start: dict[Bodies, float] = {}
+    for index, time in enumerate(times):
+        model.place_robots({name: postures[index] for name, postures in robots.items()})
+        if index == 0:
+            depths_at_start = model.policy.allowed_from_start(movers)
             continue
-        found = model.policy.overlaps(movers, begun)
-        if found:
+        overlaps = model.policy.overlaps(movers, depths_at_start)
+        if overlaps:
+            deepest = overlaps[0]
             number, name = named(float(time))
             raise PathCollision(
                 name,
                 point=number,
                 time=float(time),
-                bodies=found[0].moved,
-                depth=found[0].depth,
+                bodies=deepest.moved,
+                depth=deepest.depth,
             )
 
 
 def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
-    """Check that moves run at the same time collide with nothing, nor with each other.
+    """Check that moves that run at the same time do not collide with anything, nor with each other.
 
-    Robots whose plan has another `check` than "collision" move, and are not judged.
+    A robot whose plan does not have `check="collision"` moves too. Its own collisions do not
+    count; others may still collide with it.
 
     Raises:
-        PathCollision: names the first point with a collision, of the longest move.
+        PathCollision: names the first collision, by the point of the longest move.
     """
     for plan in plans:
         instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
     longest = max(plans, key=lambda plan: plan.duration)
     times = np.unique(np.concatenate([plan.looks for plan in plans]))
+    # A robot whose move ends earlier stays at its end.
     postures = {plan.robot: plan.postures(np.minimum(times, plan.duration)) for plan in plans}
     judged = [plan.robot for plan in plans if plan.check == "collision"]
     check_collisions(model, postures, times, longest.named, judged=judged)

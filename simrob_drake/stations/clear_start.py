@@ -54,23 +54,40 @@ class ClearStart:
     """
 
     def __init__(self, clearance: Clearance, robot: StationRobot, duration: float, *, torque: bool) -> None:
-        """Look at a robot held at the origin, its first move [s] and, with ``torque``, what its motors have to hold."""
+        """Prepare the search.
+
+        Args:
+            clearance: the station, with the root of the robot at the origin.
+            robot: the robot.
+            duration: duration of the robot's first move [s].
+            torque: whether the motors must be able to hold the posture against gravity.
+        """
         self._clearance, self._robot, self._duration, self._torque = clearance, robot, duration, torque
         self._random, self._home, self._near = np.random.default_rng(0), robot.model.home, robot.model.home
         self._chain = max(clearance.chains(robot), key=lambda chain: len(chain[1]))
-        follows = [axis in robot.model.followers for axis in robot.axes]
-        # Fingers stay open, and followers are where their leaders take them.
-        self._axes = [axis for axis in range(len(robot.axes)) if axis not in robot.model.fingers and not follows[axis]]
+        # Indices of the axes that the search moves. Fingers stay open, and the positions of
+        # followers (coupled axes) result from those of their leaders.
+        is_follower = [name in robot.model.followers for name in robot.axes]
+        self._axes = [
+            axis for axis in range(len(robot.axes)) if axis not in robot.model.fingers and not is_follower[axis]
+        ]
         self._postures = self._random.uniform(*posture_range(robot), (_RANDOM, len(robot.axes)))
         self._postures[:, [*robot.model.fingers]] = self._home[[*robot.model.fingers]]
         self._postures = robot.model.with_followers(self._postures)
         bodies = [clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)]
         moves = np.array([not clearance.plant.IsAnchored(body) for body in bodies], dtype=bool)
-        seen = np.array([self._heights(posture) for posture in [self._home, *self._postures]])
-        foot, reach = float(seen[0][~moves].min(initial=0.0)), float(np.ptp(seen)) if seen.size else 0.0
-        highest = seen.max(axis=0)
-        self.hangs = bool(seen[0].min(initial=0.0) < foot - _HANGS * reach)
-        self.height = _ABOVE * reach - float(seen.min()) if self.hangs else -float(highest.min(initial=min(foot, 0.0)))
+
+        # Heights (postures, bodies) [m] above the floor of the root, the home posture first.
+        # They show how far the robot reaches, and whether it stands or hangs.
+        heights = np.array([self._heights(posture) for posture in [self._home, *self._postures]])
+        foot = float(heights[0][~moves].min(initial=0.0))
+        reach = float(np.ptp(heights)) if heights.size else 0.0
+        highest = heights.max(axis=0)
+        self.hangs = bool(heights[0].min(initial=0.0) < foot - _HANGS * reach)
+        if self.hangs:
+            self.height = _ABOVE * reach - float(heights.min())
+        else:
+            self.height = -float(highest.min(initial=min(foot, 0.0)))
         self._highest = np.where(moves, highest + self.height, -np.inf)
         self._keep_over(_OVER)
 
@@ -89,9 +106,10 @@ class ClearStart:
         return Start(least, target, self.height, self._remarks(least, target))
 
     def _eased(self, posture: Vector) -> Vector:
-        """Return a posture from which faults are taken step by step, always by the axis that takes most."""
+        """Reduce the faults of a posture (n,) in steps; each step moves the axis that reduces the faults most."""
         for _ in range(_EASED):
-            near = [posture, *map(self._robot.model.with_followers, turned(self._robot, posture, self._axes))]
+            changed = turned(self._robot, posture, self._axes)
+            near = [posture, *map(self._robot.model.with_followers, changed)]
             best = min(near, key=self._fault)
             if best is posture:
                 break
@@ -124,18 +142,28 @@ class ClearStart:
         return float(np.max(np.abs(self._robot.axis_map.efforts(gravity)) / self._robot.model.efforts))
 
     def _candidates(self) -> Iterator[list[Vector]]:
-        """Yield postures that are clear, the best first: home, those with few changes, those with more, any."""
+        """Yield lists of postures without faults, in each list the farthest from a singularity first.
+
+        The lists contain, in this order: home, home with overlaps removed, postures in which
+        one, two or three axes differ from the latter, and random postures. Postures near a
+        singularity are left out.
+        """
         good = _DEXTERITY * float(np.quantile([self._dexterity(posture) for posture in self._postures], 0.8))
         first = untangled(self._clearance, self._robot, self._home, self._axes)
         first = self._robot.model.with_followers(first)
         self._near = first
         for postures in ([self._home], [first], *map(self._changed, (1, 2, 3)), list(self._postures)):
-            rated = [(self._dexterity(posture), row) for row, posture in enumerate(postures)]
-            ordered = [postures[row] for dexterity, row in sorted(rated, reverse=True) if dexterity >= good]
+            # The index makes the order unique for equal dexterities, and arrays cannot be compared.
+            rated = [(self._dexterity(posture), index) for index, posture in enumerate(postures)]
+            ordered = [postures[index] for dexterity, index in sorted(rated, reverse=True) if dexterity >= good]
             yield [posture for posture in ordered if not any(self._faults(posture))]
 
     def _changed(self, count: int) -> list[Vector]:
-        """Return postures in which as many axes are elsewhere than at home, within the limits."""
+        """Postures (n,) in which ``count`` random axes are moved away from home, within the limits.
+
+        The starting point is the home posture after its overlaps were reduced. Followers move
+        with their leaders.
+        """
         found = {}
         for _ in range(_TRIED):
             posture = self._near.copy()
@@ -166,7 +194,12 @@ class ClearStart:
         return float(np.linalg.svd(columns, compute_uv=False)[min(6, len(axes)) - 1])
 
     def _target(self, posture: Vector) -> Vector | None:
-        """Return where a clear move leads: all axes to the side with more room, else each to where it is clear."""
+        """Find the end of a first move without faults from a posture (n,), shape (n,) [rad or m].
+
+        All axes move to the side on which their limit is farther away. If this move has
+        faults, each axis in turn moves to a side on which the move has no faults, or stays.
+        Returns None if no axis can move, or if the move of all these axes has faults.
+        """
         model = self._robot.model
         lower, upper = model.axis_limits
         room = np.where(upper - posture >= posture - lower, upper - posture, lower - posture)
@@ -174,12 +207,13 @@ class ClearStart:
         most[[*model.fingers]] = 0.0
         step: Vector = np.sign(room) * np.minimum(most, _ROOM * np.abs(room))
         step = self._with_followers(posture, step)
-        may_move = not model.followers or self._within(posture + step)
-        if may_move and self._is_clear(posture, step):
+        # Leaders stay within their limits by construction of the step, but followers may not.
+        is_within_limits = not model.followers or self._within(posture + step)
+        if is_within_limits and self._is_clear(posture, step):
             return posture + step
         moved = np.zeros_like(step)
-        followers = self._robot.model.followers
-        for axis in (axis for axis, name in enumerate(self._robot.axes) if name not in followers):
+        independent_axes = [axis for axis, name in enumerate(self._robot.axes) if name not in model.followers]
+        for axis in independent_axes:
             for way in (step[axis], -step[axis]):
                 tried = moved.copy()
                 tried[axis] = way
@@ -190,8 +224,9 @@ class ClearStart:
         return posture + moved if moved.any() and self._is_clear(posture, moved) else None
 
     def _with_followers(self, posture: Vector, step: Vector) -> Vector:
-        """Return a step (n,) from a posture with the steps that followers make with it [rad or m]."""
+        """Add the steps of followers (coupled axes) to a step (n,) from a posture (n,) [rad or m]."""
         model = self._robot.model
+        # Without followers, keep the step as it is: adding and subtracting would round it.
         return model.with_followers(posture + step) - posture if model.followers else step
 
     def _is_clear(self, posture: Vector, step: Vector, parts: Vector = _PARTS) -> bool:

@@ -1,4 +1,4 @@
-"""A station that is put into configurations, and never stepped: how near its robots come to what, how they stand."""
+"""Clearance of the robots in a station that is posed but never simulated, and how the robots stand on the ground."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -72,7 +72,10 @@ def standing(station: StationPlant, robot: StationRobot, context: Context | None
 
 
 def shape_points(station: StationPlant, robot: StationRobot, context: Context) -> list[tuple[RigidBody, Vector]]:
-    """Return points of a robot's shapes in the world, of each the lowest over the floor, (k, 3) [m], with bodies."""
+    """Find the points of each collision shape of a robot that are lowest with respect to the floor.
+
+    Returns one entry for each shape: the body, and points (k, 3) in the world [m].
+    """
     plant, tilt = station.plant, station.ground.tilt
     inspector, from_floor = station.scene_graph.model_inspector(), tilt.inverse()
     found = []
@@ -99,7 +102,7 @@ def _support_points(station: StationPlant, robot: StationRobot, context: Context
 
 
 def outline(station: StationPlant, body: RigidBody) -> Vector:
-    """Return points of the collision shapes of a body, those that are farthest out, in its frame, shape (k, 3) [m]."""
+    """Outermost points of all collision shapes of a body, in the frame of the body, shape (k, 3) [m]."""
     inspector, shapes = station.scene_graph.model_inspector(), station.shapes_of_body(body)
     return np.vstack([np.zeros((0, 3)), *(shape_outline(inspector, shape) for shape in shapes)])
 
@@ -160,7 +163,8 @@ class Clearance(PosedStation):
 
         Args:
             config: the station.
-            trusts_home: see :class:`CollisionPolicy`.
+            trusts_home: leave out links that touch in the home posture, see
+                :class:`CollisionPolicy`.
 
         Raises:
             InvalidModel: a robot cannot be built.
@@ -170,14 +174,20 @@ class Clearance(PosedStation):
         contact = contact.model_copy(update={"self_collision": True})
         super().__init__(config.model_copy(update={"contact": contact}))
         self.policy = CollisionPolicy(self, trusts_home=trusts_home)
-        self._begun = {
+        # Depth [m] of each pair of different owners that touches slightly at the start. A
+        # piece that stands on a table always overlaps it a little, which is no collision.
+        overlaps_at_start = self.policy.touching(refined_from=START_TOLERANCE)
+        self._depths_at_start = {
             bodies: overlap.depth
-            for bodies, overlap in self.policy.touching(refined_from=START_TOLERANCE).items()
-            if not overlap.robot and overlap.depth <= START_TOLERANCE
+            for bodies, overlap in overlaps_at_start.items()
+            if overlap.is_between_owners and overlap.depth <= START_TOLERANCE
         }
 
     def lowest(self, robot: StationRobot) -> dict[str, float]:
-        """Return how high each body of a robot that has shapes is over the ground beneath it [m], by its name."""
+        """Height of each body of a robot above the ground beneath the body [m], by the body's name.
+
+        Bodies without collision shapes are left out.
+        """
         found: dict[str, float] = {}
         for body, points in shape_points(self.station, robot, self.context):
             height = float((points[:, 2] - self.station.ground.beneath(points)).min())
@@ -185,7 +195,7 @@ class Clearance(PosedStation):
         return found
 
     def chains(self, robot: StationRobot) -> list[tuple[RigidBody, list[int]]]:
-        """Return the bodies of a robot, and which of its axes move each, from its root outward."""
+        """Bodies of a robot, each with the indices of the axes that move the body, from the root outward."""
         inboard = {joint.child_body().index(): (axis, joint) for axis, joint in enumerate(robot.joints)}
         found = []
         for index in self.plant.GetBodyIndices(robot.instance):
@@ -198,16 +208,17 @@ class Clearance(PosedStation):
         return found
 
     def overlaps(self) -> list[Overlap]:
-        """Find the collisions in the present posture but those with the floor, deepest first.
+        """Find the collisions in the present posture, except those with the floor; the deepest first.
 
-        Different owners that touch at the start may do so as deep, if that is not deep.
+        Bodies of different owners that already touch at the start, by at most
+        START_TOLERANCE, may overlap by that depth plus the usual tolerance.
         """
-        found = self.policy.overlaps(begun=self._begun)
-        return [overlap for overlap in found if FLOOR not in overlap.bodies]
+        collisions = self.policy.overlaps(begun=self._depths_at_start)
+        return [overlap for overlap in collisions if FLOOR not in overlap.bodies]
 
 
 def turned(robot: StationRobot, posture: Vector, axes: Iterable[int]) -> Iterator[Vector]:
-    """Yield postures (n,) in which one of some axes is elsewhere, within the limits."""
+    """Yield postures (n,) that differ from a posture in one of the given axes and keep to the limits [rad or m]."""
     lower, upper = robot.model.axis_limits
     for axis in axes:
         for way in SLIDES if robot.model.prismatic[axis] else np.deg2rad(TURNS):
@@ -218,7 +229,11 @@ def turned(robot: StationRobot, posture: Vector, axes: Iterable[int]) -> Iterato
 
 
 def untangled(clearance: Clearance, robot: StationRobot, posture: Vector, axes: Collection[int]) -> Vector:
-    """Return a posture (n,) less in itself, step by step by the axis that takes the deepest overlap apart best."""
+    """Reduce the overlaps between the links of a robot, by turning one axis at a time.
+
+    Each step turns the axis that reduces the overlaps most. Only the axes between the two
+    links that overlap most are tried. Returns a posture (n,) [rad or m].
+    """
     chains = {f"{robot.prefix}{body.name()}": set(order) for body, order in clearance.chains(robot)}
 
     def overlaps(tried: Vector) -> list[Overlap]:

@@ -1,10 +1,10 @@
-"""The one policy of what counts as a collision, for moves, programs, checks and drafts.
+"""The collision policy, shared by moves, programs, checks and drafts.
 
-Two shapes collide if they lie deeper in each other than their tolerance. Left out are
+Two shapes collide if they overlap by more than their tolerance. These pairs do not count:
 
-- links that a joint connects, and links that are fixed to each other (by Drake),
+- links that a joint connects, and links that are fixed to each other (Drake excludes these),
 - links of one robot that touch in its home posture, or overlap in nearly every posture,
-- hulls that overlap where the convex parts of their meshes do not.
+- meshes whose convex hulls overlap although the convex parts of the meshes do not.
 
 What a robot carries, or holds between its fingers, counts as a part of the robot.
 """
@@ -25,19 +25,25 @@ from simrob_drake.stations.fine_shapes import FineShapes
 from simrob_drake.stations.posed import PosedStation, random_posture
 
 OWN_TOLERANCE = 5e-3
-"""Depth at which links of one robot collide [m]: shapes of links are rough."""
+"""Overlap above which two links of one robot collide [m].
+
+The collision shapes of neighbouring links are rough and often overlap by a few millimetres."""
 
 OTHER_TOLERANCE = 1e-3
-"""Depth at which anything else collides [m]: a piece that rests or is held touches."""
+"""Overlap above which bodies of different owners collide [m].
+
+A piece that rests on a table, or that fingers hold, overlaps slightly."""
 
 START_TOLERANCE = 5e-3
-"""Depth up to which different owners may touch at the start [m]: more is a fault."""
+"""Overlap up to which bodies of different owners may touch at the start [m].
+
+A larger overlap is an error of the station."""
 
 ANY_DEPTH = 1e-9
-"""Depth at which shapes touch [m]: larger than rounding."""
+"""Overlap above which shapes count as touching [m]; larger than rounding errors."""
 
-_SAMPLES = 24  # random postures that show which links always overlap
-_NEARLY_ALL = 0.9  # fraction of them in which such links overlap
+_SAMPLES = 24  # count of random postures in which permanent overlaps are sought
+_NEARLY_ALL = 0.9  # links overlap permanently if they overlap in at least this fraction of the random postures
 
 Bodies = tuple[str, str]
 """Names of two bodies in alphabetical order: links, pieces, the floor."""
@@ -45,13 +51,15 @@ Bodies = tuple[str, str]
 
 @dataclass(frozen=True)
 class Overlap:
-    """Two bodies that lie in each other.
+    """Two bodies that overlap.
 
     Attributes:
-        depth: depth of the deepest pair of shapes [m]; through thin shapes it is too large.
+        depth: depth of the deepest pair of shapes [m]. It is too large if a body passes
+            through a thin shape.
         bodies: names of the bodies in alphabetical order.
-        robot: robot that both bodies belong to; empty if they have different owners.
-        moved: the bodies, the one that a moving robot owns first.
+        robot: name of the robot that both bodies belong to; an empty string if the bodies
+            have different owners.
+        moved: names of the bodies; the body that belongs to a moving robot is first.
     """
 
     depth: float
@@ -59,27 +67,35 @@ class Overlap:
     robot: str
     moved: Bodies
 
+    @property
+    def is_between_owners(self) -> bool:
+        """Whether the two bodies have different owners, such as a robot and a table."""
+        return not self.robot
+
 
 class CollisionPolicy:
     """Decides which bodies of a posed station collide."""
 
     def __init__(self, posed: PosedStation, *, trusts_home: bool = True) -> None:
-        """Judge a station.
+        """Prepare the policy for one station.
 
         Args:
             posed: the station, with collision shapes and `contact.self_collision`.
-            trusts_home: leave out links that touch at home; false where it is home that
-                is judged, as in the search for a first posture.
+            trusts_home: leave out links that touch in the home posture. Set it to False if
+                the home posture itself is checked, as in the search for a first posture.
         """
         self._posed = posed
         self._trusts_home = trusts_home
         self._fine = FineShapes(posed.station)
+        # These owners never change, so each is looked up only once. The robots that hold
+        # pieces with their fingers may change, see :meth:`owner`.
         self._fixed_owner = cache(partial(owner_and_robot, posed.station))
 
     def owner(self, shape: GeometryId) -> tuple[str, str]:
-        """Return the body of a shape, and the robot that it belongs to or that holds it.
+        """Names of the body of a shape and of the robot that owns or holds the body.
 
-        The robot is empty for the floor and for pieces that no robot carries.
+        The name of the robot is an empty string for the floor, and for a piece that no
+        robot carries.
         """
         body, robot = self._fixed_owner(shape)
         return body, self._posed.holders.get(body, robot)
@@ -93,35 +109,39 @@ class CollisionPolicy:
         """Find the collisions in the present posture, the deepest first.
 
         Args:
-            movers: robots that move; pairs without any of them do not count. All pairs
-                count if it is None.
-            begun: depths [m] by bodies that are allowed beyond the tolerance, see
-                :meth:`allowed_from_start`.
-            share: fraction of the tolerances that is used.
+            movers: names of the robots that move. Only pairs with a body of such a robot
+                count; if it is None, all pairs count.
+            begun: depth [m] that each of these pairs of bodies may have in addition to the
+                tolerance, see :meth:`allowed_from_start`.
+            share: factor on the tolerances, from 0 to 1.
         """
         holders = self._posed.holders
-        touching = {} if begun is None else begun
+        extra_depths = {} if begun is None else begun
         found: dict[Bodies, Overlap] = {}
         query = self._posed.query()
         for pair in query.ComputePointPairPenetration():
+            # `first` and `second` are bodies, `one` and `other` the robots that own them.
             first, one = self._fixed_owner(pair.id_A)
             second, other = self._fixed_owner(pair.id_B)
-            if holders:
+            if holders:  # a piece between fingers belongs to the robot that holds it
                 one = holders.get(first, one)
                 other = holders.get(second, other)
             if movers is not None and one not in movers and other not in movers:
                 continue
 
-            # The cheap criteria come first: most pairs that touch are below tolerance.
+            # The cheap tests come first: most pairs that touch are within the tolerance.
+            # The convex parts of the meshes are compared last, since that is slow.
             bodies = (first, second) if first < second else (second, first)
-            robot = one if one == other else ""
+            robot = one if one == other else ""  # empty if the owners differ
             tolerance = OWN_TOLERANCE if robot else OTHER_TOLERANCE
-            allowed = touching.get(bodies, 0.0) + share * tolerance
+            allowed = extra_depths.get(bodies, 0.0) + share * tolerance
             if pair.depth <= allowed or (robot and bodies in self.left_out):
                 continue
             depth = self._fine_depth(pair.depth, pair.id_A, pair.id_B)
             if depth <= allowed:
                 continue
+
+            # A body may have several shapes: keep the deepest overlap of the two bodies.
             known = found.get(bodies)
             if known is None or depth > known.depth:
                 is_first_moving = movers is None or one in movers
@@ -136,21 +156,27 @@ class CollisionPolicy:
         *,
         own_only: bool = False,
     ) -> dict[Bodies, Overlap]:
-        """Find all bodies that touch in the present posture, however little.
+        """Find all pairs of bodies that touch in the present posture, even slightly.
 
         Args:
-            movers: robots that move; pairs without any of them are left out. All pairs
-                are found if it is None.
-            refined_from: depth of two hulls [m] from which on convex parts decide.
-            own_only: leave out bodies of different owners.
+            movers: names of the robots that move. Only pairs with a body of such a robot
+                are found; if it is None, all pairs are found.
+            refined_from: overlap of two convex hulls [m] above which the convex parts of
+                the meshes are compared. A larger value is faster.
+            own_only: find only pairs of bodies that belong to the same robot.
+
+        Returns:
+            the deepest overlap of each pair of bodies.
         """
         found: dict[Bodies, Overlap] = {}
         for pair in self._posed.query().ComputePointPairPenetration():
-            ends = sorted((self.owner(pair.id_A), self.owner(pair.id_B)))
-            (first, one), (second, other) = ends
+            # Sorted by the names of the bodies, `first` and `second`; `one` and `other`
+            # are the robots that own them.
+            bodies_and_robots = sorted((self.owner(pair.id_A), self.owner(pair.id_B)))
+            (first, one), (second, other) = bodies_and_robots
             if movers is not None and one not in movers and other not in movers:
                 continue
-            robot = one if one == other else ""
+            robot = one if one == other else ""  # empty if the owners differ
             if own_only and not robot:
                 continue
             bodies = first, second
@@ -158,43 +184,55 @@ class CollisionPolicy:
             if depth > refined_from:
                 depth = self._fine_depth(depth, pair.id_A, pair.id_B)
             known = found.get(bodies)
-            if depth > (ANY_DEPTH if known is None else known.depth):
+            largest_so_far = ANY_DEPTH if known is None else known.depth
+            if depth > largest_so_far:
                 found[bodies] = Overlap(depth, bodies, robot, bodies)
         return found
 
     def allowed_from_start(self, movers: Collection[str]) -> dict[Bodies, float]:
-        """Depths [m] that bodies may have because they touch in the present posture.
+        """Overlap [m] that each pair of bodies may keep because it touches at the start.
 
-        Such bodies may touch as deep on the way, as a piece on its table. Different
-        owners that begin deep in each other are not judged, so that a move can lead out.
+        Call this in the start posture. A pair may stay as deep during the move, such as a
+        piece on its table. The depth is infinite for bodies of different owners
+        that overlap by more than START_TOLERANCE: such a pair is not checked at all, so
+        that a move can separate the two bodies.
 
         Args:
-            movers: robots that move.
+            movers: names of the robots that move.
         """
-        return {
-            bodies: overlap.depth if overlap.robot or overlap.depth <= START_TOLERANCE else np.inf
-            for bodies, overlap in self.touching(movers, OTHER_TOLERANCE).items()
-        }
+        allowed: dict[Bodies, float] = {}
+        for bodies, overlap in self.touching(movers, OTHER_TOLERANCE).items():
+            is_too_deep = overlap.is_between_owners and overlap.depth > START_TOLERANCE
+            allowed[bodies] = np.inf if is_too_deep else overlap.depth
+        return allowed
 
     def _fine_depth(self, depth: float, first: GeometryId, second: GeometryId) -> float:
-        """Depth of two shapes in each other [m] by the convex parts of their meshes.
+        """Overlap of two shapes [m], measured with the convex parts of their meshes.
 
-        It is negative if the hulls overlap, by `depth`, and the parts do not.
+        The result is negative if only the convex hulls overlap and the parts do not.
+
+        Args:
+            depth: overlap of the convex hulls [m]. It is returned if neither shape is a
+                concave mesh.
+            first: one shape.
+            second: the other shape.
         """
         distance = self._fine.distance(self._posed.query(), first, second)
         return float(depth) if distance is None else min(float(depth), -distance)
 
     @cached_property
     def home_contacts(self) -> Mapping[Bodies, str]:
-        """Links that touch another link of their robot at home, with the robot.
+        """Pairs of links that touch in the home posture of their robot, with the robot's name.
 
-        Pieces are no part of the robot's own shapes, so they are judged against links.
+        Pairs with a piece are not included: a piece is not a link, so its overlap with a
+        link always counts.
         """
         if not self._trusts_home:
             return {}
         before = self._posed.plant.GetPositions(self._posed.context)
         robots = self._posed.station.robots
-        # Home is zero where no file gives another one, which limits may exclude.
+        # Home is zero if the robot's file gives no other posture, and the limits of an axis
+        # may exclude zero.
         homes = {name: np.clip(robot.model.home, *robot.model.axis_limits) for name, robot in robots.items()}
         self._posed.place_robots(homes)
         contacts = self.touching(own_only=True).items()
@@ -204,11 +242,14 @@ class CollisionPolicy:
 
     @cached_property
     def permanent_overlaps(self) -> Mapping[Bodies, str]:
-        """Links that overlap in nearly every posture, with their robot: sockets."""
+        """Pairs of links that overlap in nearly every posture, with the robot's name.
+
+        An example is a ball in its socket.
+        """
         before = self._posed.plant.GetPositions(self._posed.context)
         random = np.random.default_rng(0)
         robots = self._posed.station.robots
-        counts = Counter[tuple[Bodies, str]]()
+        counts = Counter[tuple[Bodies, str]]()  # count of postures in which the links of a robot overlap
         for _ in range(_SAMPLES):
             postures = {name: random_posture(robot, random) for name, robot in robots.items()}
             self._posed.place_robots(postures)
@@ -222,11 +263,14 @@ class CollisionPolicy:
 
     @cached_property
     def left_out(self) -> Mapping[Bodies, str]:
-        """Links of one robot that never count as a collision, with the robot."""
+        """Pairs of links of one robot that never count as a collision, with the robot's name."""
         return {**self.home_contacts, **self.permanent_overlaps}
 
     def own_distances(self, robot: str) -> "OwnDistances":
-        """Return the distances between the bodies of a robot that can collide."""
+        """Distances between all pairs of shapes of one robot that can collide.
+
+        Shapes of the same body, pairs that Drake excludes and :attr:`left_out` cannot.
+        """
         inspector = self._posed.station.scene_graph.model_inspector()
         shapes = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if self.owner(shape)[1] == robot]
         pairs = []
@@ -241,21 +285,28 @@ class CollisionPolicy:
 
 
 class OwnDistances(Distances):
-    """Signed distances of pairs of shapes; those of concave meshes by convex parts."""
+    """Signed distances of pairs of shapes; concave meshes are replaced by their convex parts."""
 
     def __init__(self, pairs: Collection[Pair], inspector: SceneGraphInspector, fine: FineShapes) -> None:
-        """Take pairs of shapes, and the convex parts of the station's meshes."""
+        """Prepare the distances.
+
+        Args:
+            pairs: the pairs of shapes.
+            inspector: of the scene graph that contains the shapes.
+            fine: the convex parts of the station's meshes.
+        """
         super().__init__(pairs, inspector)
         self._inspector = inspector
         self._fine = fine
 
     def only(self, pairs: Collection[Pair]) -> "OwnDistances":
-        """Return the distances of some of the pairs."""
+        """Distances of a subset of the pairs."""
         return OwnDistances(pairs, self._inspector, self._fine)
 
     def of(self, query: QueryObject) -> Vector:
-        """Return the distances, negative if shapes overlap, shape (k,) [m]."""
+        """Compute the distances of all k pairs, shape (k,) [m]; negative if shapes overlap."""
         distances = super().of(query)
+        # Convex hulls enclose their meshes: only where hulls overlap can the parts differ.
         for index in np.flatnonzero(distances < 0.0):
             distance = self._fine.distance(query, *self.pairs[index])
             if distance is not None:

@@ -1,7 +1,7 @@
-"""Distances between bodies whose meshes are concave: convex parts instead of hulls.
+"""Distances between concave meshes, computed with convex parts instead of convex hulls.
 
-Drake takes the convex hull of a mesh, which closes its holes and fills its bends. Where
-two hulls overlap, the convex parts of the meshes tell whether the meshes do.
+For collisions, Drake replaces a mesh by its convex hull, which fills holes and bends. If two
+hulls overlap, the convex parts of the meshes show whether the meshes overlap too.
 """
 
 from itertools import product
@@ -40,10 +40,11 @@ _SAME_HULL = 5e-3
 """A link's visible meshes stand for its collision mesh if their hulls differ by less [m]
 in every direction; a simplified collision mesh differs by a few millimetres."""
 
-_DIRECTIONS = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if any(way)])
+# Unit vectors along the edges, face diagonals and space diagonals of a cube, shape (26, 3).
+_DIRECTIONS = np.array([direction for direction in product((-1.0, 0.0, 1.0), repeat=3) if any(direction)])
 _DIRECTIONS /= np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
-_FARTHEST = 10.0  # m; robots are smaller, so no distance of interest is larger
+_FARTHEST = 10.0  # larger distances are not computed [m]; robots are smaller than this
 
 
 class PosedShape(NamedTuple):
@@ -61,22 +62,26 @@ class Triangles(NamedTuple):
 
 
 class FineShapes:
-    """Convex parts of the shapes of a station.
+    """Convex parts of the concave collision meshes of a station.
 
-    A mesh's parts are those of its own file. An imported robot has only the hulls of its
-    collision meshes: there the link's visible meshes are cut, if they have the same hull.
+    A concave collision mesh is cut into convex parts. The import of a robot keeps only the
+    convex hulls of its collision meshes. For such a hull, the visible meshes of the link are
+    cut instead, if they have the same hull.
     """
 
     def __init__(self, station: StationPlant) -> None:
-        """Start without any parts: they are made when two hulls overlap."""
+        """Prepare the parts of a station's meshes; a mesh is cut when its hull first overlaps another shape."""
         self._station = station
+        # Both are filled on demand. A shape without convex parts, and a pair of two such shapes,
+        # is recorded as None, so that it is examined only once.
         self._parts: dict[GeometryId, list[PosedShape] | None] = {}
         self._pairs: dict[tuple[GeometryId, GeometryId], PairOfBodies | None] = {}
 
     def distance(self, query: QueryObject, first: GeometryId, second: GeometryId) -> float | None:
-        """Signed distance of two shapes by their convex parts [m].
+        """Signed distance of two shapes [m], measured with their convex parts.
 
-        Returns None if neither shape has parts: their hulls are all that is known.
+        Returns None if neither shape has convex parts. Drake's own distance, between the
+        hulls, is then the best available.
         """
         key = first, second
         if key not in self._pairs:
@@ -85,62 +90,76 @@ class FineShapes:
         if pair is None:
             return None
         inspector = query.inspector()
+        # Poses of the bodies: the parts of a shape are given in the frame of its body.
         poses = [query.GetPoseInWorld(inspector.GetFrameId(shape)) for shape in key]
         return pair.distance(poses[0].inverse() @ poses[1])
 
     def _pair(self, inspector: SceneGraphInspector, first: GeometryId, second: GeometryId) -> "PairOfBodies | None":
-        """Return the parts of two shapes for queries; None if neither has any."""
+        """Prepare distance queries between the convex parts of two shapes.
+
+        A shape without parts is used as a whole. Returns None if neither shape has parts.
+        """
         shapes = [inspector.GetShape(shape) for shape in (first, second)]
         if any(isinstance(shape, HalfSpace) for shape in shapes):
-            return None  # a hull is as deep in a half-space as its mesh
+            return None  # a convex hull reaches exactly as deep into a half-space as its mesh
         fine = [self._parts_of(inspector, shape) for shape in (first, second)]
         if fine == [None, None]:
             return None
         sides = []
         for shape, parts in zip((first, second), fine, strict=True):
-            own = PosedShape(inspector.GetShape(shape), inspector.GetPoseInFrame(shape))
-            sides.append([own] if parts is None else parts)
+            whole = PosedShape(inspector.GetShape(shape), inspector.GetPoseInFrame(shape))
+            sides.append([whole] if parts is None else parts)
         return PairOfBodies(sides[0], sides[1])
 
     def _parts_of(self, inspector: SceneGraphInspector, shape: GeometryId) -> list[PosedShape] | None:
-        """Return the convex parts of a shape in its body's frame; None if it has none."""
+        """Convex parts of a shape in the frame of its body, made on first use; None if the shape is convex."""
         if shape not in self._parts:
-            self._parts[shape] = self._made_parts(inspector, shape)
+            self._parts[shape] = self._cut(inspector, shape)
         return self._parts[shape]
 
-    def _made_parts(self, inspector: SceneGraphInspector, shape: GeometryId) -> list[PosedShape] | None:
-        """Cut a mesh into convex parts; None if it is no mesh, or convex."""
+    def _cut(self, inspector: SceneGraphInspector, shape: GeometryId) -> list[PosedShape] | None:
+        """Cut a shape into convex parts, given in the frame of its body.
+
+        Returns None if the shape is no mesh, if the mesh is convex, or if its file cannot be
+        read.
+        """
         if not isinstance(inspector.GetShape(shape), Mesh | Convex):
             return None
         try:
             own = triangles_of(inspector, shape)
             corners = convex_parts_of(own)
             if len(corners) == 1:
+                # A convex mesh may be the hull that an import made of a concave mesh.
                 visible = self._visible_triangles(inspector, shape)
                 if visible is None or not have_same_hull(own, visible):
                     return None
                 corners = convex_parts_of(visible)
         except (UnreadableMesh, OSError):
-            return None  # Drake has read the file, so its hull stays
+            return None  # Drake was able to read the file, so its convex hull is used
         if len(corners) == 1:
             return None
         origin = RigidTransform()
         return [PosedShape(Convex(part.T, "part"), origin) for part in corners]
 
     def _visible_triangles(self, inspector: SceneGraphInspector, shape: GeometryId) -> Triangles | None:
-        """Return the visible meshes of a link whose only collision shape this is."""
+        """Triangles of all visible meshes of the link that a collision shape belongs to.
+
+        Returns None if the link has other collision shapes, no visible mesh, or a visible
+        shape that is no mesh.
+        """
         plant = self._station.plant
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
         if body is None or len(plant.GetCollisionGeometriesForBody(body)) > 1:
-            return None  # several meshes are convex parts already
+            return None  # several collision shapes are convex parts already
         visuals = plant.GetVisualGeometriesForBody(body)
         shapes = [inspector.GetShape(visual) for visual in visuals]
         if not shapes or not all(isinstance(each, Mesh | Convex) for each in shapes):
             return None
-        found = [triangles_of(inspector, visual) for visual in visuals]
-        offsets = np.cumsum([0, *(len(each.vertices) for each in found)])
-        faces = [each.faces + offset for each, offset in zip(found, offsets[:-1], strict=True)]
-        vertices = [each.vertices for each in found]
+        meshes = [triangles_of(inspector, visual) for visual in visuals]
+        # The vertices are joined into one array, so the indices of each mesh are shifted.
+        offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+        faces = [mesh.faces + offset for mesh, offset in zip(meshes, offsets[:-1], strict=True)]
+        vertices = [mesh.vertices for mesh in meshes]
         return Triangles(np.concatenate(vertices), np.concatenate(faces))
 
 
@@ -148,8 +167,8 @@ def triangles_of(inspector: SceneGraphInspector, shape: GeometryId) -> Triangles
     """Read the triangles of a mesh in the frame of its body.
 
     Raises:
-        UnreadableMesh: the mesh is in memory only, or its file holds no triangles.
-        OSError: its file is gone.
+        UnreadableMesh: the mesh has no file, or the file contains no triangles.
+        OSError: the file does not exist any more.
     """
     mesh = inspector.GetShape(shape)
     if not mesh.source().is_path():
@@ -161,28 +180,28 @@ def triangles_of(inspector: SceneGraphInspector, shape: GeometryId) -> Triangles
 
 
 def convex_parts_of(triangles: Triangles) -> list[Vector]:
-    """Cut triangles into convex parts: the corners (k, 3) of each [m]."""
+    """Cut a mesh into convex parts. Returns the corners (k, 3) of each part [m]."""
     return cached_convex_parts(triangles.vertices, triangles.faces)
 
 
 def have_same_hull(one: Triangles, other: Triangles) -> bool:
-    """Whether the hulls of two meshes reach equally far in every direction."""
+    """Whether the convex hulls of two meshes reach equally far in 26 directions, up to a few millimetres."""
     reaches = [(each.vertices @ _DIRECTIONS.T).max(axis=0) for each in (one, other)]
     return bool((np.abs(reaches[0] - reaches[1]) < _SAME_HULL).all())
 
 
 class PairOfBodies:
-    """Two rigid sets of convex shapes, for distances between the sets."""
+    """Two bodies, each a rigid set of convex shapes, for distance queries between the bodies."""
 
     def __init__(self, first: list[PosedShape], second: list[PosedShape]) -> None:
-        """Put each set on a frame of a scene graph of their own."""
+        """Create a scene graph that contains only the two bodies, each with a frame of its own."""
         self._scene = SceneGraph()
         self._source = self._scene.RegisterSource("parts")
         self._frames = [self._add_frame(side) for side in (first, second)]
         self._context = self._scene.CreateDefaultContext()
 
     def _add_frame(self, shapes: list[PosedShape]) -> FrameId:
-        """Register a frame with shapes that ignore each other."""
+        """Register a frame with the shapes of one body; the shapes do not collide with each other."""
         frame = GeometryFrame(f"frame_{self._scene.model_inspector().num_frames()}")
         frame_id = self._scene.RegisterFrame(self._source, frame)
         ids = []
@@ -196,10 +215,13 @@ class PairOfBodies:
         return frame_id
 
     def distance(self, pose: RigidTransform) -> float:
-        """Signed distance of the nearest, or deepest, two shapes [m].
+        """Signed distance between the two bodies [m].
+
+        It is the distance of the nearest two shapes, or minus the depth of the deepest
+        overlap. It is at most 10 m.
 
         Args:
-            pose: pose of the second set in the frame of the first.
+            pose: pose of the second body in the frame of the first.
         """
         poses = FramePoseVector()
         poses.set_value(self._frames[0], RigidTransform())

@@ -1,4 +1,4 @@
-"""A station that is put into configurations and never stepped."""
+"""A station that is set to given positions and never simulated."""
 
 from collections.abc import Callable, Mapping
 
@@ -24,14 +24,14 @@ from simrob_drake.stations.resolve import resolve
 
 
 class PosedStation:
-    """Robots, pieces and floor of a station in any configuration.
+    """Robots, pieces and floor of a station at any positions, for geometry queries.
 
     Attributes:
         resolved: the station's resolved configuration.
         station: its plant with the robots.
         plant: Drake's own plant.
         context: the plant's context.
-        initial: positions at the start, shape (nq,).
+        initial: positions at the start, shape (nq,) [rad or m, quaternions for free bodies].
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class PosedStation:
 
         Args:
             config: the station.
-            add: adds further systems to the diagram before it is built.
+            add: callback that adds further systems to the diagram before the diagram is built.
 
         Raises:
             InvalidModel: a robot cannot be built.
@@ -53,8 +53,9 @@ class PosedStation:
         self.station = add_plant(builder, self.resolved)
         self.plant: MultibodyPlant = self.station.plant
 
-        # The plant of a kinematic station stands outside of the diagram, and another
-        # engine steps a plant of its own: their shapes are placed by a system.
+        # The plant of a kinematic station is not part of the diagram, so a separate system
+        # gives the poses of its shapes to the scene graph. Another engine, such as MuJoCo,
+        # has its own model, so its positions are set separately as well.
         is_dynamic = config.mode == "dynamic"
         self._positions_port = None if is_dynamic else self.station.add_geometry_poses(builder)
         add(builder, self.station)
@@ -69,7 +70,7 @@ class PosedStation:
         self.place(self.initial)
 
     def place(self, positions: Vector) -> None:
-        """Put the station into a configuration, shape (nq,)."""
+        """Set the positions of the plant, shape (nq,), and move all shapes accordingly."""
         self.plant.SetPositions(self.context, positions)
         if self.station.engine is not None:
             self.station.place(self._scene, positions)
@@ -79,11 +80,11 @@ class PosedStation:
             self._positions_port.FixValue(context, positions)
 
     def pose(self, frame: Frame) -> RigidTransform:
-        """Return the pose of a frame in the world."""
+        """Pose of a frame in the world at the present positions."""
         return frame.CalcPoseInWorld(self.context)
 
     def place_robots(self, postures: Mapping[str, Vector]) -> None:
-        """Put robots into postures (n,) [rad or m] by name; the other robots stay."""
+        """Set the postures (n,) [rad or m] of some robots, by name; the other robots do not move."""
         for name, posture in postures.items():
             axis_map = self.station.robots[name].axis_map
             axis_map.set_positions(self.plant, self.context, posture)
@@ -91,19 +92,25 @@ class PosedStation:
 
     @property
     def holders(self) -> Mapping[str, str]:
-        """Names of the robots whose fingers hold a free piece, by the piece's name."""
+        """Name of the robot whose fingers hold a piece, for each piece that is held.
+
+        It is empty here; a model in which grippers close on pieces overrides this property.
+        """
         return {}
 
     def owner(self, shape: GeometryId) -> str:
-        """Return the owner of a shape: a piece, a robot's link, floor or terrain box."""
+        """Name of the body that a shape belongs to: a piece, a robot's link, the floor or a terrain box."""
         return owner_of_shape(self.station, shape)
 
     def query(self) -> QueryObject:
-        """Return the geometry in its present configuration."""
+        """Drake's query object for the geometry at the present positions."""
         return self.station.query(self._scene)
 
     def ignore_nearer_than(self, distance: float) -> None:
-        """Exclude pairs of shapes that are now nearer than a distance [m] for good."""
+        """Permanently exclude all pairs of shapes that are nearer than a distance [m] at the present positions.
+
+        The excluded pairs no longer appear in collision and distance queries.
+        """
         scene = self.station.scene_graph
         context = scene.GetMyMutableContextFromRoot(self._scene)
         filters = scene.collision_filter_manager(context)
@@ -116,9 +123,10 @@ class PosedStation:
 
 
 def posture_range(robot: StationRobot) -> tuple[Vector, Vector]:
-    """Range of a robot's random postures: lower and upper ends, each (n,) [rad or m].
+    """Lower and upper bounds of a robot's random postures, each of shape (n,) [rad or m].
 
-    These are the axes' limits, but at most half a turn or a metre to each side.
+    The bounds are the limits of the axes, but at most half a turn or one metre to each side
+    of zero, since an axis may have no limits.
     """
     most = np.where(robot.model.prismatic, 1.0, np.pi)
     lower, upper = robot.model.axis_limits
@@ -126,9 +134,9 @@ def posture_range(robot: StationRobot) -> tuple[Vector, Vector]:
 
 
 def random_posture(robot: StationRobot, random: np.random.Generator) -> Vector:
-    """Draw a posture (n,) [rad or m]; all fingers open by the same fraction."""
+    """Draw a random posture (n,) [rad or m]; all fingers are open by the same random fraction."""
     posture = random.uniform(*posture_range(robot))
-    if robot.model.fingers:
+    if robot.model.fingers:  # maps each finger's axis to its closed and its open position
         closed, opened = np.array([*robot.model.fingers.values()]).T
         fraction = random.uniform()
         posture[[*robot.model.fingers]] = closed + fraction * (opened - closed)

@@ -1,8 +1,8 @@
-"""Convex parts that a mesh is cut into: together they lie closer to it than its hull.
+"""Cut a mesh into convex parts, which together fit the mesh more closely than its convex hull.
 
-A plane cuts the mesh in two, and the convex hull of each half encloses what the mesh
-bounds on that side. So the parts always enclose the mesh, open or closed, and lie in
-its hull. Each cut is the one of a few planes that leaves the least volume.
+A plane cuts the mesh in two, and each half is replaced by its convex hull; the halves are cut
+again in the same way. The parts always enclose the mesh, also if the mesh is not closed, and
+lie inside its convex hull. Each cut uses the plane, out of a few, that removes most volume.
 """
 
 from collections.abc import Iterator
@@ -26,39 +26,41 @@ from simrob_drake.importer.meshes.parts import Faces
 from simrob_drake.interrupts import heard_afterwards
 
 MOST_PARTS = 12
-"""A link of an arm is a tube or two with flanges: more parts hardly lie closer."""
+"""Largest count of parts. The link of an arm is one or two tubes with flanges, so more parts
+hardly improve the fit."""
 
 _CUTS = (0.25, 0.5, 0.75)
-"""Planes tried along each axis, as fractions of a part's extent."""
+"""Positions of the planes that are tried along each axis, as fractions of the part's size."""
 
 _LEAST_GAIN = 0.03
-"""A cut removes at least this fraction of the whole hull's volume."""
+"""Least volume that a cut must remove, as a fraction of the volume of the mesh's convex hull."""
 
 _LEAST_THICKNESS = 0.03
-"""No part is cut thinner [m]: the depth of a thin part in another is its thickness."""
+"""Least thickness of a part [m]. The overlap that is computed for a thin part is at most its
+thickness, so deep collisions would seem to be small."""
 
 _CONVEX = 2e-3
-"""Depth of faces below the hull up to which a mesh counts as convex [m]: less than half
-of the tolerance of collisions."""
+"""A mesh counts as convex if no face lies deeper below its convex hull [m]. This is less than
+half of the collision tolerance of 5 mm between links of one robot."""
 
 _GRID = 1e-3
-"""Vertices are rounded to this [m]: CAD meshes have many within a millimetre."""
+"""Grid to which vertices are rounded [m]: CAD meshes often have many vertices within a millimetre."""
 
-_LARGEST_ENTRY = 50_000_000  # bytes of a cache entry; most have some ten kilobytes
+_LARGEST_ENTRY = 50_000_000  # largest size of a cache entry [bytes]; most have about ten kilobytes
 
-_CODE = [Path(__file__).parent]
+_CODE = [Path(__file__).parent]  # a change of this code makes the cached parts invalid
 
-# 98 directions, evenly enough: for the volumes by which cuts are compared, the points
-# farthest out in these directions stand for all.
-_AROUND = np.array([way for way in product((-2, -1, 0, 1, 2), repeat=3) if 2 in map(abs, way)])
-_DIRECTIONS = _AROUND / np.linalg.norm(_AROUND, axis=1, keepdims=True)
+# 98 directions, distributed over all sides: the grid points on the surface of a cube. The
+# volumes of cuts are compared with the outermost points in these directions only, to save time.
+_GRID_POINTS = np.array([point for point in product((-2, -1, 0, 1, 2), repeat=3) if 2 in map(abs, point)])
+_DIRECTIONS = _GRID_POINTS / np.linalg.norm(_GRID_POINTS, axis=1, keepdims=True)
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A part of a mesh on one side of all cuts so far."""
+    """The part of a mesh that lies between the cuts made so far."""
 
-    vertices: Vector  # (n, 3) [m], each used by a face
+    vertices: Vector  # (n, 3) [m], each vertex belongs to a face
     faces: Faces  # (m, 3), indices of vertices
 
     @cached_property
@@ -68,64 +70,76 @@ class _Part:
 
     @cached_property
     def volume(self) -> float:
-        """About the volume of the part's convex hull [m³]."""
+        """Approximate volume of the part's convex hull [m³]."""
         return _volume_of(self.vertices)
 
     @cached_property
     def _edges(self) -> tuple[Vector, Vector]:
-        """Both ends of each edge of each face, (3 m, 3) each [m]."""
+        """Start points and end points of the edges of all m faces, each of shape (3 m, 3) [m]."""
         first, second, third = self.faces.T
         starts = np.concatenate([first, second, third])
         ends = np.concatenate([second, third, first])
         return self.vertices[starts], self.vertices[ends]
 
     def planes(self, cuts: tuple[float, ...]) -> Iterator[tuple[int, float]]:
-        """Yield the planes to try: the axis across each, and its position there [m]."""
+        """Yield the planes to try: index of the axis normal to the plane, and position on this axis [m].
+
+        Args:
+            cuts: positions of the planes as fractions of the part's size.
+        """
         lower = self.vertices.min(axis=0)
         size = np.ptp(self.vertices, axis=0)
         for axis, cut in product(range(3), cuts):
-            if min(cut, 1.0 - cut) * size[axis] >= _LEAST_THICKNESS:
+            thinner_half = min(cut, 1.0 - cut) * size[axis]
+            if thinner_half >= _LEAST_THICKNESS:
                 yield axis, float(lower[axis] + cut * size[axis])
 
     def gain(self, axis: int, level: float) -> float:
-        """Volume that a cut removes [m³]."""
+        """Volume that a cut removes [m³]: the part's hull without the hulls of the two halves.
+
+        Args:
+            axis: index of the axis normal to the plane.
+            level: position of the plane on the axis [m].
+        """
+        # The points in which the plane cuts the edges of the faces belong to both halves.
         starts, ends = self._edges
         heights = starts[:, axis] - level
         other_heights = ends[:, axis] - level
         crosses = heights * other_heights < 0.0
         fractions = heights[crosses] / (heights[crosses] - other_heights[crosses])
-        ways = ends[crosses] - starts[crosses]
-        section = starts[crosses] + fractions[:, np.newaxis] * ways
+        edges = ends[crosses] - starts[crosses]
+        section = starts[crosses] + fractions[:, np.newaxis] * edges
         above = self.vertices[:, axis] > level
         halves = (self.vertices[above], self.vertices[~above])
         return self.volume - sum(_volume_of(np.vstack([half, section])) for half in halves)
 
     def halves(self, axis: int, level: float) -> "list[_Part]":
-        """Cut the part in two by a plane."""
+        """Cut the part in two by a plane that is normal to an axis, at a level [m] on this axis."""
         from trimesh.intersections import slice_faces_plane
 
         origin = np.zeros(3)
         origin[axis] = level
-        found = []
+        halves = []
         for side in (1.0, -1.0):
             normal = side * np.eye(3)[axis]
             vertices, faces, _ = slice_faces_plane(  # type: ignore[no-untyped-call]
                 self.vertices, self.faces, normal, origin
             )
-            found.append(_without_unused(np.asarray(vertices), np.asarray(faces)))
-        return found
+            halves.append(_without_unused_vertices(np.asarray(vertices), np.asarray(faces)))
+        return halves
 
     @cached_property
     def best_cut(self) -> "_Cut":
-        """The cut that removes most volume."""
+        """The cut that removes most volume. Its gain is 0 if the part is too thin for a cut."""
         cuts = [_Cut(self.gain(axis, level), axis, level) for axis, level in self.planes(_CUTS)]
         return max(cuts, key=lambda cut: cut.gain, default=_NO_CUT)
 
     @cached_property
     def best_first_cut(self) -> "_Cut":
-        """The middle cut that, with the best cuts of its halves, removes most.
+        """The cut through the middle that removes most volume together with the next cuts of its halves.
 
-        A single cut of a ring removes nothing, since the hulls of the halves fill it.
+        A single cut of a ring removes hardly any volume, since the hulls of the two halves
+        still fill the hole. Cuts of these halves do.
         """
         cuts = []
         for axis, level in self.planes((0.5,)):
@@ -135,9 +149,13 @@ class _Part:
 
     @property
     def is_convex(self) -> bool:
-        """Whether all faces lie on the part's convex hull, but for a small depth."""
+        """Whether the centres of all faces lie on the part's convex hull, up to a depth of 2 mm."""
+        # The triangles of a flat side of the hull have the same plane, up to rounding errors.
         planes = np.unique(convex_hull(self.vertices).equations.round(6), axis=0)
         centres = self.vertices[self.faces].mean(axis=1)
+
+        # Height of each centre above the nearest plane; negative below the hull's surface.
+        # The loop over planes needs less memory than one product of all planes and centres.
         highest = np.full(len(centres), -np.inf)
         for plane in planes:
             np.maximum(highest, centres @ plane[:3] + plane[3], out=highest)
@@ -147,39 +165,42 @@ class _Part:
 class _Cut(NamedTuple):
     """A cut of a part by a plane."""
 
-    gain: float  # volume that it removes, later cuts included if they were sought [m³]
-    axis: int  # axis across the plane
-    level: float  # position of the plane along the axis [m]
+    gain: float  # volume that the cut removes [m³]; for `best_first_cut`, together with the next cuts
+    axis: int  # index of the axis normal to the plane
+    level: float  # position of the plane on the axis [m]
 
 
 _NO_CUT = _Cut(0.0, 0, 0.0)
 
 
 def _volume_of(points: Vector) -> float:
-    """Volume of the convex hull of points (n, 3), of those farthest out [m³]."""
-    if len(points) < 4:
+    """Approximate volume of the convex hull of points (n, 3) [m³], from the outermost points in 98 directions.
+
+    The volume is 0 if the points are flat.
+    """
+    if len(points) < 4:  # fewer points than the corners of a tetrahedron enclose no volume
         return 0.0
     farthest = np.unique((points @ _DIRECTIONS.T).argmax(axis=0))
     try:
         return float(convex_hull(points[farthest]).volume)
-    except UnreadableMesh:  # flat
+    except UnreadableMesh:  # the points lie in a plane
         return 0.0
 
 
-def _without_unused(vertices: Vector, faces: Faces) -> _Part:
-    """Return a part of a mesh without the vertices that no face uses."""
-    used, faces_of_used = np.unique(faces, return_inverse=True)
-    return _Part(vertices[used], faces_of_used.reshape(faces.shape))
+def _without_unused_vertices(vertices: Vector, faces: Faces) -> _Part:
+    """Remove the vertices (n, 3) that belong to none of the faces (m, 3)."""
+    used, new_indices = np.unique(faces, return_inverse=True)
+    return _Part(vertices[used], new_indices.reshape(faces.shape))
 
 
 def _rounded(vertices: Vector, faces: Faces) -> _Part:
-    """Return a mesh with its vertices on a grid, and without faces that vanish."""
-    points, index = np.unique(np.round(vertices / _GRID), axis=0, return_inverse=True)
-    corners = index.reshape(-1)[faces]
+    """Round the vertices of a mesh to a grid, and remove faces that become lines or points, and duplicates."""
+    points, new_indices = np.unique(np.round(vertices / _GRID), axis=0, return_inverse=True)
+    corners = new_indices.reshape(-1)[faces]
     first, second, third = corners.T
     is_face = (first != second) & (second != third) & (third != first)
     kept = np.unique(np.sort(corners[is_face], axis=1), axis=0)
-    return _without_unused(points * _GRID, kept)
+    return _without_unused_vertices(points * _GRID, kept)
 
 
 @heard_afterwards()
@@ -187,11 +208,12 @@ def convex_parts(vertices: Vector, faces: NDArray[np.int64]) -> list[Vector]:
     """Cut a mesh into convex parts.
 
     Args:
-        vertices: shape (n, 3) [m].
-        faces: indices of vertices, shape (m, 3).
+        vertices: vertices of the mesh, shape (n, 3) [m].
+        faces: indices of the vertices of each face, shape (m, 3).
 
     Returns:
-        the corners (k, 3) [m] of each part's hull; one part if the mesh is convex.
+        the corners of each part's convex hull, shape (k, 3) [m]. There is only one part if the
+        mesh is convex or if no cut removes enough volume.
 
     Raises:
         UnreadableMesh: the mesh is flat or too small for a hull.
@@ -205,6 +227,7 @@ def convex_parts(vertices: Vector, faces: NDArray[np.int64]) -> list[Vector]:
         index = int(np.argmax([part.best_cut.gain for part in parts]))
         cut = parts[index].best_cut
         if cut.gain < least:
+            # No single cut helps. Two cuts, one after the other, may: see `best_first_cut`.
             index = int(np.argmax([part.best_first_cut.gain for part in parts]))
             cut = parts[index].best_first_cut
         if cut.gain < least:
@@ -214,7 +237,9 @@ def convex_parts(vertices: Vector, faces: NDArray[np.int64]) -> list[Vector]:
 
 
 def cached_convex_parts(vertices: Vector, faces: NDArray[np.int64]) -> list[Vector]:
-    """Return :func:`convex_parts` from the cache, or cut the mesh and keep the parts.
+    """Read the result of :func:`convex_parts` from the cache, or compute it and write it to the cache.
+
+    The cache entry depends on the mesh and on the code of this package.
 
     Raises:
         UnreadableMesh: the mesh is flat or too small for a hull.
@@ -224,9 +249,10 @@ def cached_convex_parts(vertices: Vector, faces: NDArray[np.int64]) -> list[Vect
     file = entry / "corners.txt"
     if file.is_file():
         text = content_of(file, _LARGEST_ENTRY).decode()
+        # A line holds the number of the part and the position of one corner [m].
         rows = np.array([line.split() for line in text.splitlines()], dtype=float)
-        ends = np.flatnonzero(np.diff(rows[:, 0])) + 1
-        return [np.asarray(part[:, 1:]) for part in np.split(rows, ends)]
+        part_starts = np.flatnonzero(np.diff(rows[:, 0])) + 1
+        return [np.asarray(part[:, 1:]) for part in np.split(rows, part_starts)]
     parts = convex_parts(vertices, faces)
     lines = [f"{number} {x!r} {y!r} {z!r}" for number, part in enumerate(parts) for x, y, z in part.tolist()]
     with suppress(OutputError):  # a cache that cannot be written only costs time

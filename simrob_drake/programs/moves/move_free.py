@@ -104,10 +104,10 @@ def plan_move_free(
     show_search: bool = False,
     **how: Unpack[How],
 ) -> Plan:
-    """Plan a move around all that stands in the way, with what the arm carries, to any posture that will do.
+    """Plan a move around obstacles to any posture that reaches the target, with what the arm carries.
 
-    The way is found by a search between two trees of postures, made shorter, and rounded; every posture that is looked
-    at is free of collisions, of the arm with itself, too. What touches at the start may do so all the way.
+    A search that grows two trees of postures finds the path, which is then shortened and rounded. No checked posture
+    has a collision, not even of the arm with itself. Bodies that touch at the start may touch during the whole move.
 
     Args:
         planning: what the move starts from.
@@ -116,9 +116,9 @@ def plan_move_free(
         joints: instead of it a posture (n,) [rad or m], or one of the robot's by name, such as ``home``.
         wobj: the work object.
         free_turn: the tool may turn about its z axis as it likes.
-        seed: of the search: with the same one it finds the same way, if it has the time.
-        planning_time: how long it may take [s].
-        show_search: whether the recording shows the ways of the tool that the search tried.
+        seed: seed of the search. The same seed gives the same path, if the search has enough time.
+        planning_time: longest duration of the search [s].
+        show_search: whether the recording shows the paths of the tool that the search tried.
         how: see :class:`How`.
 
     Raises:
@@ -200,7 +200,22 @@ def plan_around(
     *,
     show_search: bool = False,
 ) -> list[Plan]:
-    """Plan several robots' way to postures (m, n) of each, nearest first; raises as :func:`plan_move_free`."""
+    """Plan the path of several robots that move at the same time around obstacles.
+
+    Args:
+        plannings: the start of each robot's move.
+        goals: possible goals of each robot, shape (m, n) [rad or m], the nearest first.
+        how: see :class:`How`.
+        seed: seed of the search.
+        planning_time: longest duration of the search [s].
+        show_search: whether the recording shows the paths of the tool that the search tried.
+
+    Returns:
+        one plan for each robot, all of the same duration.
+
+    Raises:
+        StartInCollision, GoalInCollision, NoFreePath: see :func:`plan_move_free`.
+    """
     points, first = points_of(how, POINTS), plannings[0]
     zone_of(how, 1)
     chains, limits = [planning.chain for planning in plannings], [planning.rate_limits for planning in plannings]
@@ -217,12 +232,17 @@ def plan_around(
     )
     together = np.concatenate([speeds for speeds, _ in limits]), np.concatenate([pushes for _, pushes in limits])
 
-    def plan(way: tuple[Vector, Vector]) -> Plan:
-        ways = [tool_length(chain, own) for chain, own in zip(chains, space.parts(way[1]).values(), strict=True)]
-        segment, motors = Segment(*way, max(ways), np.ones(1)), partial(first.motors, [*space.start])
-        made = timed(first.robot, [segment], how, points, together, motors)
-        is_slowed = is_free(how) and how.get("check", CHECKED) != "nothing"
-        return slowed_for_motors(motors(), made) if is_slowed else made
+    def plan(path: tuple[Vector, Vector]) -> Plan:
+        """Give a path, fractions (k,) of its length with postures (k, n), its timing."""
+        fractions, postures = path
+        own_postures = space.parts(postures).values()
+        tool_lengths = [tool_length(chain, own) for chain, own in zip(chains, own_postures, strict=True)]
+        segment = Segment(fractions, postures, max(tool_lengths), np.ones(1))
+        motors = partial(first.motors, [*space.start])
+        fastest = timed(first.robot, [segment], how, points, together, motors)
+        # Without a speed or a duration from the user, the move may take as long as the motors need.
+        may_take_longer = is_free(how) and how.get("check", CHECKED) != "nothing"
+        return slowed_for_motors(motors(), fastest) if may_take_longer else fastest
 
     corners = search.path(_free(space, goals))
     found = [search.rounded(corners)]
@@ -256,25 +276,35 @@ def _metres(planning: Planning, space: FreeSpace) -> Vector:
 
 
 def _free(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
-    """Return those of the nearest combined goals that are free, shape (m, n).
+    """Find the nearest goals without collisions of robots that move at the same time.
+
+    Args:
+        space: the space in which the robots move.
+        goals: possible goals of each robot, shape (m, n) [rad or m], the nearest first.
+
+    Returns:
+        postures of all robots, one robot after the other, shape (k, sum of n) [rad or m].
 
     Raises:
-        GoalInCollision: none is free; names the bodies of the least deep collision.
+        GoalInCollision: every goal is in collision; names the bodies of the collision that
+            is least deep.
     """
-    nearest = sorted(product(*(range(len(rows)) for rows in goals)), key=sum)[:_TRIED]
-    found = list[Vector]()
-    hits = list[Overlap]()
-    for places in nearest:
-        posture = np.concatenate([rows[place] for rows, place in zip(goals, places, strict=True)])
+    # A combination takes one goal of each robot. It is the nearer, the smaller the sum of the
+    # indices of its goals.
+    combinations = sorted(product(*(range(len(rows)) for rows in goals)), key=sum)[:_TRIED]
+    free_postures = list[Vector]()
+    hits = list[Overlap]()  # the deepest collision of each goal that is not free
+    for indices in combinations:
+        posture = np.concatenate([rows[index] for rows, index in zip(goals, indices, strict=True)])
         collisions = space.collisions(posture)
         if collisions:
             hits.append(collisions[0])
         else:
-            found.append(posture)
+            free_postures.append(posture)
             space.allow_goal(posture)
-        if len(found) == _GOALS:
+        if len(free_postures) == _GOALS:
             break
-    if not found:
+    if not free_postures:
         least = min(hits, key=lambda hit: hit.depth)
         raise GoalInCollision("the target", len(hits), least.depth, least.moved)
-    return np.array(found)
+    return np.array(free_postures)

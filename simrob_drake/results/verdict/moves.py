@@ -39,8 +39,8 @@ class MoveVerdict:
     # could be met. What touched at the start, or stays as far, does not count
     distance: float | None
     nearest: str
-    # smallest distance between bodies of the robot, with what it carries [m], and the
-    # two bodies; None if none can collide. Negative if they overlap
+    # smallest distance between two bodies of the robot, with what it carries [m], and the names of the two bodies. The
+    # distance is negative if the bodies overlap, and None if no two bodies of the robot can collide
     own_distance: float | None = None
     own_nearest: str = ""
     warnings: tuple[str, ...] = ()  # what passes its bound, in words
@@ -55,16 +55,17 @@ class MoveVerdict:
 
 
 def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
-    """Return what became of a move that a run was asked for, from its samples."""
+    """Compare a recorded move with the move that was planned: its end, path, speed, torque and distances."""
     last = min(int(np.searchsorted(run.times, asked.duration - _SOON)), len(run.times) - 1)
     times, rows = run.times[: last + 1], slice(0, last + 1)
     tool, should = (asked.tool(run.axes(signal, asked.robot)[rows]) for signal in ("q", "q_ref"))
     target = asked.tool(asked.end[np.newaxis])[0]
     places = tool[:, :3, 3]
     speeds = np.linalg.norm(np.gradient(places, times, axis=0), axis=1) if last else np.zeros(1)
+    # The angle of the rotation between both orientations of the tool: its trace is 1 + 2 cos(angle).
     cosine = (np.trace(tool[-1, :3, :3].T @ target[:3, :3]) - 1) / 2
     at_limit = torque_shares(run, run.plant.robots[asked.robot])[rows] > AT_LIMIT
-    looks = np.linspace(0.0, times[-1], _LOOKS)
+    looks = np.linspace(0.0, times[-1], _LOOKS)  # distances are slow to compute: evaluate them at few times
     others, itself = asked.approaches(run.positions_at(looks))
     stopped = run.stop_time < asked.duration - _SOON
     bound = run.config.verdict.move_end
@@ -82,9 +83,9 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
         torque_time=float(at_limit.mean(axis=0).max() * times[-1]),
         speed=float(speeds.max()),
         asked_speed=asked.speed,
-        distance=_known(others),
+        distance=_finite_distance(others),
         nearest=others.bodies,
-        own_distance=_known(itself),
+        own_distance=_finite_distance(itself),
         own_nearest=itself.bodies,
     )
     return replace(found, warnings=tuple(_warnings(found, run.config.verdict, stopped=stopped)))
@@ -106,8 +107,9 @@ def _warnings(found: MoveVerdict, bounds: "VerdictConfig", *, stopped: bool) -> 
         yield _sentence(found, near, bounds.move_distance, "m")
 
 
-def _known(approach: "Approach") -> float | None:
-    """Return a smallest distance [m], or None if there is none."""
+def _finite_distance(approach: "Approach") -> float | None:
+    """Smallest distance [m], or None if no pair of bodies was measured."""
+    # The distance is infinite then, which files for JSON cannot contain.
     return approach.distance if np.isfinite(approach.distance) else None
 
 
@@ -116,7 +118,7 @@ def _sentence(found: MoveVerdict, what: str, bound: float, unit: str) -> str:
 
 
 def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
-    """Return headings, and a line for each move; figures with the units that users read."""
+    """Rows of the table of moves: the headings, then one row for each move, with values in the units for users."""
     headings = ["move", "end [s]", "reached", "beside", "following", "at torque limit"]
     table = [[*headings, "speed of asked", "nearest", "to itself"]]
     for move in moves:
@@ -130,5 +132,8 @@ def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
 
 
 def _in_table(distance: float | None, bodies: str) -> str:
-    """Return a smallest distance [m] with its bodies as the table shows it."""
+    """Format a smallest distance [m] and its two bodies for the table.
+
+    Returns an empty string if the distance is None.
+    """
     return "" if distance is None else f"{1e3 * distance:z.0f} mm {bodies}"
