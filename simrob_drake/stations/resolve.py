@@ -38,7 +38,8 @@ class ResolvedStation(Surroundings):
     """A station, resolved."""
 
     config: StationConfig  # its configuration, with the gears of axes that mimic others in their robots' files
-    # gears of such axes that the solver cannot hold, by name: references obey them, and nothing else does
+    # Gears of mimic joints that the solver does not hold, by key. The start and the references obey these gears, but no
+    # force holds the axes together during a run.
     unheld: Mapping[str, Gear] = field(default_factory=dict)
     mimics: tuple[str, ...] = ()  # keys of the gears that come from the robots' files, not from the station
 
