@@ -252,7 +252,8 @@ def _within_limits(model: RobotModel, position: Vector, key: str) -> Vector:
         axis = limits.names[violation.axis]
         expected = f"within {violation.limits}"
         if axis in model.followers:
-            expected += f"; it follows {model.followers[axis].leader}, so choose another initial_deg of that axis"
+            leader = model.followers[axis].leader
+            expected += f"; it follows {leader}, so choose another initial_deg of {leader}"
         raise InvalidParameter(f"initial_deg of {axis}", violation.value, expected)
     clamped = position.copy()
     clamped[checked] = limits.clamp(position[checked], key)
