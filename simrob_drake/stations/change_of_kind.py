@@ -97,7 +97,7 @@ class KeyLosses:
 
     def warn(self) -> None:
         """Issue the recorded warnings."""
-        # A section may be emptied twice in one change; its text is then recorded twice.
+        # The same text may be recorded more than once.
         for text in dict.fromkeys(self.texts):
             warnings.warn(text, KeysLeftOut, stacklevel=2)
 

@@ -39,7 +39,7 @@ def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path
         detail = f"{first}: {text}" if first else text
         detail += f"; likewise {listed(others)}" if others else ""
         findings.append(Finding("warning", subject, f"lost in the {subject}: {detail}"))
-    # Only a section with a URDF imports the robot anew; other robots were imported, and their report read, earlier.
+    # The note is only for a station that imports the file itself.
     if config.robots[robot.name].urdf is not None:
         findings.append(Finding("note", subject, f"{report.summary()}; `simrob check {source}` tells all"))
     return findings

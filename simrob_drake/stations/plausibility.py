@@ -137,7 +137,7 @@ def _poses(node: Any, key: str) -> Iterator[tuple[str, Sequence[float]]]:
         below = f"{key}.{name}" if key else name
         if name in _POSES and isinstance(value, tuple) and len(value) == 6:
             yield below, value
-        # The poses of a program are checked when the program is read.
+        # The poses of a program are checked when the program is planned.
         elif name != "program":
             yield from _poses(value, below)
 
