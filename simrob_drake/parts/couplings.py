@@ -117,7 +117,11 @@ class BetweenPoints(Between, CouplingSection):
     """Where on the other [m]; in the world's axes unless `other` is given."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that they are two, and that the station has both; raises SimrobError: not so."""
+        """Check that the station has both bodies, and that they are not the same.
+
+        Raises:
+            SimrobError: the station lacks a body, or both names are the same.
+        """
         super().check(key, station)
         self.check_bodies(key, station)
         if self.body == self.other:
@@ -241,8 +245,8 @@ class Gear(CouplingSection):
     guides_references: ClassVar[bool] = True
     kind: Literal["gear"]
     ratios: Annotated[dict[str, Number], Field(min_length=2)]
-    """How much each axis counts, by name (<robot>.<axis> where there are several robots): {sun: 1, planet: 2}. The
-    first axis follows the others where a reference gives one value for all axes."""
+    """Ratio of each axis by its name (<robot>.<axis> if there are several robots): {sun: 1, planet: 2}. The first axis
+    follows the others if a reference gives one value for all axes."""
     total: Number | None = None
     """What the sum of positions [rad or m] times ratios stays; that of the initial posture unless given."""
 
@@ -324,10 +328,13 @@ class Gear(CouplingSection):
         plant, robots = site.plant.plant, site.plant.robots.values()
         if site.plant.holds_constraints or site.plant.engine is not None:
             return
+        # Rows that give the sum of positions times ratios, and its rate, from the plant's state. "spread" is the direction
+        # of the spring's force among the generalized forces.
         each = [(robot.axis_map, self._counts(robot)) for robot in robots]
         place = sum(counts @ axes.state_matrix[: len(counts)] for axes, counts in each)
         speed = sum(counts @ axes.state_matrix[len(counts) :] for axes, counts in each)
         spread = sum(counts @ axes.velocity_matrix for axes, counts in each)
+        # The stiffness is for the inertia that the spring feels at the start: 1 / (spread M^-1 spread).
         mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
         stiffness = STIFFNESS / (spread @ mobility @ spread)
         law = stiffness * np.append(-place - RELAXES * speed, self.kept(site.plant))

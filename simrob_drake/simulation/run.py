@@ -209,6 +209,8 @@ def watched(stepper: Stepper, whole: ClosedStation, *watchers: Callable[[Context
 
 
 def _positions_watcher(stepper: Stepper, on_step: OnStep) -> Callable[[Context], None]:
+    """Make a callback for the recorder that calls ``on_step`` with the time [s] and the plant's positions (nq,)."""
+
     def watch(context: Context) -> None:
         ports = stepper.built.ports
         own = ports.state.get_system().GetMyContextFromRoot(context)

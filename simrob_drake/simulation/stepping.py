@@ -150,6 +150,7 @@ class Stepper:
                 simulator.clear_monitor()  # it holds who watches, who may hold it: no collector sees through Drake
 
     def _outcome(self, recorder: Recorder, watch: Watch) -> Outcome:
+        """Step from edge to edge until the run ends. Returns how the run ended."""
         try:
             status = self._initialize()
             for edge in self._edges:
@@ -291,6 +292,7 @@ def interrupted(config: StationConfig, recorder: Recorder) -> Outcome:
 
 
 def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]) -> str:
+    """Name the first output of a block that raises an error of a class. Returns an empty text if there is none."""
     for index in range(block.num_output_ports()):
         port = block.get_output_port(index)
         try:

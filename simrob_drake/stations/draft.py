@@ -221,6 +221,7 @@ def _grips(robot: RobotModel, content: dict[str, Any]) -> list[str]:
 
 
 def _on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Complete the content of a station whose robot has a floating base. Returns remarks for comments."""
     content |= {"servo": _servo(robot, "implicit"), **_HOLDS, "duration": 3.0}
     looked_at = at_home(robot)
     stances = Stances(looked_at, looked_at.station.robots[ONLY_ROBOT])
@@ -298,6 +299,7 @@ def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
 
 
 def _header(robot: RobotModel, urdf: Path, options: ImportOptions | None, kinematic: bool) -> str:
+    """Write the first comments of a station; those of a kinematic one say how to make a dynamic station instead."""
     text = "# First station of an imported robot; change it as you like, and try `simrob check` on it.\n"
     if kinematic:
         missing = ", ".join(robot.links_without_inertia)

@@ -103,6 +103,7 @@ def _culprits(load: Callable[..., StationConfig], overrides: Mapping[str, Any], 
 def _loaded(
     path: Path, overrides: Mapping[str, Any], where: Path | str, *, allow_code: bool, mesh_path: tuple[Path, ...]
 ) -> StationConfig:
+    """Read a station's file and apply overrides. Paths in the file start at the file's folder."""
     border = Border(path, mesh_path)
     content = located(read_yaml(path), path.parent, border)
     if "program" in content:
@@ -208,6 +209,7 @@ def station_yaml(config: StationConfig, *, only: Mapping[str, Any] | None = None
 
 
 def _station_file(name_or_path: str | Path) -> Path:
+    """Find the file of a station by its name or path; raises UnknownName or InvalidConfig if there is no such file."""
     if not isinstance(name_or_path, (str, Path)):
         raise InvalidParameter("station", quoted(name_or_path), "a name of `simrob list`, or a YAML file")
     path = Path(name_or_path)

@@ -11,7 +11,8 @@ accelerations to rounding, so it is
 
 .. math:: \tau = u - J \dot v + S (\ddot q_r - \dot v),
 
-its last part, with the joint's free inertia S at the start, what the solver's own error in :math:`\dot v` makes of it.
+whose last part corrects the torque for the solver's error in :math:`\dot v`. S is the joint's inertia at the start
+while the rest of the station moves freely.
 
 Discrete solvers stop at a tolerance that is relative to the momentum of the whole station,
 rotors included. Where bodies touch, the difference of the two large numbers u and
@@ -23,8 +24,8 @@ joint the motor overcomes damping d and Coulomb friction c, too:
 .. math:: \tau = f + S (\ddot q_r - \dot v) + d\,(v + h \dot v) + c\,\mathrm{sat}(v / v_s).
 
 The contact forces themselves have that tolerance: some 2 % of the weight of what touches.
-Drake's forces in joints are without those of constraints, so with couplings and contact the
-first formula stays, and the run warns.
+Drake's forces in joints do not include the forces of constraints. So with couplings and contact the
+first formula is used, and the run warns.
 
 With a load of acceleration a the joint lags by :math:`10^{-6} a / \omega^2`: nothing beside the integrator's error.
 Discrete solvers and ``cenic`` take the reference as it is at the start of a step, and follow it less exactly:

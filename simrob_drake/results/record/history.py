@@ -69,6 +69,7 @@ class Recorder:
         simulator.set_monitor(self._keep)
 
     def _keep(self, context: Context) -> EventStatus:
+        """Record a step and call the watchers: the simulator's monitor, which may end the run."""
         time = context.get_time()
         if self._pace is not None:
             self._pace(context)
@@ -91,6 +92,7 @@ class Recorder:
         return _GO_ON
 
     def _copy(self, time: float, context: Context) -> None:
+        """Append the time and the state of a context to the record."""
         self.times.append(time)
         if self._sizes[0]:
             self._states[0].frombytes(self._vector.CopyToVector().tobytes())
@@ -120,6 +122,7 @@ class Recorder:
         return whole if kept == len(whole.times) else self._rows(slice(0, kept))
 
     def _rows(self, rows: slice) -> "StateHistory":
+        """Make a history of some of the recorded states."""
         first, last, _ = rows.indices(len(self.times))
         everything = last - first == len(self.times)  # of which there shall be no second copy
         continuous, discrete = (

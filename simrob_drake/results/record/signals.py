@@ -110,6 +110,7 @@ class Sampler:
         return {port: known[port] for port in ports}
 
     def _evaluated(self, ports: Sequence[OutputPort], states: StateHistory) -> dict[OutputPort, Any]:
+        """Evaluate ports at recorded states, one row for each state, by setting the context to these states."""
         if not ports:
             return {}
         if self._prepare is not None:
@@ -126,6 +127,7 @@ class Sampler:
         return values
 
     def _value(self, port: OutputPort, context: Context) -> Any:
+        """Evaluate one port. Returns NaN if the block fails and the sampler is tolerant."""
         try:
             value = port.Eval(context)
             return value if isinstance(value, np.ndarray) else copy(value)  # which is the cache's own, and changes
