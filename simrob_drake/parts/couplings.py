@@ -245,8 +245,8 @@ class Gear(CouplingSection):
     guides_references: ClassVar[bool] = True
     kind: Literal["gear"]
     ratios: Annotated[dict[str, Number], Field(min_length=2)]
-    """Ratio of each axis by its name (<robot>.<axis> if there are several robots): {sun: 1, planet: 2}. The first axis
-    follows the others if a reference gives one value for all axes."""
+    """How much each axis counts, by name (<robot>.<axis> where there are several robots): {sun: 1, planet: 2}. The
+    first axis follows the others where a reference gives one value for all axes."""
     total: Number | None = None
     """What the sum of positions [rad or m] times ratios stays; that of the initial posture unless given."""
 
@@ -328,8 +328,8 @@ class Gear(CouplingSection):
         plant, robots = site.plant.plant, site.plant.robots.values()
         if site.plant.holds_constraints or site.plant.engine is not None:
             return
-        # Rows that give the sum of positions times ratios, and its rate, from the plant's state. "spread" is the direction
-        # of the spring's force among the generalized forces.
+        # Rows that give the sum of positions times ratios, and its rate, from the plant's state. The row "spread" is the
+        # direction of the spring's force among the generalized forces.
         each = [(robot.axis_map, self._counts(robot)) for robot in robots]
         place = sum(counts @ axes.state_matrix[: len(counts)] for axes, counts in each)
         speed = sum(counts @ axes.state_matrix[len(counts) :] for axes, counts in each)
