@@ -12,23 +12,26 @@ from simrob_drake.blocks.references import Reference, SineReference, hermite, re
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
-_RATE = 1000.0  # samples a second of what is no polynomial [Hz]
-_REAL = 1e-9  # share of an amplitude below which its imaginary part is rounding
+_RATE = 1000.0  # sampling rate of references that are neither polynomials nor sines [Hz]
+_REAL = 1e-9  # an imaginary part below this share of its complex amplitude is rounding
 
 
 def combine_references(references: Sequence[Reference], matrix: Vector, offset: Vector) -> Reference:
-    r"""Combine references linearly: the result is :math:`M q(t) + d` of their positions :math:`q`, one below the other.
+    r"""Combine references linearly: the result is :math:`M q(t) + d`, where :math:`q` are the stacked positions.
 
-    Polynomials give polynomials, and sines of one frequency a sine, to rounding. Other references are sampled a
-    thousand times a second, and joined by cubics.
+    The combination of piecewise polynomials is a piecewise polynomial, and the combination of sines of one frequency is
+    a sine, both exact up to rounding. Other references are sampled at 1 kHz, and the samples are joined by cubics.
 
     Args:
-        references: of n positions in all.
+        references: references with n positions in all.
         matrix: M, shape (k, n).
-        offset: d, shape (k,).
+        offset: d, shape (k,) [rad or m].
+
+    Returns:
+        a reference with k positions.
 
     Raises:
-        InvalidParameter: a sine together with another frequency, or with something that moves otherwise.
+        InvalidParameter: a sine is combined with a sine of another frequency, or with a trajectory that moves.
     """
     if any(isinstance(reference, SineReference) for reference in references):
         return _combined_sines(references, matrix, offset)
@@ -37,18 +40,23 @@ def combine_references(references: Sequence[Reference], matrix: Vector, offset: 
     trajectories = [reference for reference in references if not isinstance(reference, SineReference)]
     start = min(reference.start_time() for reference in trajectories)
     end = max(reference.end_time() for reference in trajectories)
-    times = np.linspace(start, end, max(int((end - start) * _RATE), 1) + 1)
-    values, rates = (
-        np.hstack([reference_values(reference, times, order) for reference in references]) for order in (0, 1)
-    )
+    count = max(int((end - start) * _RATE), 1) + 1
+    times = np.linspace(start, end, count)
+    values = np.hstack([reference_values(reference, times, 0) for reference in references])
+    rates = np.hstack([reference_values(reference, times, 1) for reference in references])
     return hermite(times, values @ matrix.T + offset, rates @ matrix.T)
 
 
 def _combined_sines(references: Sequence[Reference], matrix: Vector, offset: Vector) -> SineReference:
-    """Combine sines of one frequency, and constants, by their complex amplitudes.
+    """Combine sines of one frequency, and trajectories that stand still, by adding their complex amplitudes.
+
+    Args:
+        references: references with n positions in all, at least one of them a sine.
+        matrix: shape (k, n).
+        offset: shape (k,) [rad or m].
 
     Raises:
-        InvalidParameter: there are two frequencies, or a trajectory that moves.
+        InvalidParameter: the sines have different frequencies, or a trajectory moves.
     """
     frequencies = {reference.frequency for reference in references if isinstance(reference, SineReference)}
     expected = "of one frequency, or at rest: a coupling ties their axes together"
@@ -60,39 +68,50 @@ def _combined_sines(references: Sequence[Reference], matrix: Vector, offset: Vec
             centres.append(reference.centre)
             amplitudes.append(reference.amplitude * np.exp(1j * reference.phase))
             continue
+        # A trajectory must stand still to be combined with a sine: then it is a sine without amplitude.
         ends = reference_values(reference, np.array([reference.start_time(), reference.end_time()]))
         if np.ptp(ends, axis=0).any():
             raise InvalidParameter("reference", "a sine and another motion", expected)
         centres.append(ends[0])
         amplitudes.append(np.zeros(len(ends[0]), dtype=complex))
-    whole = matrix @ np.concatenate(amplitudes)
-    # Sines without a phase stay so, and keep the sign of their amplitude.
-    is_real = np.abs(whole.imag) <= _REAL * np.abs(whole)
+    combined = matrix @ np.concatenate(amplitudes)
+    # A real amplitude keeps its sign, with phase 0: a negative one would otherwise become positive with phase pi.
+    is_real = np.abs(combined.imag) <= _REAL * np.abs(combined)
     return SineReference(
         centre=matrix @ np.concatenate(centres) + offset,
-        amplitude=np.where(is_real, whole.real, np.abs(whole)),
+        amplitude=np.where(is_real, combined.real, np.abs(combined)),
         frequency=frequencies.pop(),
-        phase=np.where(is_real, 0.0, np.angle(whole)),
+        phase=np.where(is_real, 0.0, np.angle(combined)),
     )
 
 
 def _combined_polynomials(
     references: Sequence[PiecewisePolynomial], matrix: Vector, offset: Vector
 ) -> PiecewisePolynomial:
-    """Combine piecewise polynomials, piece by piece between all of their breaks."""
+    """Combine piecewise polynomials exactly, with a piece between any two successive breaks of all references.
+
+    Args:
+        references: references with n positions in all.
+        matrix: shape (k, n).
+        offset: shape (k,) [rad or m].
+    """
     breaks = np.unique(np.concatenate([reference.get_segment_times() for reference in references]))
-    breaks = breaks[np.isfinite(breaks)]  # a reference that stands still has no others
-    breaks = breaks[np.append(np.diff(breaks) >= SHORTEST, True)[: len(breaks)]]
+    # The breaks of a reference that stands still are infinite; they divide nothing.
+    breaks = breaks[np.isfinite(breaks)]
+    # Of breaks that are closer than the shortest piece, the last one is kept. If there are no breaks, the mask [True]
+    # is cut to no entries.
+    is_kept = np.append(np.diff(breaks) >= SHORTEST, True)[: len(breaks)]
+    breaks = breaks[is_kept]
     if len(breaks) < 2:
         positions = np.concatenate([reference.value(0.0)[:, 0] for reference in references])
         return PiecewisePolynomial((matrix @ positions + offset)[:, np.newaxis])
     pieces = []
     for start, end in pairwise(breaks.tolist()):
-        own = [
-            polynomial for reference in references for polynomial in _polynomials(reference, start, (start + end) / 2)
-        ]
-        size = max(len(polynomial) for polynomial in own)
-        coefficients = np.array([np.pad(polynomial, (0, size - len(polynomial))) for polynomial in own])
+        middle = (start + end) / 2
+        polynomials = [polynomial for reference in references for polynomial in _polynomials(reference, start, middle)]
+        # One row of coefficients for each position, filled up with zeros to the highest degree.
+        size = max(len(polynomial) for polynomial in polynomials)
+        coefficients = np.array([np.pad(polynomial, (0, size - len(polynomial))) for polynomial in polynomials])
         combination = matrix @ coefficients
         combination[:, 0] += offset
         pieces.append(np.array([[Polynomial(row)] for row in combination]))
@@ -100,10 +119,17 @@ def _combined_polynomials(
 
 
 def _polynomials(reference: PiecewisePolynomial, start: float, inside: float) -> list[Vector]:
-    """Coefficients of the polynomials of a reference in the time since ``start`` [s], one array for each position.
+    """Read the polynomials of one piece of a reference, in the time since ``start``.
 
-    They are those of the piece at the time ``inside`` [s]; before its first piece and after its last one a reference
-    stands still.
+    Before its first piece and after its last piece, a reference stands still.
+
+    Args:
+        reference: the reference.
+        start: time from which the polynomials count [s].
+        inside: a time within the piece [s].
+
+    Returns:
+        coefficients for each position of the reference, in ascending powers.
     """
     rows = range(reference.rows())
     if not reference.start_time() < inside < reference.end_time():
@@ -111,6 +137,7 @@ def _polynomials(reference: PiecewisePolynomial, start: float, inside: float) ->
         return [still[row] for row in rows]
     piece = reference.get_segment_index(inside)
     begin = reference.start_time(piece)
+    # Drake's polynomials count time from the start of their piece. A piece that starts at minus infinity is constant.
     passed = start - begin if np.isfinite(begin) else 0.0
     shift = np.polynomial.Polynomial([passed, 1.0])
     found = list[Vector]()

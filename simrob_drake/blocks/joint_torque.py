@@ -1,4 +1,4 @@
-"""Torques that joints hand on to their links, from Drake's reaction forces."""
+"""Sensor of the torques that joints transmit to their links, computed from Drake's reaction forces."""
 
 from collections.abc import Sequence
 
@@ -14,19 +14,23 @@ from simrob_drake.lifetime import weakly
 
 
 class JointTorqueSensor(Block):
-    """Measure the torque about, or the force along, each joint's axis: what the joint hands on to its link.
+    """Measure the torque about, or the force along, the axis of each joint: the part that reaches the link.
 
-    It is the motor's torque less the joint's own damping and friction, and without the
-    torque that turns the motor's rotor. Forces that act on the links from outside, such
-    as elastic end stops, are no part of it.
+    The measured torque is the motor's torque without the part that turns the motor's rotor, and less the joint's own
+    damping and friction. Forces that act on the links directly, such as those of elastic end stops, are not included.
 
     Ports:
-        in  ``reaction_forces``: of the plant, not of one that ``cenic`` steps.
-        out ``torque`` (n): [N·m], or [N] of a sliding joint.
+        in  ``reaction_forces``: the plant's reaction forces. Do not use the block with the scheme ``cenic``.
+        out ``torque`` (n): [N·m], or [N] for a prismatic joint.
     """
 
     def __init__(self, *, joints: Sequence[Joint], signs: Vector) -> None:
-        """Make the block for one-axis ``joints`` whose axes count positive in the sense of ``signs`` (n,)."""
+        """Make the block.
+
+        Args:
+            joints: n joints with one axis each, revolute or prismatic.
+            signs: sign of the robot's axis along each joint's axis, 1 or -1, shape (n,).
+        """
         super().__init__()
         self._joints = [
             (int(joint.index()), isinstance(joint, PrismaticJoint), sign * _axis(joint))
@@ -36,15 +40,15 @@ class JointTorqueSensor(Block):
         self.DeclareVectorOutputPort("torque", len(joints), weakly(self._calc_torque))
 
     def _calc_torque(self, context: Context, output: BasicVector) -> None:
-        """Project the force in each joint on the joint's axis."""
+        """Compute the component of each joint's reaction force along the joint's axis."""
         forces = self._forces.Eval(context)
-        for place, (index, slides, axis) in enumerate(self._joints):
+        for row, (index, is_prismatic, axis) in enumerate(self._joints):
             force = forces[index]
-            part = force.translational() if slides else force.rotational()
-            output.SetAtIndex(place, float(axis @ part))
+            part = force.translational() if is_prismatic else force.rotational()
+            output.SetAtIndex(row, float(axis @ part))
 
 
 def _axis(joint: Joint) -> Vector:
-    """Axis of a joint in its frames, where it is the same in both."""
-    slides = isinstance(joint, PrismaticJoint)
-    return np.asarray(joint.translation_axis() if slides else joint.revolute_axis())
+    """Unit vector of a joint's axis, shape (3,). Its components are the same in the joint's parent and child frame."""
+    is_prismatic = isinstance(joint, PrismaticJoint)
+    return np.asarray(joint.translation_axis() if is_prismatic else joint.revolute_axis())

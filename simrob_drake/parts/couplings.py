@@ -117,7 +117,11 @@ class BetweenPoints(Between, CouplingSection):
     """Where on the other [m]; in the world's axes unless `other` is given."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that they are two, and that the station has both; raises SimrobError: not so."""
+        """Check that the station has both bodies, and that they are not the same.
+
+        Raises:
+            SimrobError: the station lacks a body, or both names are the same.
+        """
         super().check(key, station)
         self.check_bodies(key, station)
         if self.body == self.other:
@@ -247,15 +251,20 @@ class Gear(CouplingSection):
     """What the sum of positions [rad or m] times ratios stays; that of the initial posture unless given."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station has the axes, and a solver that holds them.
+        """Check that the station has the gear's axes, and a solver that holds a gear of so many axes.
+
+        Args:
+            key: key of the gear in the station, such as ``couplings.mesh``.
+            station: the station with the gear.
 
         Raises:
-            SimrobError: an unknown axis, or a solver that cannot hold the gear; the message names the key.
+            SimrobError: an axis is unknown, or the solver cannot hold the gear; the message names the key.
         """
         super().check(key, station)
         known = [f"{robot.prefix}{axis}" for robot in station.robots.values() for axis in robot.axes]
         for name in self.ratios:
             one_of(f"axis for {key}.ratios", name, known)
+        # Every solver that holds gears holds gears of two axes. In a kinematic station the references obey any gear.
         if len(self.ratios) == 2 or station.mode == "kinematic":
             return
         if station.scheme == "cenic":
@@ -266,20 +275,25 @@ class Gear(CouplingSection):
             raise InvalidParameter(f"{key}.ratios", f"of {len(self.ratios)} axes", older)
 
     def equation(self, key: str) -> Equation:
-        """The gear as an equation between positions of axes, with its key in the station as its label."""
+        """Make the gear's equation between positions of axes. ``key``, its key in the station, is the label."""
         return Equation(key, self.ratios, self.total)
 
     def _counts(self, robot: StationRobot) -> Vector:
-        """Ratios of a robot's axes, shape (n,); 0 for axes that are not coupled."""
+        """Read the gear's ratios of a robot's n axes, shape (n,); axes that are not coupled have the ratio 0."""
         return np.array([self.ratios.get(f"{robot.prefix}{axis}", 0.0) for axis in robot.axes])
 
     def kept(self, plant: StationPlant) -> float:
-        """What the sum of positions times ratios stays [rad or m]."""
+        """Compute the constant sum of positions times ratios: ``total``, or else the initial posture's [rad or m]."""
         initial = sum(float(self._counts(robot) @ robot.initial) for robot in plant.robots.values())
         return initial if self.total is None else self.total
 
     def levers(self, plant: StationPlant) -> list[tuple[Joint, float]]:
-        """The coupled joints of a plant, each with its ratio in the joint's own sense."""
+        """Find the coupled joints of a plant.
+
+        Returns:
+            pairs of a joint and its ratio. The ratio counts in the joint's own sense, which may be opposite to the
+            sense of the robot's axis.
+        """
         levers = []
         for robot in plant.robots.values():
             counts = self._counts(robot)
@@ -289,16 +303,18 @@ class Gear(CouplingSection):
         return levers
 
     def gap(self, plant: StationPlant, context: Context) -> float:
-        """How far the sum of positions times ratios is from what it should stay, in a context [rad or m]."""
+        """Compute by how much the sum of positions times ratios differs from its constant value [rad or m]."""
         positions = plant.plant.GetPositions(context)
-        each = (self._counts(robot) @ robot.axis_map.positions(positions) for robot in plant.robots.values())
-        return abs(float(sum(each)) - self.kept(plant))
+        sums = (self._counts(robot) @ robot.axis_map.positions(positions) for robot in plant.robots.values())
+        return abs(float(sum(sums)) - self.kept(plant))
 
     def add(self, plant: StationPlant) -> None:
-        """Add a constraint to a plant that is not finalized, if its solver holds constraints."""
+        """Add the gear as a constraint to a plant that is not finalized, if the plant's solver holds constraints."""
         if not plant.holds_constraints:
             return
-        levers, kept = self.levers(plant), self.kept(plant)
+        levers = self.levers(plant)
+        kept = self.kept(plant)
+        # Older Drake versions and cenic have constraints for two joints only.
         if len(levers) == 2:
             (driven, ratio), (driver, other_ratio) = levers
             plant.plant.AddCouplerConstraint(driven, driver, -other_ratio / ratio, kept / ratio)
@@ -308,14 +324,17 @@ class Gear(CouplingSection):
             plant.plant.AddTendonConstraint(joints, ratios, -kept, 0.0, 0.0)
 
     def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
-        """Add the stiff spring that couples the axes under a continuous scheme without constraints."""
+        """Add a stiff spring and damper that couple the axes, if Drake's plant has no constraint for the gear."""
         plant, robots = site.plant.plant, site.plant.robots.values()
         if site.plant.holds_constraints or site.plant.engine is not None:
             return
+        # Rows that give the sum of positions times ratios, and its rate, from the plant's state. The row "spread" is the
+        # direction of the spring's force among the generalized forces.
         each = [(robot.axis_map, self._counts(robot)) for robot in robots]
         place = sum(counts @ axes.state_matrix[: len(counts)] for axes, counts in each)
         speed = sum(counts @ axes.state_matrix[len(counts) :] for axes, counts in each)
         spread = sum(counts @ axes.velocity_matrix for axes, counts in each)
+        # The stiffness is for the inertia that the spring feels at the start: 1 / (spread M^-1 spread).
         mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
         stiffness = STIFFNESS / (spread @ mobility @ spread)
         law = stiffness * np.append(-place - RELAXES * speed, self.kept(site.plant))
@@ -326,7 +345,7 @@ class Gear(CouplingSection):
         site.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
 
     def caption(self) -> str:
-        """The gear in words."""
+        """Describe the gear in words."""
         return "a gear: " + " + ".join(f"{ratio:g} {axis}" for axis, ratio in self.ratios.items()) + " stays as it is"
 
 

@@ -21,7 +21,7 @@ ANGLE_TOLERANCE = 1e-4
 LENGTH_TOLERANCE = 1e-5
 """Distance beyond a limit that counts as rounding [m]."""
 
-_UNSAID = 1e-9  # rad or m: smaller distances beyond a limit are rounding of arithmetic, and no user needs to know
+_NEGLIGIBLE = 1e-9  # rad or m: smaller distances beyond a limit are rounding of arithmetic, not worth a warning
 _FEWEST_DIGITS, _MOST_DIGITS = 5, 17  # significant digits of positions in messages; 17 tell any two doubles apart
 
 
@@ -38,7 +38,7 @@ class Violation(NamedTuple):
         value: the position, without its unit.
         limits: the range of the axis, such as "0 to 0.04 m".
         limit: the limit that is passed, without its unit.
-        excess: distance beyond it, without its unit.
+        excess: distance of the position beyond the limit, without its unit.
         unit: ``deg`` or ``m``.
     """
 
@@ -56,10 +56,10 @@ class AxisLimits:
     """The ranges of n axes.
 
     Attributes:
-        names: of the axes, as messages call them.
-        lower: lower limits, shape (n,) [rad or m]; infinite where there is none.
-        upper: upper limits, shape (n,) [rad or m].
-        revolute: whether each axis is revolute, not prismatic, shape (n,).
+        names: names of the axes, as messages call them.
+        lower: lower limits, shape (n,) [rad or m]; -inf for an axis without a lower limit.
+        upper: upper limits, shape (n,) [rad or m]; inf for an axis without an upper limit.
+        revolute: True for revolute axes, False for prismatic axes, shape (n,).
     """
 
     names: tuple[str, ...]
@@ -73,7 +73,7 @@ class AxisLimits:
         return np.where(self.revolute, ANGLE_TOLERANCE, LENGTH_TOLERANCE)
 
     def of_axes(self, axes: Sequence[int]) -> "AxisLimits":
-        """The ranges of some of the axes, by index, in the given order."""
+        """Select the limits of the axes with the given indices, in the given order."""
         chosen = list(axes)
         return AxisLimits(
             names=tuple(self.names[axis] for axis in chosen),
@@ -83,7 +83,12 @@ class AxisLimits:
         )
 
     def excess(self, positions: Vector) -> Vector:
-        """Distance of positions (..., n) beyond their limits [rad or m]; 0 within the tolerance."""
+        """Compute how far positions (..., n) [rad or m] are beyond the limits of their axes.
+
+        Returns:
+            distances beyond the limits, shape (..., n) [rad or m]; 0 for a position that is within the limits or
+            beyond a limit by no more than the tolerance.
+        """
         beyond = np.maximum(positions - self.upper, self.lower - positions)
         return np.where(beyond > self.tolerances, beyond, 0.0)
 
@@ -92,19 +97,34 @@ class AxisLimits:
         return bool(np.isfinite(positions).all() and not self.excess(positions).any())
 
     def find_violation(self, postures: Vector) -> Violation | None:
-        """Find the first position of postures (k, n) beyond a limit. Returns None if there is none."""
+        """Find the first position beyond a limit of its axis, for an error message.
+
+        Args:
+            postures: positions of the n axes, shape (k, n) [rad or m]; the first posture is searched first.
+
+        Returns:
+            the position and the limit in words, in degrees or metres, or None if all positions are within the limits,
+            up to the tolerance.
+        """
         outside = self.excess(postures) > 0.0
         if not outside.any():
             return None
         row, axis = (int(index) for index in np.argwhere(outside)[0])
         value, lower, upper = postures[row, axis], self.lower[axis], self.upper[axis]
+        unit = "m"
         if self.revolute[axis]:
             value, lower, upper = np.rad2deg([value, lower, upper])
-        limit = lower if value < lower else upper
+            unit = "deg"
+
+        # The position and the limit it passes get as many digits as tell them apart: a message such as "180 deg is not
+        # within -180 to 180 deg" helps nobody. Five digits are enough for the other limit.
+        is_below = value < lower
+        limit = lower if is_below else upper
         value_text, limit_text = distinct_texts(float(value), float(limit))
-        other_text = f"{upper if value < lower else lower:.5g}"
-        lower_text, upper_text = (limit_text, other_text) if value < lower else (other_text, limit_text)
-        unit = "deg" if self.revolute[axis] else "m"
+        if is_below:
+            lower_text, upper_text = limit_text, f"{upper:.5g}"
+        else:
+            lower_text, upper_text = f"{lower:.5g}", limit_text
         return Violation(
             row=row,
             axis=axis,
@@ -116,24 +136,31 @@ class AxisLimits:
         )
 
     def clamp(self, positions: Vector, what: str) -> Vector:
-        """Move positions (..., n) that the tolerance allows beyond a limit to that limit; a warning names them once.
+        """Move positions that are beyond a limit by rounding to that limit.
+
+        A warning of class ``ClampedPosition`` names each axis that is moved by more than arithmetic rounding.
 
         Args:
-            positions: none further beyond a limit than the tolerance [rad or m].
-            what: what the positions are, for the warning, such as "the start".
+            positions: positions of the n axes, shape (..., n) [rad or m]. The caller has checked that no position is
+                beyond a limit by more than the tolerance.
+            what: name of the positions for the warning, such as "the start".
+
+        Returns:
+            the positions within the limits, shape (..., n) [rad or m].
         """
         clamped = np.clip(positions, self.lower, self.upper)
-        moved = np.abs(clamped - positions) > _UNSAID
-        for axis in np.flatnonzero(moved.reshape(-1, len(self.names)).any(axis=0)).tolist():
+        is_moved = np.abs(clamped - positions) > _NEGLIGIBLE
+        moved_axes = np.flatnonzero(is_moved.reshape(-1, len(self.names)).any(axis=0))
+        for axis in moved_axes.tolist():
             tolerance = f"{ANGLE_TOLERANCE:g} rad" if self.revolute[axis] else f"{LENGTH_TOLERANCE:g} m"
             text = f"{what}: {self.names[axis]} is beyond its limit by less than {tolerance}, and is taken to the limit"
-            # Python shows the same text from the same line once.
+            # No bookkeeping of earlier warnings is needed: Python shows the same text from the same line only once.
             warnings.warn(text, ClampedPosition, stacklevel=2)
         return np.asarray(clamped)
 
 
 def distinct_texts(value: float, limit: float) -> tuple[str, str]:
-    """Write a position and a limit with as many digits as tell the two apart, five at least."""
+    """Format a position and a limit with the fewest digits that tell the two numbers apart, but at least five."""
     for digits in range(_FEWEST_DIGITS, _MOST_DIGITS):
         texts = f"{value:.{digits}g}", f"{limit:.{digits}g}"
         if texts[0] != texts[1]:
@@ -142,14 +169,14 @@ def distinct_texts(value: float, limit: float) -> tuple[str, str]:
 
 
 def middles(limits: AxisLimits, units: Vector) -> Vector:
-    """Middles of the ranges that exclude zero, with six digits, and 0 of other axes.
+    """Compute the default position of each axis: zero, or the middle of a range that excludes zero.
 
     Args:
-        limits: of the n axes.
-        units: SI size of one unit of a user's numbers, by axis, shape (n,).
+        limits: limits of the n axes.
+        units: size of one of the user's units in SI for each axis, shape (n,): pi/180 for degrees, 1 for metres.
 
     Returns:
-        positions in the user's units, shape (n,).
+        positions in the user's units, shape (n,), rounded to six digits so that a station file can hold them.
     """
     is_excluded = limits.excess(np.zeros(len(units))) > 0.0
     centres = [

@@ -1,7 +1,7 @@
-"""Whether the numbers of a robot or a piece are plausible: the usual slips with units.
+"""Plausibility checks for the numbers of a robot or a piece, which find the usual slips with units.
 
-One list of checks for all robots, whatever file they come from: each reader ends in a URDF. The checks doubt only what
-is far beyond real machines, so that a doubt nearly always is a slip.
+The same checks serve all robots, whatever file format they come from: each format is converted to a URDF. The checks
+doubt only numbers far beyond those of real machines, so that a doubt is nearly always a slip.
 """
 
 import math
@@ -17,64 +17,71 @@ from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.shape_inertia import inertia_of_shapes
 from simrob_drake.robots.urdf import joint_limits, link_of, mass_of, moments_of, name_of, pose_of, root_link
 
-# Bounds of what is not doubted. Slips with units are larger: grams for kilograms make a density 1e3 times as large,
+# Bounds of plausible numbers. Slips with units are larger: grams for kilograms make a density 1e3 times as large,
 # millimetres for metres 1e9 times as small, kg mm² for kg m² moments 1e6 times as large. Published robots reach the
 # bounds where a shape stands for something larger or smaller than itself.
 HEAVIEST = 1e5
 """Largest density of a body [kg/m³]; gold has 2e4."""
 LIGHTEST = 0.1
 """Smallest density of a body [kg/m³]; air has 1.2."""
-_LEAST_MOMENTS, _MOST_MOMENTS = 1e-5, 1e3  # moments of a body by those of a solid one of its mass and shapes
-_NEGLIGIBLE = 1e-3  # mass of a link by that of the robot that changes no motion
-_TOKEN = 1e-6  # volume of shapes that only stand for something, a cube of 10 mm [m³]
-_FAR = 1.0  # distance of a centre of mass from the middle of its body that is never doubted [m]
-_SPREADS = 2.0  # and as many radii of gyration of the body beside it
-_STRONG, _HEAVY = 50.0, 100.0  # payload by the robot's own mass, and the payload [kg] up to which that is not doubted
-_LONGEST = 30.0  # link of a robot [m]
-_MOST_TURNS = 4 * math.pi  # limit of a joint that is not doubted [rad]
-_WHOLE = 1e-3  # deviation from a whole number of half turns that is rounding
-_ENDLESS = 1e4  # limits beyond are a way to write that there are none [rad]
+# Moments of inertia of a body, in multiples of those of a solid body with its mass and shapes.
+_LEAST_MOMENTS, _MOST_MOMENTS = 1e-5, 1e3
+_NEGLIGIBLE = 1e-3  # a link with a smaller share of the robot's mass does not affect the motion
+_TOKEN = 1e-6  # shapes with a smaller volume are mere markers; a cube of 10 mm has this volume [m³]
+# Plausible distance of a centre of mass from the middle of its body: this length [m] plus multiples of the body's size.
+_FAR = 1.0
+_SPREADS = 2.0
+_STRONG = 50.0  # largest plausible payload, in multiples of the robot's own mass
+_HEAVY = 100.0  # payloads up to this mass are plausible for any robot [kg]
+_LONGEST = 30.0  # longest plausible link of a robot [m]
+_MOST_TURNS = 4 * math.pi  # largest plausible limit of a revolute joint [rad]
+_WHOLE = 1e-3  # a smaller deviation from a whole number of half turns is rounding
+_ENDLESS = 1e4  # some files write larger limits for joints without limits [rad or m]
 
 
 class Doubt(NamedTuple):
-    """A number that is hardly meant."""
+    """An implausible number."""
 
-    where: str  # the element, as in ``link 'rod' <inertial>``
-    text: str  # what is doubtful, and what might be meant
+    where: str  # name of the element, such as ``link 'rod' <inertial>``
+    text: str  # the doubtful number, and what might have been meant
 
 
 class MassProperties(NamedTuple):
-    """Mass and its distribution, of a body or of its shapes filled evenly."""
+    """Mass and its distribution, of a body, or of its shapes with an even density."""
 
     mass: float  # [kg]
-    centre: Vector  # of mass, shape (3,) [m]
+    centre: Vector  # centre of mass, shape (3,) [m]
     trace: float  # sum of the principal moments about the centre of mass [kg m²]
 
     @property
     def spread(self) -> float:
-        """Sum of the principal moments by the mass [m²]: twice the mean square distance from the centre."""
+        """Sum of the principal moments divided by the mass [m²]: twice the mean square distance from the centre."""
         return self.trace / self.mass
 
 
 def robot_doubts(robot: ET.Element, folder: Path | None) -> list[Doubt]:
-    """Find the numbers of a robot that are hardly meant.
+    """Find the implausible numbers of a robot.
 
     Args:
         robot: a checked ``robot`` element.
-        folder: in which its meshes lie; None leaves them out.
+        folder: folder of the robot's meshes. If it is None, meshes are left out.
     """
-    sizes = _sizes(robot)
+    sizes = _link_sizes(robot)
     doubts = list[Doubt]()
-    whole = sum(mass_of(link) for link in robot.iterfind("link"))
+    total_mass = sum(mass_of(link) for link in robot.iterfind("link"))
     for link in robot.iterfind("link"):
-        if mass_of(link) > _NEGLIGIBLE * whole:
+        if mass_of(link) > _NEGLIGIBLE * total_mass:
             doubts += _link_doubts(link, sizes[name_of(link)], folder)
     doubts += list(_joint_doubts(robot))
     return doubts
 
 
-def _sizes(robot: ET.Element) -> dict[str, float]:
-    """The size of each link by the joints at it [m]: the farthest one from its frame, and the frame's own offset."""
+def _link_sizes(robot: ET.Element) -> dict[str, float]:
+    """Estimate the size of each link from the joints at it, by link name [m].
+
+    The size is the largest offset among the joint that carries the link and the joints that the link carries. A link
+    without joints has the size 0.
+    """
     sizes = {name_of(link): 0.0 for link in robot.iterfind("link")}
     for joint in robot.iterfind("joint"):
         offset = float(np.linalg.norm(pose_of(joint).translation()))
@@ -85,12 +92,21 @@ def _sizes(robot: ET.Element) -> dict[str, float]:
 
 
 def _link_doubts(link: ET.Element, size: float, folder: Path | None) -> list[Doubt]:
-    """Find the doubtful numbers of a link's inertia, by its shapes, or by its size [m] if it has none."""
+    """Find the implausible numbers of a link's inertia.
+
+    The inertia is compared with the link's shapes, or with its size if it has no shapes.
+
+    Args:
+        link: a ``link`` element.
+        size: size of the link by the joints at it [m].
+        folder: folder of the robot's meshes. If it is None, meshes are left out.
+    """
     inertial = link.find("inertial")
     if inertial is None:
         return []
     where = f"link '{name_of(link)}' <inertial>"
     own = MassProperties(mass_of(link), pose_of(inertial).translation(), float(np.trace(moments_of(inertial))))
+    # With a density of 1 kg/m³ the mass of the shapes is their volume in m³.
     solid = inertia_of_shapes(link, folder, 1.0)
     if solid is None or solid.get_mass() < _TOKEN:
         return [Doubt(where, text) for text in _doubts_by_size(own, size)]
@@ -101,12 +117,18 @@ def _link_doubts(link: ET.Element, size: float, folder: Path | None) -> list[Dou
 
 
 def doubts_by_shapes(own: MassProperties, shapes: MassProperties) -> list[str]:
-    """Compare the mass of a body with what its shapes would have at 1 kg/m³, so that their mass is their volume."""
+    """Compare the mass and inertia of a body with its shapes. Returns a text for each doubt.
+
+    Args:
+        own: mass properties of the body.
+        shapes: mass properties of its shapes with a density of 1 kg/m³, so that their mass [kg] is their volume [m³].
+    """
     texts = []
     density = own.mass / shapes.mass
     if not LIGHTEST <= density <= HEAVIEST:
         texts.append(f"mass {own.mass:g} kg in {shapes.mass:.3g} m³ is {density:.3g} kg/m³; grams, or mm?")
-    if not shapes.spread > 0:  # lost in rounding: the shapes lie absurdly far out
+    # Moments of shapes that lie absurdly far from the frame are lost in rounding; "not > 0" covers NaN, too.
+    if not shapes.spread > 0:
         return texts
     apart = float(np.linalg.norm(own.centre - shapes.centre))
     if apart > _FAR + _SPREADS * math.sqrt(shapes.spread):
@@ -118,24 +140,29 @@ def doubts_by_shapes(own: MassProperties, shapes: MassProperties) -> list[str]:
 
 
 def _doubts_by_size(own: MassProperties, size: float) -> list[str]:
-    """Compare the mass of a link without shapes with its size by the joints at it [m]."""
+    """Compare the inertia of a link without shapes with its size. Returns a text for each doubt.
+
+    Args:
+        own: mass properties of the link.
+        size: size of the link by the joints at it [m].
+    """
     texts = []
     apart = float(np.linalg.norm(own.centre))
     if apart > _FAR + _SPREADS * size:
         texts.append(f"its centre of mass lies {apart:.3g} m from its joint, and the joints at it {size:.3g} m; in mm?")
-    gyration = math.sqrt(own.spread / 2)
+    gyration = math.sqrt(own.spread / 2)  # root mean square distance from the centre of mass [m]
     if gyration > _FAR + _SPREADS * max(size, apart):
-        told = f"its moments are those of {own.mass:.4g} kg {gyration:.3g} m from the centre of mass"
-        texts.append(f"{told}, and the joints at it are {size:.3g} m apart; in kg mm², or g m²?")
+        moments = f"its moments are those of {own.mass:.4g} kg {gyration:.3g} m from the centre of mass"
+        texts.append(f"{moments}, and the joints at it are {size:.3g} m apart; in kg mm², or g m²?")
     return texts
 
 
 def payload_doubt(payload: float, mass: float) -> str:
-    """Text of a doubt about the mass that a robot can hold; empty if the mass is plausible.
+    """Write the doubt about the mass that a robot can hold. Returns an empty text if the mass is plausible.
 
     Args:
-        payload: mass that its motors hold at rest [kg].
-        mass: of its moving links [kg].
+        payload: mass that the robot's motors can hold at rest [kg].
+        mass: mass of the robot's moving links [kg].
     """
     if payload <= 0:
         return "its motors do not hold its own links; are masses, lengths or efforts in other units?"
@@ -145,14 +172,15 @@ def payload_doubt(payload: float, mass: float) -> str:
 
 
 def moving_mass(robot: ET.Element) -> float:
-    """The mass of the links that joints move [kg]."""
+    """Compute the mass of the links that joints move [kg]."""
     root = root_link(robot)
     carrier = carriers(robot)
     return sum(mass_of(link) for link in robot.iterfind("link") if carrier[name_of(link)] != root)
 
 
 def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
-    """Yield the doubtful offsets and limits of joints. Of the offsets only the first is reported."""
+    """Yield the implausible offsets and limits of a robot's joints."""
+    # A slip with units affects all offsets, so only the first implausible one is reported.
     for joint in robot.iterfind("joint"):
         away = float(np.linalg.norm(pose_of(joint).translation()))
         if away > _LONGEST:
@@ -165,7 +193,9 @@ def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
         if not math.isfinite(largest):
             continue
         where = f"joint '{name_of(joint)}' <limit>"
-        is_whole = abs(largest / math.pi - round(largest / math.pi)) < _WHOLE  # whoever writes 8 pi means radians
+        # A limit such as 8 pi is a whole number of half turns, and was certainly meant in radians.
+        half_turns = largest / math.pi
+        is_whole = abs(half_turns - round(half_turns)) < _WHOLE
         if joint.get("type") == "revolute" and _MOST_TURNS < largest <= _ENDLESS and not is_whole:
             text = f"lower {lower:g}, upper {upper:g} rad are {largest / math.tau:.1f} turns; were degrees meant?"
             yield Doubt(where, text)

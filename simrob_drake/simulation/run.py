@@ -76,12 +76,19 @@ class Run:
             return self._evaluated(recorder, watch, interrupted(self.config, recorder), **known)
 
     def _evaluated(self, recorder: Recorder, watch: Watch, outcome: Outcome, **known: Any) -> SimulationResult:
-        """Sample the signals of a run that has been stepped."""
+        """Sample the signals of a run that has been stepped, and make its result.
+
+        Args:
+            recorder: has the states at all steps.
+            watch: tells which monitor ended the run, if one did.
+            outcome: how the stepping ended.
+            known: further fields of the result, by name.
+        """
         began = perf_counter()
         ports, stop = self.whole.ports, watch.stop if outcome.ending == "monitor" else None
         history = recorder.history(stop.count if stop else None)
         tolerant = outcome.ending in _WITHOUT_ALL
-        held = held_ports(ports)
+        held = torques_held_over_steps(ports)
         begins_in_motion = self.stepper.begins_in_motion
         sampler = Sampler(
             self.whole.diagram,
@@ -92,7 +99,10 @@ class Run:
             prepare=self.prepare,
             tolerant=tolerant,
         )
-        if stop is not None and not (isinstance(self.config.solver, FixedSteps) and self.config.mode == "dynamic"):
+        # A monitor sees the ends of steps only. If steps have no fixed length, the moment at which its condition is met
+        # is searched within the last step.
+        has_fixed_steps = isinstance(self.config.solver, FixedSteps) and self.config.mode == "dynamic"
+        if stop is not None and not has_fixed_steps:
             hold = ports.monitors[stop.name].hold
             probe = Sampler(
                 self.whole.diagram,
@@ -159,12 +169,16 @@ class Run:
         return self._sampled(sampler, failed)
 
 
-def held_ports(ports: StationPorts) -> list[OutputPort]:
-    """Torques of a station that are one value for a whole step of the solver.
+def torques_held_over_steps(ports: StationPorts) -> list[OutputPort]:
+    """Find the ports of servo torques that keep one value over each step of the solver.
 
-    ``cenic`` holds references over a step, and servos act on the state at its end. MuJoCo
-    reports the torques of the step that ended, where servos are in its motors. Blocks of
-    other schemes compute torques from the present state.
+    Samplers and monitors need this list: a torque between two steps is the value that the solver applied in that step,
+    not a value computed from the interpolated state. The cases are:
+
+    - ``cenic``: all torques. It holds references over a step, and servos act on the state at the step's end.
+    - MuJoCo with implicit servos, which are part of its motors: MuJoCo reports the torques of the step that ended.
+    - All other schemes, MuJoCo with servos as blocks, and kinematic stations: none. Blocks compute torques from the
+      present state, and a kinematic station has no torques.
     """
     config = ports.config
     if config.mode == "kinematic":
@@ -179,15 +193,24 @@ def held_ports(ports: StationPorts) -> list[OutputPort]:
 
 
 def watched(stepper: Stepper, whole: ClosedStation, *watchers: Callable[[Context], None]) -> tuple[Recorder, Watch]:
-    """Return who records what is stepped, and who asks the station's monitors about that."""
+    """Make the recorder of a run, and the watch that evaluates the station's monitors at the recorded steps.
+
+    Args:
+        stepper: steps the run.
+        whole: the diagram in which the monitors' signals are evaluated.
+        watchers: callbacks for the recorder to call after each step.
+    """
     ports = whole.ports
     sampler = Sampler(whole.diagram, ports, _NOTHING)
-    watch = Watch(ports, sampler, held=held_ports(ports), begins_in_motion=stepper.begins_in_motion)
+    held = torques_held_over_steps(ports)
+    watch = Watch(ports, sampler, held=held, begins_in_motion=stepper.begins_in_motion)
     look = watch.look if ports.monitors else None
     return Recorder(stepper.simulator, *watchers, look=look, pace=stepper.pace()), watch
 
 
 def _positions_watcher(stepper: Stepper, on_step: OnStep) -> Callable[[Context], None]:
+    """Make a callback for the recorder that calls ``on_step`` with the time [s] and the plant's positions (nq,)."""
+
     def watch(context: Context) -> None:
         ports = stepper.built.ports
         own = ports.state.get_system().GetMyContextFromRoot(context)

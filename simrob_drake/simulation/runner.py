@@ -139,6 +139,8 @@ class Runner:
         config = with_pushes(with_duration(self.config, duration), pushes)
         if on_step is not None and not callable(on_step):
             raise InvalidParameter("on_step", on_step, "a function of time and positions")
+        # A start that the caller or the station gives continues another run. This is evaluated before _started(), which
+        # also makes a start for a robot with prescribed axes.
         begins_in_motion = _checked_start(config, start) is not None
         start = self._started(config, start)
         hand = ByHand(config, commands)
@@ -306,7 +308,7 @@ def simulate_diagram(
 
 
 def _is_moving(ports: StationPorts, context: Context) -> bool:
-    """Tell whether any joint of a station moves in a context of its root diagram."""
+    """Whether any joint of a station has a velocity in ``context``, a context of the root diagram."""
     velocities = [ports.value(f"{robot.prefix}velocity", context) for robot in ports.plant.robots.values()]
     return any(velocity.any() for velocity in velocities)
 
@@ -347,16 +349,22 @@ class Fork:
         *,
         begins_in_motion: bool,
     ) -> None:
-        """Step a station up to a moment ``at`` [s]; its diagrams play its references and pushes.
+        """Step a station up to the time of the fork.
 
-        ``begins_in_motion`` says whether the run goes on from the end of another one.
+        Args:
+            config: configuration of the station.
+            at: time of the fork [s].
+            diagrams: diagrams of the station, which play its references and pushes.
+            blocks: the user's own blocks, by name.
+            start: state in which the run begins, or None for the initial state of the station.
+            begins_in_motion: whether the run continues the motion of another run.
         """
         self._config = config
         self._diagrams = diagrams
         self._blocks = blocks
         self._references = diagrams.references
-        until_then = config.model_copy(update={"duration": at})
-        self._stepper = self._stepping(until_then, begins_in_motion=begins_in_motion)
+        config_until_fork = config.model_copy(update={"duration": at})
+        self._stepper = self._stepping(config_until_fork, begins_in_motion=begins_in_motion)
         if start is not None:
             start.put(
                 self._stepper.built.diagram, self._stepper.built.ports, self._stepper.simulator.get_mutable_context()

@@ -99,15 +99,14 @@ class Stepper:
         """Prepare to step a station.
 
         Args:
-            config: the station, with the duration of the run.
-            diagram_at: gives the diagram to be stepped from a time on [s].
+            config: configuration of the station, with the duration of the run.
+            diagram_at: returns the diagram that is stepped from a given time on [s].
             edges: times at which a step must end, in order [s].
             blocks: the user's own blocks, by name.
-            ticks: moments at which stepping begins anew.
-            reached: where another stepper of the same run came to; this one goes on
-                from there.
-            begins_in_motion: whether the run goes on from the end of another run, so
-                that long steps are right from its beginning.
+            ticks: times at which the solver is initialized again; None if there are no such times.
+            reached: final context of another stepper of the same run, from which this stepper continues; None at the
+                start of a run.
+            begins_in_motion: whether the run continues the motion of another run, so that it may begin with long steps.
         """
         self._config = config
         self._diagram_at = diagram_at
@@ -151,6 +150,7 @@ class Stepper:
                 simulator.clear_monitor()  # it holds who watches, who may hold it: no collector sees through Drake
 
     def _outcome(self, recorder: Recorder, watch: Watch) -> Outcome:
+        """Step from edge to edge until the run ends. Returns how the run ended."""
         try:
             status = self._initialize()
             for edge in self._edges:
@@ -231,18 +231,18 @@ class Stepper:
     def _initialize(self) -> SimulatorStatus:
         """Initialize the simulator at the start of the run.
 
-        A run that goes on from another one must not begin with short steps under
-        ``cenic``. That scheme holds references over a step, so a servo lags by the
-        step's length: when the steps become shorter, servos make up for the lag with
-        torques, and motions, which the run as a whole does not have. Other schemes see
-        references within their steps.
+        A run that continues another run must not begin with short steps under ``cenic``. This scheme holds references
+        over a step, so that a servo lags behind its reference by the length of a step. If the steps became shorter,
+        the servos would catch up with torques and motions that an uninterrupted run does not have. Other schemes
+        evaluate references within their steps, and have no such lag.
         """
+        # stepped_by() returns settings only if the scheme is cenic.
         if self.begins_in_motion and stepped_by(self._config) is not None:
             return self._initialize_in_motion()
         return self.simulator.Initialize()
 
     def _initialize_in_motion(self) -> SimulatorStatus:
-        """Let the simulator go on with long steps, since nothing begins here."""
+        """Initialize the simulator with long steps: the motion continues, and no short first step is needed."""
         integrator = self.simulator.get_mutable_integrator()
         if not integrator.get_fixed_step_mode():
             integrator.request_initial_step_size_target(integrator.get_maximum_step_size())
@@ -292,6 +292,7 @@ def interrupted(config: StationConfig, recorder: Recorder) -> Outcome:
 
 
 def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]) -> str:
+    """Name the first output of a block that raises an error of a class. Returns an empty text if there is none."""
     for index in range(block.num_output_ports()):
         port = block.get_output_port(index)
         try:

@@ -1,4 +1,4 @@
-"""What becomes of the keys of a section, such as ``reference``, when its ``kind`` is changed.
+"""Rules for the keys of a section, such as ``reference``, whose ``kind`` is changed.
 
 Keys of the same name mean different things in sections of different kinds: the
 ``target_deg`` to which a ramp goes is where a hold stands from the first moment. So a
@@ -22,7 +22,7 @@ _SOLVERS: dict[str, type[BaseModel]] = {
     "discrete": DiscreteSolver,
     "mujoco": MujocoSolver,
 }
-# The kinds of the entries of sections that hold entries by name.
+# Kinds of entries, for each section that holds entries by name, such as ``monitors.fall``.
 _FAMILIES: dict[str, Kinds] = {
     "controllers": controllers.KINDS,
     "couplings": couplings.KINDS,
@@ -35,7 +35,7 @@ _KIND = "kind"
 
 
 class KeysLeftOut(UserWarning):
-    """Keys of a section that were given for its old kind, and that its new kind begins without.
+    """Warning: keys of a section are dropped because they were given for the section's old kind.
 
     Attributes:
         label: what the command line prints before the message.
@@ -45,10 +45,15 @@ class KeysLeftOut(UserWarning):
 
 
 def kind_of(section: Mapping[str, Any], path: list[str]) -> str | None:
-    """Kind of the section at a path of keys, or None if it has none.
+    """Find the kind of a section.
 
-    The name of an entry, such as ``monitors.fall``, stands for its kind unless the entry
-    gives one.
+    Args:
+        section: content of the section.
+        path: keys of the section from the top of the station's file, such as ``["monitors", "fall"]``.
+
+    Returns:
+        the value of the key ``kind``. An entry without this key has the kind of its own name if there is such a kind,
+        such as ``fall``. Otherwise the section has no kind, and None is returned.
     """
     if _KIND in section:
         return str(section[_KIND])
@@ -61,17 +66,19 @@ def kind_of(section: Mapping[str, Any], path: list[str]) -> str | None:
 class KeyLosses:
     """The keys that sections lose because their kinds change, while a station is changed."""
 
-    # Whether a key with the default value of the old kind counts: in a station's file it
-    # does, since somebody wrote it. A configuration has all keys.
+    # Whether a dropped key with the default value of the old kind counts as lost. In a station's file it does, since a
+    # user wrote it. The content of a configuration has all keys, so that defaults there were not given by anybody.
     counts_defaults: bool
-    texts: list[str] = field(default_factory=list)  # what to warn of
+    texts: list[str] = field(default_factory=list)  # texts of the warnings
 
     def begin_new_kind(self, section: dict[str, Any], path: list[str], kind: str) -> None:
-        """Empty a section whose kind is about to change, and note the keys that it loses.
+        """Empty a section whose kind is about to change, and record the keys that the section loses.
+
+        A section without a kind, or with the new kind already, stays as it is.
 
         Args:
-            section: the section, which is changed.
-            path: its keys from the top of the station's file.
+            section: content of the section, which is changed.
+            path: keys of the section from the top of the station's file.
             kind: the new kind.
         """
         old_kind = kind_of(section, path)
@@ -89,19 +96,20 @@ class KeyLosses:
             )
 
     def warn(self) -> None:
-        """Warn of the keys, once for each section."""
+        """Issue the recorded warnings."""
+        # The same text may be recorded more than once.
         for text in dict.fromkeys(self.texts):
             warnings.warn(text, KeysLeftOut, stacklevel=2)
 
 
 def _is_default(section: Mapping[str, Any], key: str, model: type[BaseModel] | None) -> bool:
-    """Tell whether a section of a known class has the default value under a key."""
+    """Whether a key of a section has its default value; False if the class of the section is not known (None)."""
     declared = None if model is None else model.model_fields.get(key)
     return declared is not None and not declared.is_required() and section[key] == declared.get_default()
 
 
 def _model(path: list[str], kind: str) -> type[BaseModel] | None:
-    """Class of the sections of a kind at a path, or None if it is not known."""
+    """Find the class of a section by its path of keys and its kind. Returns None if the class is not known."""
     if path[-1] == "solver":
         return _SOLVERS.get(kind)
     family = references.KINDS if path[-1] == "reference" else _FAMILIES.get(path[0])
@@ -109,9 +117,13 @@ def _model(path: list[str], kind: str) -> type[BaseModel] | None:
 
 
 def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings by dotted key, with changes that come later.
+    """Update settings with later changes.
 
-    A change of a section's kind takes away the settings that were made for its old kind.
+    A change of a section's kind drops the earlier settings of that section, which were made for its old kind.
+
+    Args:
+        settings: earlier settings, by dotted key such as ``reference.duration``.
+        changes: later settings, by dotted key.
     """
     kept = dict(settings)
     for key, value in changes.items():
@@ -125,7 +137,13 @@ def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> di
 
 
 def _section_of(key: str, value: Any) -> tuple[str, str | None]:
-    """Section that a setting gives a kind, and that kind; None if the setting gives none."""
+    """Find the section whose kind a setting changes.
+
+    A setting changes a kind by a key such as ``solver.kind``, or by a mapping with the key ``kind``.
+
+    Returns:
+        the dotted key of the section, and the new kind, or None as the kind if the setting changes no kind.
+    """
     section, _, last = key.rpartition(".")
     if last == _KIND and section and isinstance(value, str):
         return section, value

@@ -17,6 +17,7 @@ from simrob_drake.stations.solver_config import FixedSteps
 # robot.yaml have six digits.
 ROUNDING_DEG = 0.01
 ROUNDING_METRES = 1e-5
+_ZERO_RATIO = 1e-9  # smaller ratios of a condition are what rounding leaves of zero
 
 
 def gear_name(config: StationConfig, robot: str, axis: str) -> str:
@@ -25,49 +26,70 @@ def gear_name(config: StationConfig, robot: str, axis: str) -> str:
 
 
 def mimic_gears(config: StationConfig, models: Mapping[str, RobotModel]) -> dict[str, Gear]:
-    """Gears of the axes that follow others in the files of their robots, by their keys under ``couplings``.
+    """Make a gear for each joint that mimics another joint in the file of its robot.
 
-    A gear of the station between the same two axes takes the place of what the robot's file says, and ``mimic: false``
-    in the robot's section leaves the file's gears out.
+    A gear of the station between the same two axes takes the place of the mimic joint, and ``mimic: false`` in the
+    robot's section leaves out all mimic joints of that robot.
+
+    Args:
+        config: configuration of the station.
+        models: the station's robots, by name.
+
+    Returns:
+        the gears, by their keys under ``couplings``.
     """
-    own = [gear.ratios.keys() for gear in config.couplings.values() if isinstance(gear, Gear)]
+    axes_of_gears = [gear.ratios.keys() for gear in config.couplings.values() if isinstance(gear, Gear)]
     gears = {}
     for name, model in models.items():
+        if not config.robots[name].mimic:
+            continue
         prefix = config.prefix(name)
-        for axis, follower in model.followers.items() if config.robots[name].mimic else ():
+        for axis, follower in model.followers.items():
             ratios = {f"{prefix}{one}": ratio for one, ratio in follower.ratios(axis).items()}
-            if not any(ratios.keys() <= others for others in own):
+            if not any(ratios.keys() <= coupled for coupled in axes_of_gears):
                 gears[gear_name(config, name, axis)] = Gear(kind="gear", ratios=ratios, total=follower.offset)
     return gears
 
 
 class SolverTraits(NamedTuple):
-    """The solver of a station, as far as couplings must know it."""
+    """Properties of a station's solver on which it depends which couplings the solver can hold."""
 
     mode: Literal["dynamic", "kinematic"]
-    scheme: str  # empty in a kinematic station
+    scheme: str  # name of the scheme, such as "radau3"; an empty text in a kinematic station
     time_step: float  # of a discrete solver [s]; 0 for others
 
 
 def solver_traits(config: StationConfig) -> SolverTraits:
-    """The mode of a station, its scheme and its steps."""
+    """Read the solver's traits from the configuration of a station."""
     scheme = config.solver.scheme if config.mode == "dynamic" else ""
     time_step = config.solver.time_step if isinstance(config.solver, FixedSteps) else 0.0
     return SolverTraits(config.mode, scheme, time_step)
 
 
 def unheld_mimics(config: StationConfig, robot: str, model: RobotModel) -> list[tuple[str, str]]:
-    """The axes of a robot that the solver of a station does not tie to their leaders, each with its leader."""
-    traits, pairs = solver_traits(config), []
+    """Find the mimic joints of a robot that the solver of a station cannot hold.
+
+    Returns:
+        pairs of the axis that should follow and its leader, by their full names.
+    """
+    traits = solver_traits(config)
+    pairs = []
     for gear in mimic_gears(config, {robot: model}).values():
         if not gear.is_held(traits):
+            # The ratios of a mimic joint name two axes, the follower first.
             axis, leader = gear.ratios
             pairs.append((axis, leader))
     return pairs
 
 
 def coupled_axes(config: StationConfig, mimics: Mapping[str, Gear], axes: Sequence[str]) -> CoupledAxes:
-    """The equations of a station's gears, and of further ``mimics``, between axes by their full names."""
+    """Collect the equations of all gears between axes.
+
+    Args:
+        config: configuration of the station; its gears are included.
+        mimics: further gears, of mimic joints that are not part of the configuration.
+        axes: full names of the axes of all robots, in order.
+    """
     gears = {name: gear for name, gear in config.couplings.items() if isinstance(gear, Gear)} | dict(mimics)
     return CoupledAxes(axes, [gear.equation(f"couplings.{name}") for name, gear in gears.items()])
 
@@ -75,23 +97,25 @@ def coupled_axes(config: StationConfig, mimics: Mapping[str, Gear], axes: Sequen
 def expected_position(
     coupled: CoupledAxes, condition: Condition, found: tuple[int, int, float], values: Vector, units: Sequence[str]
 ) -> str:
-    """Text for error messages: the right position of an axis, and the couplings that demand it.
+    """Write, for an error message, the position that an axis would need and the couplings that demand this position.
 
     Args:
-        coupled: the axes.
-        condition: that is broken.
-        found: sample, axis and its right position, in the user's units.
-        values: positions of the n axes at that sample, in the user's units.
-        units: of the n axes.
+        coupled: the n coupled axes.
+        condition: the condition that the positions break.
+        found: index of the sample, index of the axis, and the position that this axis would need, in the user's units.
+        values: positions of the n axes at that sample, in the user's units, shape (n,).
+        units: names of the users' units, such as ``deg``, for each of the n axes.
     """
     _, wrong, right = found
-    others = [axis for axis in np.flatnonzero(np.abs(condition.ratios) > 1e-9).tolist() if axis != wrong]
+    in_condition = np.flatnonzero(np.abs(condition.ratios) > _ZERO_RATIO).tolist()
+    others = [axis for axis in in_condition if axis != wrong]
     state = listed([f"{coupled.names[axis]} at {position_text(values[axis])} {units[axis]}" for axis in others])
     return f"{position_text(right)} {units[wrong]}, to which {listed(condition.labels)} takes it with {state}"
 
 
 def position_text(value: float) -> str:
-    """A position in the user's unit with five digits, without what rounding leaves of zero."""
+    """Format a position in the user's unit with five significant digits, for error messages."""
+    # Rounding turns a remainder such as 1e-17 into zero, and adding 0.0 turns -0.0 into 0.0.
     return f"{round(value, 9) + 0.0:.5g}"
 
 
@@ -101,23 +125,25 @@ def coupled_start(
     models: Mapping[str, RobotModel],
     positions: Mapping[str, Vector],
 ) -> dict[str, Vector]:
-    """Initial positions of robots, in which coupled axes that ``initial_deg`` does not name obey their couplings.
+    """Move coupled axes that ``initial_deg`` does not name to positions that obey the couplings.
 
     Args:
-        config: of the station.
-        coupled: the axes of its robots, one robot after the other.
-        models: of its robots, by name.
-        positions: of their axes by ``initial_deg``, shape (n,) each [rad or m].
+        config: configuration of the station.
+        coupled: the axes of all robots, one robot after the other, and their equations.
+        models: the station's robots, by name.
+        positions: initial positions of each robot's axes before couplings are considered, shape (n,) each [rad or m].
 
     Returns:
-        the positions by robot; those of robots without such couplings are the same arrays.
+        initial positions by robot, shape (n,) each [rad or m]. If no axis has to move, these are the given arrays.
 
     Raises:
-        InvalidParameter: ``initial_deg`` contradicts a coupling.
+        InvalidParameter: ``initial_deg`` contradicts a coupling, or couplings contradict each other.
     """
+    # A coupling without a total keeps the sum of the initial posture, so any initial posture obeys it.
     fixed = CoupledAxes(coupled.names, [one for one in coupled.equations if one.total is not None])
     if not fixed:
         return dict(positions)
+    # The axes of all robots in one vector: a coupling may tie axes of two robots.
     whole = np.concatenate([positions[name] for name in models])
     asked = [one for name, model in models.items() for one in model.asked(config.robots[name].initial_deg)]
     bounds = np.concatenate([model.bounds(ROUNDING_DEG, ROUNDING_METRES) for model in models.values()])
@@ -135,6 +161,7 @@ def coupled_start(
             value = f"{position_text(whole[axis] / sizes[axis])} {units[axis]}"
             raise InvalidParameter(f"initial_deg of {fixed.names[axis]}", value, expected)
 
+    # Axes that obey their couplings up to rounding keep the very numbers of the station file.
     solved = dependence.matrix @ whole + dependence.offset
     moved = [axis for axis in dependence.moved if abs(solved[axis] - whole[axis]) > bounds[axis]]
     if not moved:
@@ -145,35 +172,46 @@ def coupled_start(
 
 
 def _check_solvable(condition: Condition) -> None:
-    """Check that couplings do not contradict each other.
+    """Check that the couplings behind a condition do not contradict each other.
 
     Raises:
-        InvalidParameter: no posture fulfils all of them.
+        InvalidParameter: no posture fulfils all of these couplings.
     """
-    if np.abs(condition.ratios).max(initial=0.0) < 1e-9 and abs(condition.total) > ROUNDING_METRES:
+    # Couplings that contradict each other leave an equation without any axis: 0 = total, with a total that is not 0.
+    has_no_axis = np.abs(condition.ratios).max(initial=0.0) < _ZERO_RATIO
+    if has_no_axis and abs(condition.total) > ROUNDING_METRES:
         *others, last = condition.labels
         expected = "left out, or such that one posture fulfils all of them"
         raise InvalidParameter(last, f"in contradiction to {listed(others)}", expected)
 
 
 def starting_positions(
-    config: StationConfig, models: Mapping[str, RobotModel], unheld: Mapping[str, Gear]
+    config: StationConfig, models: Mapping[str, RobotModel], unheld_gears: Mapping[str, Gear]
 ) -> dict[str, Vector]:
-    """Initial positions of the robots' axes by name, shape (n,) each [rad or m], which obey the couplings.
+    """Compute the initial positions of all robots from ``initial_deg`` and the couplings.
+
+    Args:
+        config: configuration of the station, with its own gears and the gears of mimic joints that the solver holds.
+        models: the station's robots, by name.
+        unheld_gears: gears of mimic joints that the solver does not hold, by key; the start obeys them, too.
+
+    Returns:
+        initial positions by robot, shape (n,) each [rad or m], which obey the couplings and are within the limits.
 
     Raises:
         InvalidParameter: ``initial_deg`` is beyond the limits of an axis, or contradicts a coupling.
     """
     positions = {name: _initial_position(config.robots[name], name, model) for name, model in models.items()}
     axes = [f"{config.prefix(name)}{axis}" for name, model in models.items() for axis in model.axes]
-    starts = coupled_start(config, coupled_axes(config, unheld, axes), models, positions)
+    coupled = coupled_axes(config, unheld_gears, axes)
+    starts = coupled_start(config, coupled, models, positions)
     for name, model in models.items():
         starts[name] = _within_limits(model, starts[name], f"robots.{name}.initial_deg")
     return starts
 
 
 def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:
-    """Positions (n,) [rad or m] that ``initial_deg`` gives the axes of a robot, before couplings are looked at.
+    """Compute the initial positions (n,) [rad or m] of a robot from ``initial_deg``, before couplings are considered.
 
     Without ``initial_deg`` the robot begins at home. Axes that a mapping leaves out begin at zero, or at home if zero
     is outside their ranges.
@@ -186,27 +224,37 @@ def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vect
 
 
 def _within_limits(model: RobotModel, position: Vector, key: str) -> Vector:
-    """Initial positions (n,) [rad or m] of a robot, clamped where they are beyond a limit by rounding.
+    """Clamp initial positions that are beyond a limit by rounding, except those of followers.
+
+    A follower that is beyond its limit only by its leader's rounding keeps its position, so that it still obeys its
+    coupling.
+
+    Args:
+        model: the robot.
+        position: initial positions of its axes, shape (n,) [rad or m].
+        key: key of the positions in the station, for warnings, such as ``robots.arm.initial_deg``.
 
     Raises:
-        InvalidParameter: an axis is beyond a limit.
+        InvalidParameter: an axis is beyond a limit by more than rounding.
     """
-    # Followers inherit the rounding of their leaders' positions, which station files hold with four decimals.
+    # Followers inherit the rounding of their leaders' positions, which station files hold with four decimals. An
+    # "eased" follower is beyond its limit by no more than this slack.
     follows = np.array([axis in model.followers for axis in model.axes])
     slack = np.where(follows, model.bounds(ROUNDING_DEG, ROUNDING_METRES), 0.0)
     lower, upper = model.axis_limits
     eased = np.where(follows, np.clip(position, lower - slack, upper + slack), position)
     is_eased = follows & (np.clip(position, lower, upper) != position) & (eased == position)
-    leading = np.flatnonzero(~is_eased).tolist()
+    checked = np.flatnonzero(~is_eased).tolist()
 
-    limits = model.limits.of_axes(leading)
-    violation = limits.find_violation(position[np.newaxis, leading])
+    limits = model.limits.of_axes(checked)
+    violation = limits.find_violation(position[np.newaxis, checked])
     if violation is not None:
         axis = limits.names[violation.axis]
         expected = f"within {violation.limits}"
         if axis in model.followers:
-            expected += f"; it follows {model.followers[axis].leader}, so choose another initial_deg of that"
+            leader = model.followers[axis].leader
+            expected += f"; it follows {leader}, so choose another initial_deg of {leader}"
         raise InvalidParameter(f"initial_deg of {axis}", violation.value, expected)
     clamped = position.copy()
-    clamped[leading] = limits.clamp(position[leading], key)
+    clamped[checked] = limits.clamp(position[checked], key)
     return clamped

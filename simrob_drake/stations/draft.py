@@ -33,7 +33,7 @@ from simrob_drake.stations.steps import apply_solver, step_findings
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 _MOVE = 1.5  # s
-_LOOP_MOVE = np.deg2rad(10.0), 0.01  # way of each motor of a robot with loops in its first station [rad, m]
+_LOOP_MOVE = np.deg2rad(10.0), 0.01  # travel of each motor of a robot with loops in its first station [rad, m]
 _TRIALS = 4  # stances that are tried
 _FALLEN = 0.6  # part of its height below which a robot has fallen
 _FALLS = 40.0  # deg
@@ -111,25 +111,29 @@ def _written(
     remarks: list[str],
     content: dict[str, Any],
 ) -> str:
-    """The text of a first station: a header, remarks as comments, and the content."""
+    """Write the YAML text of a first station: a header, the remarks as comments, and the content of the file."""
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     return _header(robot, file, options, kinematic) + "".join(f"# {remark}\n" for remark in remarks) + text
 
 
 def _couplings(robot: RobotModel) -> dict[str, Any]:
-    """The section ``couplings`` with a gear for each axis that follows another one."""
-    return {
-        f"{axis}_follows": {
+    """Make the content of the section ``couplings``: a gear for each axis that follows another axis."""
+    couplings = dict[str, Any]()
+    for axis, follower in robot.followers.items():
+        couplings[f"{axis}_follows"] = {
             "kind": "gear",
+            # Nine digits keep the file readable, and adding 0.0 turns -0.0 into 0.0.
             "ratios": {name: float(f"{ratio:.9g}") for name, ratio in follower.ratios(axis).items()},
             "total": float(f"{follower.offset:.9g}") + 0.0,
         }
-        for axis, follower in robot.followers.items()
-    }
+    return couplings
 
 
 def _losses(robot: RobotModel, content: Mapping[str, Any], file: Path) -> list[str]:
-    """What the import of a robot from a file lost of its mechanics, a comment for each finding."""
+    """Find mechanics that were lost in the import of the robot's file, and implausible numbers of the robot.
+
+    Returns a comment for each warning; ``content`` is the content of the station, as far as it is known.
+    """
     sections = {key: content[key] for key in ("mode", "couplings") if key in content}
     station = resolve(_config(robot, {**sections, "robot": {"initial_deg": _home(robot)}}))
     findings = import_findings(station.config, station.robots[ONLY_ROBOT], source=file)
@@ -138,6 +142,7 @@ def _losses(robot: RobotModel, content: Mapping[str, Any], file: Path) -> list[s
 
 
 def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Complete the content of a station whose robot has a fixed base or is kinematic. Returns remarks for comments."""
     kinematic = content["mode"] == "kinematic"
     if not kinematic:
         content["servo"] = _servo(robot, "per_joint")
@@ -169,14 +174,16 @@ def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
 
 
 def _looped(robot: RobotModel, content: dict[str, Any]) -> list[str]:
-    """Have loops closed by couplings, and let motors move no more axes than the loops leave free.
+    """Complete the content of a station whose robot has closed kinematic loops. Returns remarks for comments.
+
+    Couplings close the loops. Only as many axes have motors as the loops leave free; the others are passive.
 
     Raises:
         InvalidParameter: no posture closes the loops.
     """
     loops = LoopsOfRobot(robot)
     posture = loops.closed_posture()
-    passive = loops.passive_axes(posture)
+    passive = loops.passive_axes(posture)  # indices
     axes = list(robot.axes)
     content.setdefault("couplings", {}).update(robot.loops)
     content["servo"] = _servo(robot, "implicit")
@@ -186,30 +193,35 @@ def _looped(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         content["servo"][gain] = _by_axis(robot, values)
     content["solver"] = _DISCRETE
     _begin(robot, content, posture)
-    target = np.clip(posture + np.where(robot.prismatic, _LOOP_MOVE[1], _LOOP_MOVE[0]), *robot.axis_limits)
+    angle, distance = _LOOP_MOVE
+    target = np.clip(posture + np.where(robot.prismatic, distance, angle), *robot.axis_limits)
     named = _named(robot, _in_user_units(robot, target))
-    goal = {axis: value for place, (axis, value) in enumerate(named.items()) if place not in passive}
-    content["reference"] = {"kind": "move", "target_deg": goal, "duration": _MOVE}
+    target_of_motors = {axis: value for index, (axis, value) in enumerate(named.items()) if index not in passive}
+    content["reference"] = {"kind": "move", "target_deg": target_of_motors, "duration": _MOVE}
     content["duration"] = 3.0
-    moved = ", ".join(axes[place] for place in passive)
-    return [f"Loops are closed by couplings: {', '.join(robot.loops)}.", f"These axes have no motor: {moved}."]
+    without_motor = ", ".join(axes[index] for index in passive)
+    return [f"Loops are closed by couplings: {', '.join(robot.loops)}.", f"These axes have no motor: {without_motor}."]
 
 
 def _grips(robot: RobotModel, content: dict[str, Any]) -> list[str]:
-    """Have fingers move together and hold by friction, by servos that know the robot's weight; say so."""
-    (leader, *others), ways = robot.fingers, {place: ends[1] - ends[0] for place, ends in robot.fingers.items()}
+    """Couple fingers, and set servos and contact so that they hold parts by friction. Returns remarks for comments."""
+    leader, *others = robot.fingers
+    # Travel of each finger between its ends [rad or m]; the gears have the ratios of the travels.
+    travels = {place: ends[1] - ends[0] for place, ends in robot.fingers.items()}
     axes = [*robot.axes]
     content["servo"] |= {"realization": "implicit", "feedforward": "inverse_dynamics"}
     couplings = content.setdefault("couplings", {})
     for place in others:
+        # Fingers that mimic other axes in the robot's file are coupled already.
         if axes[place] not in robot.followers and axes[leader] not in robot.followers:
-            ratio = float(f"{-ways[place] / ways[leader]:.6g}")
+            ratio = float(f"{-travels[place] / travels[leader]:.6g}")
             couplings[f"{axes[place]}_follows"] = {"kind": "gear", "ratios": {axes[place]: 1.0, axes[leader]: ratio}}
     content |= _GRIPS
     return [_HOLDING.format(fingers=", ".join(axes[place] for place in robot.fingers))]
 
 
 def _on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Complete the content of a station whose robot has a floating base. Returns remarks for comments."""
     content |= {"servo": _servo(robot, "implicit"), **_HOLDS, "duration": 3.0}
     looked_at = at_home(robot)
     stances = Stances(looked_at, looked_at.station.robots[ONLY_ROBOT])
@@ -254,17 +266,18 @@ def _stand(robot: RobotModel, content: dict[str, Any], stance: Stance) -> None:
 
 
 def _begin(robot: RobotModel, content: dict[str, Any], posture: Vector) -> None:
+    """Set ``initial_deg`` of a station to a posture, shape (n,) [rad or m]; followers get theirs from the couplings."""
     values = _in_user_units(robot, posture)
     content["robot"].pop("initial_deg", None)
     named = {axis: value for axis, value in _named(robot, values).items() if value and axis not in robot.followers}
     if named:
         content["robot"]["initial_deg"] = named
     elif robot.home.any():
-        content["robot"]["initial_deg"] = 0.0  # without a value it would begin at home
+        content["robot"]["initial_deg"] = 0.0  # without initial_deg the robot would begin at home
 
 
 def _home(robot: RobotModel) -> dict[str, float]:
-    """The home posture of a robot by axis, in the user's units; followers are where their leaders take them."""
+    """Home posture of a robot by axis name, in the user's units; followers are where their leaders take them."""
     return _named(robot, _in_user_units(robot, robot.home))
 
 
@@ -286,6 +299,7 @@ def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
 
 
 def _header(robot: RobotModel, urdf: Path, options: ImportOptions | None, kinematic: bool) -> str:
+    """Write the first comments of a station; those of a kinematic one say how to make a dynamic station instead."""
     text = "# First station of an imported robot; change it as you like, and try `simrob check` on it.\n"
     if kinematic:
         missing = ", ".join(robot.links_without_inertia)
@@ -316,7 +330,7 @@ def _by_axis(robot: RobotModel, values: Vector) -> float | dict[str, float]:
 
 
 def _leading(robot: RobotModel, values: Vector) -> float | dict[str, float]:
-    """Return values of the axes that lead others or stand alone: their followers obey the couplings."""
+    """Select from values (n,) those of axes that follow no other axis; the couplings give the values of followers."""
     if not robot.followers:
         return _by_axis(robot, values)
     return {axis: value for axis, value in _named(robot, values).items() if axis not in robot.followers}

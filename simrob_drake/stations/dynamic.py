@@ -29,7 +29,7 @@ from simrob_drake.stations.ports import (
     draw_integral,
     draw_servos,
 )
-from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque, takes_joint_forces
+from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque, uses_reaction_forces
 from simrob_drake.stations.solver_config import DiscreteSolver, FixedSteps
 
 _DERIVATIVES = "reference_velocity", "reference_acceleration"
@@ -228,7 +228,7 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
         torque = _add_servo_blocks(builder, ports, robot, signals)
         if robot.prescribed:
             torque = add_prescribed_torque(builder, ports, robot, torque)
-            if takes_joint_forces(ports.config):
+            if uses_reaction_forces(ports.config):
                 torque = with_friction(builder, ports, robot, torque, axes=list(robot.prescribed))
         declare_torque(ports, robot, torque)
 

@@ -1,4 +1,4 @@
-"""Findings of the same words in one: a robot often has the same slip in many links."""
+"""Groups of findings with the same words, to report them once: a robot often has the same slip in many links."""
 
 import re
 from collections.abc import Iterable
@@ -8,15 +8,24 @@ _NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 class Group(NamedTuple):
-    """Places of which the same is said, but for the numbers."""
+    """Places whose findings have the same text, except for the numbers in the text."""
 
     places: list[str]
-    text: str  # with the numbers of the first place
+    text: str  # the finding's text, with the numbers of the first place
 
 
 def group_by_words(found: Iterable[tuple[str, str]]) -> list[Group]:
-    """Group places and texts by the words of the texts, in order."""
+    """Group findings whose texts are equal, except for the numbers in the texts.
+
+    Args:
+        found: pairs of a place, such as ``link 'rod'``, and a text.
+
+    Returns:
+        the groups, in the order of their first findings.
+    """
     groups: dict[str, Group] = {}
     for place, text in found:
-        groups.setdefault(_NUMBER.sub("", text), Group([], text)).places.append(place)
+        words = _NUMBER.sub("", text)
+        group = groups.setdefault(words, Group(places=[], text=text))
+        group.places.append(place)
     return list(groups.values())

@@ -103,6 +103,7 @@ def _culprits(load: Callable[..., StationConfig], overrides: Mapping[str, Any], 
 def _loaded(
     path: Path, overrides: Mapping[str, Any], where: Path | str, *, allow_code: bool, mesh_path: tuple[Path, ...]
 ) -> StationConfig:
+    """Read a station's file and apply overrides. Paths in the file start at the file's folder."""
     border = Border(path, mesh_path)
     content = located(read_yaml(path), path.parent, border)
     if "program" in content:
@@ -142,22 +143,30 @@ def _configured(
     is_complete: bool = False,
     warns: bool = True,
 ) -> StationConfig:
-    """Return the configuration of a station's content with overrides.
+    """Make the configuration of a station from the content of its file and overrides.
 
-    ``content`` is changed; ``is_complete`` says whether it has all keys, defaults, too.
-    ``warns`` says whether to warn of keys that a section of a new kind begins without.
+    Args:
+        content: content of the station's file, which is changed.
+        overrides: new values, by dotted key such as ``servo.kp``.
+        where: name of the file or of the overrides, for errors.
+        allow_code: whether the station may name Python code that is run.
+        mesh_path: further folders from which meshes and packages may be read.
+        is_complete: whether the content has all keys, including those with default values, as the content of a
+            configuration has.
+        warns: whether to warn of keys that are dropped because the kind of their section changes.
 
     Raises:
-        InvalidConfig: an entry that cannot be; names ``where`` and the key.
+        InvalidConfig: an entry is invalid; the error names ``where`` and the key.
     """
+    # An override of one axis, such as servo.kp.joint_1, where the file has one number for all axes. The number must be
+    # written by axis first, and the names of the axes are known only after the other overrides.
     alone = [key for key in overrides if _of_one_number(content, key.split("."))]
     if alone:
         others = {key: value for key, value in overrides.items() if key not in alone}
         config = _configured(deepcopy(content), others, where, allow_code, mesh_path, warns=False)
         _write_by_axis(content, alone, {name: robot.axes for name, robot in resolve(config).robots.items()})
     losses = KeyLosses(counts_defaults=not is_complete)
-    # A section's kind comes first: it takes away the keys of the old kind, and those that
-    # are given with it stay.
+    # The kind of a section is changed first, which drops the keys of the old kind. Other overrides are set afterwards.
     for key, value in sorted(overrides.items(), key=lambda entry: _rank(entry[0].split("."))):
         _override(content, key.split("."), value, where, losses)
     content = located(content, Path.cwd())
@@ -200,6 +209,7 @@ def station_yaml(config: StationConfig, *, only: Mapping[str, Any] | None = None
 
 
 def _station_file(name_or_path: str | Path) -> Path:
+    """Find the file of a station by its name or path; raises UnknownName or InvalidConfig if there is no such file."""
     if not isinstance(name_or_path, (str, Path)):
         raise InvalidParameter("station", quoted(name_or_path), "a name of `simrob list`, or a YAML file")
     path = Path(name_or_path)
@@ -226,7 +236,10 @@ def _inlined(program: Any, folder: Path, border: Border | None = None) -> Any:
 
 
 def _rank(key: list[str]) -> int:
-    """Rank of an override: kinds come first, then a robot's origin, since both drop what others may set again."""
+    """Return the rank of an override: kinds (0) are applied first, then the origins of robots (1), then other keys (2).
+
+    A change of a kind or of an origin (``model`` or ``urdf``) drops keys, which other overrides may set again.
+    """
     if key[-1] == "kind" and len(key) > 1:
         return 0
     return 1 if key[0] in _ROBOTS and key[-1] in _ORIGINS else 2
@@ -236,15 +249,15 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
     """Change one key of a station's content.
 
     Args:
-        content: what the station's file has, which is changed.
-        key: the path of keys to what is changed.
-        value: the new value. A mapping of the section's own kind, or of no kind, changes
-            the keys that it has; another one takes the section's place.
-        where: what errors call the override.
-        losses: notes the keys that sections lose because their key ``kind`` changes.
+        content: content of the station's file, which is changed.
+        key: path of keys to the value that is changed.
+        value: the new value. A mapping without a kind, or with the kind of the section, changes only the keys that the
+            mapping has. A mapping of another kind replaces the section. None removes an entry, such as a piece.
+        where: name of the overrides, for errors.
+        losses: records the keys that sections lose because their ``kind`` changes.
 
     Raises:
-        InvalidConfig: a key or a value that cannot be.
+        InvalidConfig: the key or the value is invalid.
     """
     if key == ["program"]:
         content["program"] = _inlined(value, Path.cwd())
@@ -271,7 +284,8 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
 
 
 def _is_part(value: Any, old: Any, key: list[str]) -> bool:
-    """Tell whether a value changes some keys of an old section, and does not take its place."""
+    """Whether a new value changes some keys of the section ``old`` at a path of keys, and does not replace it."""
+    # An empty mapping replaces the section.
     if not (isinstance(value, Mapping) and value and isinstance(old, dict)):
         return False
     old_kind = kind_of(old, key)
@@ -279,17 +293,17 @@ def _is_part(value: Any, old: Any, key: list[str]) -> bool:
 
 
 def _drop_former_robot(section: dict[str, Any], origin: str, value: Any) -> None:
-    """Take out of a robot's section what goes with the robot that another one replaces.
+    """Remove the keys from a robot's section that belong to the former robot, before a new robot replaces it.
 
     Args:
-        section: of the robot.
+        section: the robot's section.
         origin: ``model`` or ``urdf``, the key that names the new robot.
-        value: the name or file of the new robot.
+        value: name or file of the new robot.
     """
     for other in _ORIGINS[origin]:
         section.pop(other, None)
     if section.get(origin) != value and isinstance(section.get("initial_deg"), int | float):
-        # One number was meant for the axes of the former robot; the new one begins at home.
+        # One number for all axes was meant for the former robot. The new robot begins at its home posture.
         del section["initial_deg"]
 
 

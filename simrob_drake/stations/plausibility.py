@@ -1,6 +1,6 @@
-"""Whether the numbers of a station are plausible: the checks of its robots and pieces, and of its own keys.
+"""Plausibility checks for the numbers of a station: of its robots, its pieces, and its own keys.
 
-They warn, and never refuse: a number that cannot be meant is refused where it is read.
+The checks only warn. Impossible numbers raise an error when the station is read.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,22 +23,25 @@ from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.grouping import group_by_words
 
 _POSES = ("pose", "other_pose", "base", "tcp_offset", "hand_pose")  # keys of poses [x y z Rz Ry Rx]
-_FARTHEST = 100.0  # place of something in a station [m]
-_LARGEST = 30.0  # side of a piece [m]; a plate for a ground may be larger
+_FARTHEST = 100.0  # largest plausible coordinate of a pose [m]
+_LARGEST = 30.0  # largest plausible side of a piece [m]; a plate that serves as ground may be larger
 _PLATE = 1.0  # thickness up to which a piece counts as a plate [m]
-_SMALLEST = 1e-4  # largest side of a piece [m]
-_STRONGEST_GRAVITY = 100.0  # m/s²; 25 on Jupiter
-_ROUGHEST = 5.0  # coefficient of friction; rubber on rubber has about 1
-_SCALES = 0.1, 10.0  # factors of masses
-_LISTED = 3  # keys with the same doubt
+_SMALLEST = 1e-4  # smallest plausible value for the largest side of a piece [m]
+_STRONGEST_GRAVITY = 100.0  # largest plausible gravity [m/s²]; Jupiter has 25
+_ROUGHEST = 5.0  # largest plausible coefficient of friction; rubber on rubber has about 1
+_SCALES = 0.1, 10.0  # smallest and largest plausible factor of a link's mass
+_LISTED = 3  # number of keys that a warning names
 
 
 def plausibility_findings(config: StationConfig, station: Surroundings) -> list[Finding]:
-    """Warn of numbers that are hardly meant: of robots, pieces and the station's own keys.
+    """Find implausible numbers in a station: in its robots, its pieces, and its own keys.
 
     Args:
-        config: of the station.
-        station: its robots and pieces, resolved.
+        config: configuration of the station.
+        station: the station's robots and pieces.
+
+    Returns:
+        warnings; numbers with the same doubt share one warning.
     """
     doubts = list[Doubt]()
     for name, robot in station.robots.items():
@@ -61,7 +64,7 @@ def plausibility_findings(config: StationConfig, station: Surroundings) -> list[
 
 
 def _findings(doubts: Sequence[Doubt]) -> list[Finding]:
-    """Return a warning for each doubt, those of the same words in one."""
+    """Make warnings of doubts; doubts with the same words share one warning."""
     return [
         Finding("warning", places[0].partition(":")[0], f"{listed(places, _LISTED)}: {text}")
         for places, text in group_by_words(doubts)
@@ -69,7 +72,8 @@ def _findings(doubts: Sequence[Doubt]) -> list[Finding]:
 
 
 def _doubts_of(model: RobotModel) -> tuple[Doubt, ...]:
-    """Find the doubtful numbers of a robot; those of a file are looked for once."""
+    """Find the doubtful numbers of a robot. Results for a URDF file are cached until the file changes."""
+    # A robot that is described by Denavit-Hartenberg parameters has no URDF file.
     if model.dh is not None:
         return tuple(robot_doubts(model.element, model.folder))
     state = model.urdf_path.stat()
@@ -78,20 +82,28 @@ def _doubts_of(model: RobotModel) -> tuple[Doubt, ...]:
 
 @lru_cache(maxsize=64)
 def _doubts_of_file(path: Path, changed: object) -> tuple[Doubt, ...]:
-    """Find the doubtful numbers of a clean URDF; ``changed`` makes a file that was written anew be read anew."""
+    """Find the doubtful numbers of a clean URDF file.
+
+    Args:
+        path: the file.
+        changed: time of the file's last change and its size. The function does not read them: they are part of the
+            cache's key, so that a changed file is read again.
+    """
     return tuple(robot_doubts(checked_urdf(path), path.parent))
 
 
 def _piece_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
-    """Yield the doubtful numbers of a piece: its sizes, and its mass by its shapes."""
+    """Yield the doubtful numbers of a piece: its sizes, and its mass and inertia compared with its shapes."""
     key, model = f"pieces.{piece.name}", piece.model
     for shape in model.shapes:
+        # A mesh has no sides.
         sides = shape.box or shape.cylinder or ((shape.sphere,) if shape.sphere else ())
         if sides and max(sides) > _LARGEST and min(sides) > _PLATE:
             yield Doubt(key, f"a side of {max(sides):g} m; were millimetres meant? lengths are in metres")
         elif sides and max(sides) < _SMALLEST:
             yield Doubt(key, f"no side is longer than {max(sides):g} m; lengths are in metres")
     solids = [shape.solid(model.folder) for shape in model.shapes]
+    # A piece without shapes has nothing to compare with, and one without mass has no inertia.
     if not solids or model.mass == 0:
         return
     try:
@@ -105,7 +117,15 @@ def _piece_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
 
 
 def _poses(node: Any, key: str) -> Iterator[tuple[str, Sequence[float]]]:
-    """Yield all poses below a node of a configuration, each with its key."""
+    """Yield all poses below a node of a configuration, depth first.
+
+    Args:
+        node: a model, a mapping, a list or a value of the configuration.
+        key: dotted key of the node; an empty text for the whole configuration.
+
+    Yields:
+        the dotted key of each pose, and the pose [x y z Rz Ry Rx] in m and rad.
+    """
     entries: Iterator[tuple[str, Any]] = iter(())
     if isinstance(node, BaseModel):
         entries = iter(node)
@@ -117,12 +137,13 @@ def _poses(node: Any, key: str) -> Iterator[tuple[str, Sequence[float]]]:
         below = f"{key}.{name}" if key else name
         if name in _POSES and isinstance(value, tuple) and len(value) == 6:
             yield below, value
+        # The poses of a program are checked when the program is planned.
         elif name != "program":
             yield from _poses(value, below)
 
 
 def _pose_doubts(key: str, pose: Sequence[float]) -> Iterator[Doubt]:
-    """Yield what is doubtful about a pose [x y z Rz Ry Rx]."""
+    """Yield the doubts about a pose [x y z Rz Ry Rx] in m and rad: too large an angle, too far a position."""
     turn = max(pose[3:], key=abs)
     if abs(turn) > MOST_TURN:
         text = f"an angle of {turn:g} rad is {abs(turn) / (2 * np.pi):.1f} turns; were degrees meant? {turn:g}° are "
@@ -133,7 +154,7 @@ def _pose_doubts(key: str, pose: Sequence[float]) -> Iterator[Doubt]:
 
 
 def _gravity_doubts(gravity: float) -> Iterator[Doubt]:
-    """Yield what is doubtful about gravity [m/s²]."""
+    """Yield the doubts about gravity [m/s²], which is positive if it pulls down: a wrong sign, or another unit."""
     if gravity < 0:
         yield Doubt("gravity", f"{gravity:g} m/s² pulls up: {-gravity:g} pulls down, along -z")
     if abs(gravity) > _STRONGEST_GRAVITY:

@@ -11,7 +11,8 @@ accelerations to rounding, so it is
 
 .. math:: \tau = u - J \dot v + S (\ddot q_r - \dot v),
 
-its last part, with the joint's free inertia S at the start, what the solver's own error in :math:`\dot v` makes of it.
+whose last part corrects the torque for the solver's error in :math:`\dot v`. S is the joint's inertia at the start
+while the rest of the station moves freely.
 
 Discrete solvers stop at a tolerance that is relative to the momentum of the whole station,
 rotors included. Where bodies touch, the difference of the two large numbers u and
@@ -23,8 +24,8 @@ joint the motor overcomes damping d and Coulomb friction c, too:
 .. math:: \tau = f + S (\ddot q_r - \dot v) + d\,(v + h \dot v) + c\,\mathrm{sat}(v / v_s).
 
 The contact forces themselves have that tolerance: some 2 % of the weight of what touches.
-Drake's forces in joints are without those of constraints, so with couplings and contact the
-first formula stays, and the run warns.
+Drake's forces in joints do not include the forces of constraints. So with couplings and contact the
+first formula is used, and the run warns.
 
 With a load of acceleration a the joint lags by :math:`10^{-6} a / \omega^2`: nothing beside the integrator's error.
 Discrete solvers and ``cenic`` take the reference as it is at the start of a step, and follow it less exactly:
@@ -140,11 +141,18 @@ def add_prescribed_motion(
 def add_prescribed_torque(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, torque: OutputPort
 ) -> OutputPort:
-    """Move a robot's prescribed joints.
+    """Add the blocks that move a robot's prescribed joints, and compute the torques that the motions take.
 
-    Returns the torques (n,) of its servos [N·m or N], with those that the prescribed
-    motions take in their places. If :func:`takes_joint_forces` these are without what
-    the joints' Coulomb friction takes.
+    Args:
+        builder: the diagram under construction.
+        ports: ports of the station; the force that moves the joints is added to its generalized forces.
+        robot: the robot, with at least one prescribed joint.
+        torque: torques of the robot's servos, size n [N·m or N].
+
+    Returns:
+        the torques of all axes, size n [N·m or N]: the servos' torques, and for prescribed joints the torques that
+        their motions take. If :func:`uses_reaction_forces`, the part that overcomes Coulomb friction is not included,
+        and the caller adds it.
     """
     plant, prefix, config = ports.plant.plant, robot.prefix, ports.config
     places = list(robot.prescribed)
@@ -154,7 +162,8 @@ def add_prescribed_torque(
     rate = _RATES[not config.solver.holds_joint_limits]
     each = np.eye(len(places))
 
-    # What moves the rotors, u: desired positions, velocities, accelerations, then state.
+    # The force u that moves the rotors, as a matrix from the bus: first position, velocity and acceleration of each
+    # prescribed motion, then the plant's state.
     measured = robot.axis_map.state_matrix[[*places, *(count + place for place in places)]]
     desired = np.kron(each, [rate**2, 2 * rate, 1.0])
     feedback = -np.hstack([rate**2 * each, 2 * rate * each]) @ measured
@@ -165,14 +174,15 @@ def add_prescribed_torque(
     force = mapped(builder, f"{prefix}prescribed.force", spread @ law, bus)
     ports.generalized_forces.append(force)
 
-    # S: what the joints feel at the start while the rest of the station is free.
+    # The joints' inertia S while the rest of the station moves freely, at the start. It turns the acceleration that
+    # the solver misses into the torque that was missed.
     mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
     free = np.linalg.inv(spread.T @ mobility @ spread) - rotors
     missed = np.hstack([np.kron(free, [0.0, 0.0, 1.0]), np.zeros_like(feedback), -free @ spread.T])
 
     acceleration = plant.get_generalized_acceleration_output_port()
     signals = [torque, bus, acceleration]
-    if isinstance(config.solver, DiscreteSolver) and takes_joint_forces(config):
+    if isinstance(config.solver, DiscreteSolver) and uses_reaction_forces(config):
         signals.append(_add_joint_forces(builder, ports, robot))
         passive = _joint_resistance(robot, config.solver.time_step)
         taken = np.hstack([missed + passive, each])
@@ -186,31 +196,36 @@ def add_prescribed_torque(
     return mapped(builder, f"{prefix}prescribed.torque", matrix, efforts)
 
 
-def takes_joint_forces(config: StationConfig) -> bool:
-    """Whether torques of prescribed joints are computed from Drake's forces in joints.
+def uses_reaction_forces(config: StationConfig) -> bool:
+    """Whether torques of prescribed joints are computed from Drake's reaction forces in the joints.
 
-    These are exact where bodies touch under a discrete solver, and miss the forces of
-    couplings.
+    With contact under a discrete solver, the reaction forces are much more accurate than the torque that moves the
+    heavy rotor (see the module's docstring). With couplings they would be wrong: Drake's reaction forces leave out the
+    forces of constraints, so a gear's force on the joint would be missing.
     """
     return is_discrete_with_contact(config) and not constraining_couplings(config)
 
 
 def is_discrete_with_contact(config: StationConfig) -> bool:
-    """Whether bodies of a station touch each other under one of Drake's discrete solvers."""
+    """Whether the station has contact and is stepped by one of Drake's discrete solvers."""
     return isinstance(config.solver, DiscreteSolver) and config.contact is not None
 
 
 def constraining_couplings(config: StationConfig) -> list[str]:
-    """Names of the couplings that are constraints of the plant under a discrete solver."""
+    """Find the couplings that are constraints of the plant under a discrete solver. Returns their names."""
     return [name for name, coupling in config.couplings.items() if coupling.constrains]
 
 
 def _add_joint_forces(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> OutputPort:
-    """Add a block that reports the force in each prescribed joint along its axis, size k [N·m or N]."""
-    places = list(robot.prescribed)
+    """Add a sensor block for the reaction forces in the robot's k prescribed joints.
+
+    Returns:
+        the block's output: the reaction torque about, or force along, each joint's axis, size k [N·m or N].
+    """
+    axes = list(robot.prescribed)
     block = JointTorqueSensor(
-        joints=[robot.joints[place] for place in places],
-        signs=robot.axis_map.signs[places],
+        joints=[robot.joints[axis] for axis in axes],
+        signs=robot.axis_map.signs[axes],
     )
     name = f"{robot.prefix}prescribed.joint_forces"
     ports.draw_nothing(name)
@@ -218,24 +233,31 @@ def _add_joint_forces(builder: DiagramBuilder, ports: StationPorts, robot: Stati
 
 
 def _joint_resistance(robot: StationRobot, step: float) -> Vector:
-    """Matrix from motion, state and acceleration to the torques (k,) that overcome the joints' damping.
+    """Compute the matrix that gives the torques which overcome the damping of the k prescribed joints.
 
-    Discrete solvers take damping at the velocity of the step's end, a ``step`` [s] later.
+    Args:
+        robot: the robot with the joints.
+        step: step of the discrete solver [s].
+
+    Returns:
+        a matrix with k rows. Its columns take the prescribed motions (3 for each joint), the plant's state, and the
+        plant's generalized accelerations.
     """
-    places = list(robot.prescribed)
+    axes = list(robot.prescribed)
     count = len(robot.axes)
-    damping = np.diag([robot.joints[place].default_damping() for place in places])
-    speeds = robot.axis_map.state_matrix[[count + place for place in places]]
-    accelerations = robot.axis_map.velocity_matrix[places]
-    no_motion = np.zeros((len(places), 3 * len(places)))
+    damping = np.diag([robot.joints[axis].default_damping() for axis in axes])
+    speeds = robot.axis_map.state_matrix[[count + axis for axis in axes]]
+    accelerations = robot.axis_map.velocity_matrix[axes]
+    no_motion = np.zeros((len(axes), 3 * len(axes)))
+    # Discrete solvers evaluate damping at the velocity of the step's end, v + h dv/dt.
     return np.hstack([no_motion, damping @ speeds, step * damping @ accelerations])
 
 
 def _motor(plant: MultibodyPlant, joint: Joint) -> JointActuator:
-    """Actuator of a joint that carries its rotor.
+    """Find the actuator that carries the rotor of a joint.
 
-    Drake counts the rotor of a joint's last actuator alone. That is the brake which
-    stands for Coulomb friction, if the joint has friction.
+    A joint with Coulomb friction has two actuators: its motor, and a brake that stands for the friction. Drake uses
+    only the rotor of the joint's last actuator, so the last one is returned.
     """
     actuators = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
     own = [actuator for actuator in actuators if actuator.joint().index() == joint.index()]

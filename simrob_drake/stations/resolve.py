@@ -38,15 +38,16 @@ class ResolvedStation(Surroundings):
     """A station, resolved."""
 
     config: StationConfig  # its configuration, with the gears of axes that mimic others in their robots' files
-    # gears of such axes that the solver cannot hold, by name: references obey them, and nothing else does
-    unheld: Mapping[str, Gear] = field(default_factory=dict)
+    # Gears of mimic joints that the solver does not hold, by key. The start and the references obey these gears, but no
+    # force holds the axes together during a run.
+    unheld_gears: Mapping[str, Gear] = field(default_factory=dict)
     mimics: tuple[str, ...] = ()  # keys of the gears that come from the robots' files, not from the station
 
     @cached_property
     def coupled(self) -> CoupledAxes:
         """The couplings between axes, of all robots in order, by their full names."""
         axes = [f"{robot.prefix}{axis}" for robot in self.robots.values() for axis in robot.axes]
-        return coupled_axes(self.config, self.unheld, axes)
+        return coupled_axes(self.config, self.unheld_gears, axes)
 
 
 _SERVO_KEYS = "kp", "ki", "kd", "torque_limit", "integral_limit", "speed_limit"
@@ -60,9 +61,9 @@ def resolve(config: StationConfig) -> ResolvedStation:
     models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}
     mimics = mimic_gears(config, models)
     held = {name: gear for name, gear in mimics.items() if gear.is_held(solver_traits(config))}
-    unheld = {name: gear for name, gear in mimics.items() if name not in held}
+    unheld_gears = {name: gear for name, gear in mimics.items() if name not in held}
     config = config.model_copy(update={"couplings": {**config.couplings, **held}}) if held else config
-    starts = starting_positions(config, models, unheld)
+    starts = starting_positions(config, models, unheld_gears)
     pieces = {piece.name: piece for piece in _pieces(config, models)}
     for name in config.pieces:
         if name in config.robots or name == WORLD:
@@ -81,7 +82,7 @@ def resolve(config: StationConfig) -> ResolvedStation:
         pieces=pieces,
         sensors=dict(sorted(sensors.items(), key=lambda entry: len(entry[1].read(sensors)))),
         config=config,
-        unheld=unheld,
+        unheld_gears=unheld_gears,
         mimics=tuple(mimics),
     )
 

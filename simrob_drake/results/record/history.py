@@ -21,8 +21,8 @@ RUNAWAY = 1e8  # a position or speed [rad, m, rad/s, m/s] that no robot has: a r
 
 _GO_ON = EventStatus.DidNothing()
 _LOOK_EVERY = 20  # steps
-# Differences of time up to this are rounding [s]: how far a time may lie outside of the
-# run, and how short a record of the solver is that is no step.
+# Differences of time up to this value are rounding [s]. A time may lie so far outside of the run, and two records that
+# are so close are not the ends of a step.
 _ROUNDING = 1e-9
 
 
@@ -69,6 +69,7 @@ class Recorder:
         simulator.set_monitor(self._keep)
 
     def _keep(self, context: Context) -> EventStatus:
+        """Record a step and call the watchers: the simulator's monitor, which may end the run."""
         time = context.get_time()
         if self._pace is not None:
             self._pace(context)
@@ -91,6 +92,7 @@ class Recorder:
         return _GO_ON
 
     def _copy(self, time: float, context: Context) -> None:
+        """Append the time and the state of a context to the record."""
         self.times.append(time)
         if self._sizes[0]:
             self._states[0].frombytes(self._vector.CopyToVector().tobytes())
@@ -120,6 +122,7 @@ class Recorder:
         return whole if kept == len(whole.times) else self._rows(slice(0, kept))
 
     def _rows(self, rows: slice) -> "StateHistory":
+        """Make a history of some of the recorded states."""
         first, last, _ = rows.indices(len(self.times))
         everything = last - first == len(self.times)  # of which there shall be no second copy
         continuous, discrete = (
@@ -199,29 +202,28 @@ class StateHistory:
         return StateHistory(times, states, [group[after] for group in self.discrete], self._values_at(after))
 
     def steps(self, times: Vector, *, begins_in_motion: bool = False) -> "StateHistory":
-        """Find the step during which each of ``times`` (k,) [s] lies, its end included.
+        """Find the step of the solver that contains each of the given times; the end of a step belongs to the step.
 
-        A step of rounding length is not a step here, and the one before it counts.
-        Solvers take such steps where a sum of step lengths misses by 1e-15 s the time
-        at which it has to stop: at a tick, at an edge of a push, at a reference's
-        corner. What was applied in them had no time to act.
+        Steps of rounding length do not count, and the step before is taken instead. Solvers take such steps if a sum
+        of step lengths misses by 1e-15 s a time at which the solver must stop: a tick, an edge of a push, a corner of
+        a reference. A torque in such a step has no time to act.
 
         Args:
-            times: moments of the run (k,) [s].
-            begins_in_motion: whether the run goes on from the end of another one. The
-                moment of its start then belongs to its first step. Otherwise the start
-                is a step of its own, of length zero.
+            times: times within the run, shape (k,) [s].
+            begins_in_motion: whether the run continues the motion of another run. The time of the start then belongs
+                to the first step. Otherwise the start is a step of its own, of length zero.
 
         Returns:
-            the states at the ends of these steps, with the times at which the steps
-            begin, k rows.
+            the states at the ends of these steps, k rows. Their ``times`` are those at which the steps begin.
         """
+        # The first record, the start of the run, counts as the end of a step: its difference is infinite.
         has_length = np.diff(self.times, prepend=-np.inf) > _ROUNDING
         rows = np.arange(len(self.times))
-        # For each record the last one, at or before it, that ends a step with a length.
-        counted = np.maximum.accumulate(np.where(has_length, rows, 0))
-        end = counted[self._after(times)]
+        # For each record, the row of the latest record up to there that ends a step with a length.
+        last_end = np.maximum.accumulate(np.where(has_length, rows, 0))
+        end = last_end[self._after(times)]
         if begins_in_motion and has_length[1:].any():
+            # Row 0 is the start; the first step is the first one with a length after it.
             first_step = 1 + int(np.argmax(has_length[1:]))
             end = np.maximum(end, first_step)
         begin = self.times[np.maximum(end - 1, 0)]
@@ -258,9 +260,9 @@ class StateHistory:
         )
 
     def last(self, count: int = 1) -> "StateHistory":
-        """Copy the last states, ``count`` of them if there are so many.
+        """Copy the last ``count`` states, or all states if there are fewer.
 
-        They are copies since a recorder cannot grow while somebody looks at its memory.
+        Copies are needed because a recorder's arrays cannot grow while a view of their memory exists.
         """
         return StateHistory(
             self.times[-count:].copy(),

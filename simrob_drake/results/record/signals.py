@@ -38,19 +38,16 @@ class Sampler:
         """Prepare to evaluate the ports of a station at any time of its run.
 
         Args:
-            diagram: has the same states, in the same order, as the diagram that was
-                stepped.
+            diagram: a diagram with the same states, in the same order, as the diagram that was stepped.
             site: the station whose ports are evaluated.
             history: the recorded states.
-            held: ports whose value an implicit scheme with frozen inputs keeps over a
-                step: the value at the state of the step's end, with the inputs of the
-                step's start.
-            begins_in_motion: whether the run goes on from the end of another one. The
-                ``held`` ports then have at its start the value of its first step.
-            prepare: called before anything is evaluated; gives the diagram this run's
-                references back.
-            tolerant: whether what cannot be evaluated becomes no number (NaN), as after
-                a run in which a block failed.
+            held: ports with one value for each step of the solver. The value is that at the state of the step's end,
+                with the inputs of the step's start: the value that a scheme with frozen inputs applies in the step.
+            begins_in_motion: whether the run continues the motion of another run. The ``held`` ports then have, at the
+                start of the run, the value of its first step.
+            prepare: called before the first evaluation; restores the references of this run in the diagram.
+            tolerant: whether values that cannot be evaluated become NaN, as after a run in which a block failed. If it
+                is False, the error is raised.
         """
         self.diagram = diagram
         self._site = site
@@ -82,7 +79,15 @@ class Sampler:
         return self._history.times
 
     def sample(self, ports: Sequence[OutputPort], times: Vector) -> list[Any]:
-        """Return the values of ports at ``times`` (k,): for each an array (k, size), or a list of abstract values."""
+        """Evaluate ports at times of the run.
+
+        Args:
+            ports: output ports of the diagram; the held ports among them have the value of the step at each time.
+            times: times within the run, shape (k,) [s].
+
+        Returns:
+            for each port an array (k, size), or a list of k values of an abstract port.
+        """
         held = [port for port in ports if port in self._held]
         others = [port for port in ports if port not in self._held]
         values = self.evaluate(others, self._at(times))
@@ -105,6 +110,7 @@ class Sampler:
         return {port: known[port] for port in ports}
 
     def _evaluated(self, ports: Sequence[OutputPort], states: StateHistory) -> dict[OutputPort, Any]:
+        """Evaluate ports at recorded states, one row for each state, by setting the context to these states."""
         if not ports:
             return {}
         if self._prepare is not None:
@@ -121,6 +127,7 @@ class Sampler:
         return values
 
     def _value(self, port: OutputPort, context: Context) -> Any:
+        """Evaluate one port. Returns NaN if the block fails and the sampler is tolerant."""
         try:
             value = port.Eval(context)
             return value if isinstance(value, np.ndarray) else copy(value)  # which is the cache's own, and changes
@@ -222,9 +229,13 @@ class Watch:
     def __init__(
         self, site: Site, sampler: Sampler, *, held: Collection[OutputPort] = (), begins_in_motion: bool = False
     ) -> None:
-        """Watch a station whose ports a sampler evaluates.
+        """Prepare to watch a station.
 
-        ``held`` and ``begins_in_motion`` are as those of a :class:`Sampler`.
+        Args:
+            site: the station with the monitors.
+            sampler: evaluates the station's ports.
+            held: ports with one value for each step, as in :class:`Sampler`.
+            begins_in_motion: whether the run continues the motion of another run, as in :class:`Sampler`.
         """
         self._site = site
         self._sampler = sampler
@@ -232,11 +243,15 @@ class Watch:
         self._begins_in_motion = begins_in_motion
         self._onsets = dict.fromkeys(site.monitors, NOT_YET)
         self._count = 0
-        self._before: StateHistory | None = None  # the last steps of the call before
+        self._before: StateHistory | None = None  # the last two states of the previous call; None before the first
         self.stop: Stop | None = None  # why the run ends; None as long as it does not
 
     def look(self, steps: StateHistory) -> bool:
-        """Look at the steps that follow those of the last call; tell whether one of them ends the run."""
+        """Evaluate the monitors at the steps since the last call. Returns True if one of these steps ends the run.
+
+        Args:
+            steps: states at the ends of these steps.
+        """
         ports = {name: self._ports(name) for name in self._site.monitors}
         values = self._values({port for own in ports.values() for port in own}, steps)
         for row, time in enumerate(steps.times.tolist()):
@@ -250,15 +265,25 @@ class Watch:
         return False
 
     def _values(self, ports: Collection[OutputPort], steps: StateHistory) -> dict[OutputPort, Any]:
-        """Evaluate ports at the ends of steps; held ports have the values of these steps."""
+        """Evaluate ports at the ends of steps. Held ports get the values that the solver kept over these steps.
+
+        Args:
+            ports: ports of the station.
+            steps: states at the ends of the steps since the last call.
+
+        Returns:
+            the values of each port, one row for each step.
+        """
         held = [port for port in ports if port in self._held]
         others = [port for port in ports if port not in self._held]
         values = self._sampler.evaluate(others, steps)
         if held:
+            # The first of these steps begins at a state of the previous call, so that the last states are kept.
             known = steps if self._before is None else self._before.joined(steps)
             own = known.steps(steps.times, begins_in_motion=self._begins_in_motion)
             values |= self._sampler.evaluate(held, own)
-            self._before = known.last(2)  # the second last tells when the last step began
+            # The second last state gives the time at which the last step began.
+            self._before = known.last(2)
         return values
 
     def holds(self, name: str, sampler: Sampler, time: float) -> bool:
