@@ -20,7 +20,7 @@ from simrob_drake.robots.bodies import Gripper, fingers_of, links_without_inerti
 from simrob_drake.robots.coupled_axes import Asked, asked_by
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
-from simrob_drake.robots.followers import Follower, followers_among, with_followers
+from simrob_drake.robots.followers import MimicFollower, followers_among, with_followers
 from simrob_drake.robots.limits import AxisLimits, Flags, middles
 from simrob_drake.robots.motors import Drives, Gains, set_drives
 from simrob_drake.robots.urdf import DRAKE, joint_figure, joint_limits, movable_joints, name_of, root_link
@@ -239,7 +239,7 @@ class RobotModel(Strict):
         return self.user_units * self.axis_vector(self.jerk_deg or {}, "jerk_deg", np.inf)
 
     @cached_property
-    def followers(self) -> dict[str, Follower]:
+    def followers(self) -> dict[str, MimicFollower]:
         """The axes that follow another axis (``mimic``), by name, in the senses of the axes [rad or m]."""
         return followers_among({name: (axis.joint, axis.sign) for name, axis in self.axes.items()}, self.joints)
 

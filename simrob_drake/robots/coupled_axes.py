@@ -70,7 +70,7 @@ class Equation:
 
 
 @dataclass(frozen=True)
-class Condition:
+class AxisCondition:
     """An equation between axes all of which have a value from the user: the values fulfil it, or there is an error.
 
     Attributes:
@@ -101,7 +101,7 @@ class Dependence:
     offset: Vector
     moved: tuple[int, ...]
     undecided: Mapping[int, tuple[int, ...]]
-    conditions: tuple[Condition, ...]
+    conditions: tuple[AxisCondition, ...]
 
 
 @dataclass(frozen=True)
@@ -141,8 +141,8 @@ class CoupledAxes:
             totals, shape (k,) [rad or m].
         """
         at_start = self.ratios @ start
-        given = [equation.total for equation in self.equations]
-        return np.array([initial if total is None else total for initial, total in zip(at_start, given, strict=True)])
+        totals = [equation.total for equation in self.equations]
+        return np.array([initial if total is None else total for initial, total in zip(at_start, totals, strict=True)])
 
     @cached_property
     def _follows(self) -> npt.NDArray[np.bool_]:
@@ -199,14 +199,16 @@ class CoupledAxes:
         conditions = tuple(self._condition(rows[row]) for row in left)
         return Dependence(matrix, offset, tuple(pivots), undecided, conditions)
 
-    def _condition(self, row: Vector) -> Condition:
+    def _condition(self, row: Vector) -> AxisCondition:
         """Make a condition from a reduced row: n ratios, the total, and the factors of the original equations."""
         count = len(self.names)
         made_of = np.flatnonzero(np.abs(row[count + 1 :]) > _ZERO).tolist()
         labels = tuple(self.equations[equation].label for equation in made_of)
-        return Condition(row[:count], float(row[count]), labels)
+        return AxisCondition(row[:count], float(row[count]), labels)
 
-    def find_violation(self, condition: Condition, positions: Vector, bounds: Vector) -> tuple[int, int, float] | None:
+    def find_violation(
+        self, condition: AxisCondition, positions: Vector, bounds: Vector
+    ) -> tuple[int, int, float] | None:
         """Find the sample at which positions break a condition most.
 
         Args:

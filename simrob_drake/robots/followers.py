@@ -11,7 +11,7 @@ from simrob_drake.robots.bodies import FOLLOWS, followed
 from simrob_drake.robots.coupled_axes import Asked, CoupledAxes, Equation
 
 
-class Follower(NamedTuple):
+class MimicFollower(NamedTuple):
     """An axis whose position is ``factor * leader + offset``, as the robot's file says."""
 
     leader: str  # name of the axis that it follows
@@ -23,7 +23,7 @@ class Follower(NamedTuple):
         return {follower: 1.0, self.leader: -self.factor}
 
 
-def followers_among(axes: Mapping[str, tuple[str, int]], joints: Sequence[ET.Element]) -> dict[str, Follower]:
+def followers_among(axes: Mapping[str, tuple[str, int]], joints: Sequence[ET.Element]) -> dict[str, MimicFollower]:
     """Find the axes that follow other axes, by name.
 
     Args:
@@ -39,11 +39,11 @@ def followers_among(axes: Mapping[str, tuple[str, int]], joints: Sequence[ET.Ele
             continue
         factor, offset = followed(follows)
         sign, sign_of_leader = axes[name][1], axes[leader][1]
-        found[name] = Follower(leader, sign * factor * sign_of_leader, sign * offset)
+        found[name] = MimicFollower(leader, sign * factor * sign_of_leader, sign * offset)
     return found
 
 
-def with_followers(axes: Sequence[str], followers: Mapping[str, Follower], positions: Vector) -> Vector:
+def with_followers(axes: Sequence[str], followers: Mapping[str, MimicFollower], positions: Vector) -> Vector:
     """Return positions (..., n) of axes [rad or m] in which each follower is where its leader takes it."""
     if not followers:
         return positions

@@ -9,7 +9,7 @@ from simrob_drake.errors import InvalidParameter, listed
 from simrob_drake.frames import Vector
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.coupled_axes import Condition, CoupledAxes
+from simrob_drake.robots.coupled_axes import AxisCondition, CoupledAxes
 from simrob_drake.stations.config import RobotConfig, StationConfig
 from simrob_drake.stations.solver_config import FixedSteps
 
@@ -95,7 +95,7 @@ def coupled_axes(config: StationConfig, mimics: Mapping[str, Gear], axes: Sequen
 
 
 def expected_position(
-    coupled: CoupledAxes, condition: Condition, found: tuple[int, int, float], values: Vector, units: Sequence[str]
+    coupled: CoupledAxes, condition: AxisCondition, found: tuple[int, int, float], values: Vector, units: Sequence[str]
 ) -> str:
     """Write, for an error message, the position that an axis would need and the couplings that demand this position.
 
@@ -171,7 +171,7 @@ def coupled_start(
     return dict(zip(models, np.split(whole, ends), strict=True))
 
 
-def _check_solvable(condition: Condition) -> None:
+def _check_solvable(condition: AxisCondition) -> None:
     """Check that the couplings behind a condition do not contradict each other.
 
     Raises:

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Frame
-from scipy.optimize import least_squares
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, transform_from_pose
@@ -42,6 +41,8 @@ class LoopsOfRobot:
         Raises:
             InvalidParameter: no posture within the limits closes them.
         """
+        from scipy.optimize import least_squares  # loaded where it is needed: other commands start without SciPy
+
         lower, upper = self._robot.axis_limits
         home = np.clip(self._robot.home, lower, upper)
         # Stretched out, as many robots are at home, a loop is singular, and no search from there moves; hence others.

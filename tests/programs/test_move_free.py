@@ -13,7 +13,7 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.frames import as_transform
 from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.kinematics.solver import Unreachable
-from simrob_drake.programs import free_path
+from simrob_drake.programs import smooth_path
 from simrob_drake.programs.errors import GoalInCollision, NoFreePath, PathCollision, StartInCollision
 from simrob_drake.programs.free_path import metres
 from simrob_drake.programs.moves import move_free
@@ -195,8 +195,8 @@ class TestShort:
 
     def test_what_ends_in_a_hit_is_not_taken(self, arm, monkeypatch):
         arm.move_free(LEFT)
-        monkeypatch.setattr(free_path, "_ROUNDS", 1)
-        monkeypatch.setattr(free_path, "_EVERY", 10.0)  # too far apart to see the shelf
+        monkeypatch.setattr(smooth_path, "_ROUNDS", 1)
+        monkeypatch.setattr(smooth_path, "_EVERY", 10.0)  # too far apart to see the shelf
         plan = arm.plan.move_free(RIGHT)
         monkeypatch.setattr(move_free, "shortened", lambda *_: None)
         assert plan.duration == arm.plan.move_free(RIGHT).duration
