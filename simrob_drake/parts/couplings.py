@@ -328,8 +328,8 @@ class Gear(CouplingSection):
         plant, robots = site.plant.plant, site.plant.robots.values()
         if site.plant.holds_constraints or site.plant.engine is not None:
             return
-        # Rows that give the sum of positions times ratios, and its rate, from the plant's state. The row "spread" is the
-        # direction of the spring's force among the generalized forces.
+        # Rows that give the sum of positions times ratios, and its rate, from the plant's state. The row "spread" is
+        # the direction of the spring's force among the generalized forces.
         each = [(robot.axis_map, self._counts(robot)) for robot in robots]
         place = sum(counts @ axes.state_matrix[: len(counts)] for axes, counts in each)
         speed = sum(counts @ axes.state_matrix[len(counts) :] for axes, counts in each)
