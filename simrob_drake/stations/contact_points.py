@@ -223,7 +223,7 @@ def _body_of(plant: MultibodyPlant, inspector: SceneGraphInspector, shape: Geome
 def _mass_of(plant: MultibodyPlant, inspector: SceneGraphInspector, shape: GeometryId) -> float:
     """Mass of everything that moves with a shape: a free piece, or a whole robot [kg]."""
     instance = _body_of(plant, inspector, shape).model_instance()
-    return sum(plant.get_body(index).default_mass() for index in plant.GetBodyIndices(instance))
+    return float(sum(plant.get_body(index).default_mass() for index in plant.GetBodyIndices(instance)))
 
 
 def _robot_of(

@@ -183,9 +183,13 @@ def test_moves_that_zones_join_are_left_out_together(done):
     assert moved.lost[0].text.endswith("left out, with the 2 before that its zones join")
 
 
-def test_a_first_line_from_nowhere_goes_by_the_axes(done):
+def test_a_first_line_from_nowhere_goes_by_the_axes(done, monkeypatch):
+    """The program begins where all axes are at 0: the wrist is singular there, so no line leads away from it."""
+    robot = STATION.robots["robot"].model_copy(update={"initial_deg": 0.0})
+    stretched = STATION.model_copy(update={"robots": {"robot": robot}})
+    monkeypatch.setitem(globals(), "STATION", stretched)
     target = f"[[15,455,96],[0.5129,-0.1998,0.8271,-0.1140],[1,-1,1,0],{FREE}]"
-    low = f"MoveL {target},v200,fine,tool0;"  # from its zero posture, in which the wrist is singular
+    low = f"MoveL {target},v200,fine,tool0;"
     moved, plain = done(low), done(low.replace("MoveL", "MoveJ"))
     assert [remark.text.partition(",")[0] for remark in moved.remarks if not remark.lost][:1] == ["is the first move"]
     np.testing.assert_allclose(end_of(moved), end_of(plain), atol=1e-9)
