@@ -132,7 +132,10 @@ class Timeline:
         return place
 
     def settings(self) -> dict[str, Any]:
-        """Return the settings that hold now, by key."""
+        """Return the settings that changes have made up to now, by key; later changes override earlier ones.
+
+        Keys that no change has set are missing: they have the station's own values.
+        """
         now = self.steps(self.now)
         settings: dict[str, Any] = {}
         for change in self.changes:

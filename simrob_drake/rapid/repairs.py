@@ -79,12 +79,26 @@ def _missing_semicolon(token: Node, stack: Sequence[Node], place: int, text: str
 
 
 def _missing_block_end(problem: Any, stack: Sequence[Node], place: int, text: str) -> Repair | None:
-    """Find the block that does not end before a token which ends another one, or stands outside of routines."""
+    """Explain a token that ends a block or stands outside of routines, at a place where it is not allowed.
+
+    Either no block of its kind is open: then the token is replaced by blanks. Or an inner block is still open: then the
+    missing end of this block is inserted at ``place``.
+
+    Args:
+        problem: the parser's error.
+        stack: what the parser has read and not yet completed.
+        place: where the last readable part of the text ends.
+        text: the whole text.
+
+    Returns:
+        the repair. None if no end of a block is missing.
+    """
     token = problem.token
     kinds = {getattr(node, "type", "") for node in stack}
     if token.type in _BLOCKS and _BLOCKS[token.type] not in kinds:
         without = text[: token.start_pos] + " " * len(token) + text[token.end_pos :]
         return Repair(token.line, f"{token} ends nothing that was begun", without)
+    # The ends are in the order of blocks from the innermost kinds outward. The token itself is not what is missing.
     end = next((end for end in _BLOCKS if end in problem.accepts and end != token.type), None)
     if end is None:
         return None

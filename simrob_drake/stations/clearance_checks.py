@@ -22,12 +22,7 @@ _EVERY = 20
 def clearance_findings(config: StationConfig, references: Mapping[str, Reference]) -> list[Finding]:
     """Check whether robots collide with the ground, with themselves or with other bodies.
 
-    Robots with a reference are checked along the reference, all others in their start
-    posture.
-
-    Args:
-        config: the station.
-        references: reference trajectories by the names of their robots.
+    A robot with a reference is checked at samples of its reference, any other robot at its start posture.
     """
     if not config.robots:
         return []
@@ -45,19 +40,19 @@ def clearance_findings(config: StationConfig, references: Mapping[str, Reference
             heights[name].append(clearance.lowest(robot))
     findings = []
     for name, robot in clearance.station.robots.items():
-        looked = f"at {len(times)} times along its reference" if name in references else "where it starts"
+        when_checked = f"at {len(times)} times along its reference" if name in references else "where it starts"
         if not heights[name][0]:
             text = "not looked at: the robot has no shapes that collide"
             findings.append(Finding("note", f"clearance of {name}", text))
             continue
         if not robot.floats:  # a robot without a fixed base stands on the floor
-            findings += _floor_findings(clearance, robot, times, heights[name], looked)
-        findings += _self_findings(clearance, robot, overlaps, len(heights[name][0]), looked)
+            findings += _floor_findings(clearance, robot, times, heights[name], when_checked)
+        findings += _self_findings(clearance, robot, overlaps, len(heights[name][0]), when_checked)
     return findings + _other_findings(clearance, overlaps)
 
 
 def _floor_findings(
-    clearance: Clearance, robot: StationRobot, times: Vector, heights: list[Mapping[str, float]], looked: str
+    clearance: Clearance, robot: StationRobot, times: Vector, heights: list[Mapping[str, float]], when_checked: str
 ) -> list[Finding]:
     """Find links of a robot that lie below the ground.
 
@@ -66,7 +61,7 @@ def _floor_findings(
         robot: the robot, fixed to the world.
         times: times of the checked postures [s].
         heights: height of each link above the ground [m] by name, one mapping for each time.
-        looked: text that tells the user at which postures the robot was checked.
+        when_checked: text that tells the user at which postures the robot was checked.
     """
     ground, subject = clearance.station.ground, f"floor and {robot.name}"
     if not (ground.has_floor or ground.boxes):
@@ -92,7 +87,7 @@ def _floor_findings(
         return [*findings, Finding("note", subject, "not looked at: no link that moves has a shape to touch with")]
     lowest, time, link = min(moving)
     if lowest >= -bound:
-        text = f"{looked} {link} comes nearest to the ground: {max(lowest, 0.0) * 1e3:.0f} mm at {time:.2f} s"
+        text = f"{when_checked} {link} comes nearest to the ground: {max(lowest, 0.0) * 1e3:.0f} mm at {time:.2f} s"
         return [*findings, Finding("ok", subject, text)]
     text = f"{link} is {-lowest * 1e3:.0f} mm below the ground at {time:.2f} s"
     return [
@@ -102,7 +97,7 @@ def _floor_findings(
 
 
 def _self_findings(
-    clearance: Clearance, robot: StationRobot, overlaps: list[tuple[float, Overlap]], shapes: int, looked: str
+    clearance: Clearance, robot: StationRobot, overlaps: list[tuple[float, Overlap]], shapes: int, when_checked: str
 ) -> list[Finding]:
     """Find collisions between links of one robot.
 
@@ -111,13 +106,13 @@ def _self_findings(
         robot: the robot.
         overlaps: all collisions in the station, with their times [s].
         shapes: count of the robot's bodies that have collision shapes.
-        looked: text that tells the user at which postures the robot was checked.
+        when_checked: text that tells the user at which postures the robot was checked.
     """
     subject = f"links of {robot.name}"
     left_out = _left_out_text(clearance, robot)
     own = [(time, overlap) for time, overlap in overlaps if overlap.robot == robot.name]
     if not own:
-        return [Finding("ok", subject, f"{looked} none of {shapes} bodies with shapes lies in another{left_out}")]
+        return [Finding("ok", subject, f"{when_checked} none of {shapes} bodies with shapes lies in another{left_out}")]
     return [_contact_finding(clearance, subject, _deepest(own) + left_out, "change initial_deg or reference", own=True)]
 
 

@@ -269,15 +269,16 @@ def _add_balls(
 
 
 def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float = 0.0) -> list[ContactBall]:
-    """Place balls at the corners of a convex body (m, 3) [m], so that they touch its faces from inside.
+    """Place a ball inside each corner of a convex body, so that the balls touch its faces from inside.
 
-    This is exact if the faces are parallel to the axes of the shape. At other corners a ball lies up to its radius
-    too deep or too high.
+    Each ball is shifted inward along x, y and z by its radius. So it touches faces that are parallel to the planes of
+    the shape's frame exactly. At slanted faces it ends below the face or protrudes from it, usually by less than its
+    radius; on strongly slanted bodies it can protrude by more.
 
     Args:
-        corners: shape (m, 3) [m], in the frame of the shape.
-        depth: how far the balls sink in under the weight of the body [m].
-        protrusion: how far they reach beyond the faces [m].
+        corners: corners of the body, shape (m, 3) [m], in the frame of the shape.
+        depth: how far the balls sink in under the body's weight [m]; their radius is chosen by it.
+        protrusion: how far the balls reach beyond the faces [m].
     """
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     radius = _radius(float(np.ptp(corners, axis=0).min()), depth)

@@ -58,7 +58,7 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
             _repair_axis(joint, where, report)
             _repair_limits(joint, where, report)
             _repair_dynamics(joint, where, options, report)
-    _name_followers(robot, report)
+    _check_followers(robot, report)
     _fix_still_followers(robot, report)
     _widen_followers(robot, report)
     if not movable_joints(robot):
@@ -95,10 +95,12 @@ def _free_root(robot: ET.Element, report: ImportReport) -> None:
     report.add("repaired", f"joint '{name_of(joints[0])}'", why)
 
 
-def _name_followers(robot: ET.Element, report: ImportReport) -> None:
-    """Turn every ``mimic`` into what stations make a coupling of, in place; leave out those without a meaning.
+def _check_followers(robot: ET.Element, report: ImportReport) -> None:
+    """Check every ``mimic`` and rename it to ``FOLLOWS``, the tag from which stations make a coupling, in place.
 
-    A joint that follows a fixed joint, or follows with a multiplier of 0, stands: it becomes fixed there.
+    A ``mimic`` without a meaning is removed: at a fixed joint, or with a leader that is missing or follows the joint
+    itself. Joints that follow a fixed joint, or follow with a multiplier of 0, keep theirs here:
+    :func:`_fix_still_followers` makes them fixed joints afterwards.
     """
     joints = {name_of(joint): joint for joint in robot.iterfind("joint")}
     followers = {name: joint for name, joint in joints.items() if joint.find("mimic") is not None}

@@ -35,7 +35,8 @@ LEAST_LOAD = 0.2
 """Friction is compared with normal forces of at least this share of a piece's weight."""
 
 STEADY_NORMAL = np.cos(np.deg2rad(2.0))
-"""The normals of the contacts in a window agree if the cosine of their angles to the mean is at least this."""
+"""The normals of several contacts agree if the cosine of their angles to the mean is at least this, or if the length of
+their mean is."""
 
 
 def measure_resting_force(run: RecordedRun) -> Measured | None:
@@ -58,15 +59,20 @@ def measure_resting_force(run: RecordedRun) -> Measured | None:
 
 
 def _judged_direction(run: RecordedRun, looks: list[Look]) -> Vector | None:
-    """Choose the direction in which forces at rest are compared, a unit vector (3,): the normal of the contacts.
+    """Choose the unit vector (3,) along which the forces on a resting piece are compared.
 
-    If the normals point in several directions, as between two fingers, it is the vertical. The scheme cenic gives
-    friction wrongly, so then nothing can be compared: returns None, as without any look.
+    If all contacts have nearly the same normal, it is this normal: friction has no component along it. Otherwise, as
+    for a piece between two fingers, it is the vertical, and friction counts.
+
+    Returns:
+        the direction. None if no contacts were looked at, or if friction counts and the scheme is cenic, whose
+        friction forces are wrong.
     """
     if not looks:
         return None
     normal = np.mean([look.normal for look in looks], axis=0)
     length = float(np.linalg.norm(normal))
+    # The mean of unit vectors is nearly 1 long only if they point in nearly the same direction.
     if length > STEADY_NORMAL:
         return np.asarray(normal / length)
     return None if run.config.solver.scheme == "cenic" else np.array([0.0, 0.0, 1.0])
@@ -184,10 +190,11 @@ def _velocity_of_centre(run: RecordedRun, piece: str) -> Vector:
 
 
 def _applied_force(run: RecordedRun, piece: str) -> Vector:
-    """Sum of the station's forces on a piece in the world's axes at all samples, shape (m, 3) [N]."""
+    """Compute the sum of the station's forces on a piece at all m samples, in the world's axes, shape (m, 3) [N]."""
     total = np.zeros((len(run.times), 3))
     for name, force in run.config.forces.items():
         if force.at == piece:
+            # Forces are recorded in the axes of what they act on.
             rotations = [transform_from_xyz_quaternion(pose).rotation().matrix() for pose in run.piece_pose(piece)]
             total += np.einsum("mij,mj->mi", np.array(rotations), run.vector(f"applied_force.{name}"))
     return total

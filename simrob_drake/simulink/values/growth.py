@@ -137,10 +137,12 @@ def check_size(elements: int) -> int:
 
 
 def count_entries(value: Any) -> int:
-    """Count the entries of a cell array or a structure with all that is in it, as if nothing in it were shared.
+    """Count a value and everything nested in it, for cell arrays and structures.
+
+    A part that is contained twice counts twice: the object in memory may be small, but what is made of it is not.
 
     Raises:
-        NotUnderstood: they are more than anything may have.
+        NotUnderstood: there are more than `LARGEST` entries.
     """
     waiting = [value]
     entries = 0
