@@ -10,6 +10,7 @@ from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.programs.gaits.sequences import march, posing, standing_height
 from simrob_drake.programs.gaits.walker import feet_of, mirrored
 from simrob_drake.robots.catalog import load_robot
+from simrob_drake.stations.resolve import resolve
 
 ALL = [
     (robot, name) for robot in ("humanoid", "roid1", "zjudancer", "yobotics") for name in load_gaits(robot).sequences
@@ -18,9 +19,9 @@ ALL = [
 
 @pytest.mark.parametrize("robot", ["humanoid", "roid1", "zjudancer", "yobotics"])
 def test_the_height_at_which_a_robot_stands_is_that_of_its_station(robot):
-    entry = load_station(f"{robot}_dynamic").robots["robot"]
-    model = load_robot(robot)
-    angles = np.deg2rad(model.axis_vector(entry.initial_deg, "initial_deg"))
+    config = load_station(f"{robot}_dynamic")
+    entry = config.robots["robot"]
+    angles = resolve(config).robots["robot"].initial
     assert standing_height(skeleton_of(robot), angles, entry.feet) == pytest.approx(entry.base[2], abs=1e-5)
 
 
