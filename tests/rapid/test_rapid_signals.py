@@ -12,7 +12,11 @@ from simrob_drake.rapid.signals import Signals
 from simrob_drake.stations.load import bare_station
 
 STATION = bare_station(
-    "irb120", {"pieces.part": {"model": "pencil", "parent": "world", "pose": [0.3, 0, 0.5, 0, 0, 0]}}
+    "irb120",
+    {
+        "robot.initial_deg": 0,  # at home, the arm would begin in the piece
+        "pieces.part": {"model": "pencil", "parent": "world", "pose": [0.3, 0, 0.5, 0, 0, 0]},
+    },
 )
 TABLE = """
 signals:
