@@ -187,8 +187,9 @@ def test_the_gap_to_the_floor_is_the_balls_height_without_its_radius(height, met
     arm = Arm(load_station("irb120_dynamic", BALL), tool="load")
     found = ask.branches(arm, [0.35, 0.1, height, 0, 0, 180], "world")
     nearest = [branch for branch in found if branch["gap"]["between"] == ["load", "floor"]]
-    assert nearest
-    for branch in nearest:
+    clear = [branch for branch in nearest if "link" not in branch["collision"]]  # of itself: some branches fold the arm
+    assert clear
+    for branch in clear:
         assert branch["gap"]["distance"] == pytest.approx(height - 0.06, abs=1e-9)
         assert branch["collision"] == met
         assert branch["usable"] is (not met and branch["room"]["left"] >= 0)
