@@ -226,5 +226,6 @@ def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
         return [Finding("ok", "contact", "of what can touch nothing penetrates at the start")]
     if overlap.depth <= TOUCHING:
         return [Finding("ok", "contact", str(overlap))]
-    refused = ", and a run does not begin" if overlap.depth > allowed_overlap(ports.config) else ""
+    is_of_piece = overlap.first in ports.config.pieces or overlap.second in ports.config.pieces
+    refused = ", and a run does not begin" if is_of_piece and overlap.depth > allowed_overlap(ports.config) else ""
     return [Finding("warning", "contact", f"{overlap}{refused}; move one of them")]

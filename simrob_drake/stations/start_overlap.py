@@ -39,20 +39,21 @@ class StartOverlap(NamedTuple):
         return f"{self.first} and {self.second} are {self.depth * 1e3:.1f} mm deep in each other at the start"
 
 
-def deepest_overlap(ports: StationPorts, root: Context) -> StartOverlap | None:
+def deepest_overlap(ports: StationPorts, root: Context, *, of_pieces: bool = False) -> StartOverlap | None:
     """Find the two bodies that can touch and are deepest in each other, in a context of the station's diagram.
 
-    Returns None if none are deeper in each other than contact forces press them.
+    With ``of_pieces``, one of the two is a piece. Returns None if none are deeper in each other than contact forces press them.
     """
     if ports.plant.replaced_pairs:
         root = ports.plant.with_whole_shapes(root)
     pairs = ports.plant.query(root).ComputePointPairPenetration()
-    deep = [pair for pair in pairs if pair.depth > PRESSED]
-    if not deep:
-        return None
-    deepest = max(deep, key=lambda pair: pair.depth)
-    names = sorted(owner_and_robot(ports.plant, shape)[0] for shape in (deepest.id_A, deepest.id_B))
-    return StartOverlap(first=names[0], second=names[1], depth=float(deepest.depth))
+    overlaps = []
+    for pair in pairs:
+        first, second = sorted(owner_and_robot(ports.plant, shape)[0] for shape in (pair.id_A, pair.id_B))
+        has_piece = first in ports.config.pieces or second in ports.config.pieces
+        if pair.depth > PRESSED and (has_piece or not of_pieces):
+            overlaps.append(StartOverlap(first=first, second=second, depth=float(pair.depth)))
+    return max(overlaps, key=lambda overlap: overlap.depth, default=None)
 
 
 def allowed_overlap(config: StationConfig) -> float:
@@ -61,14 +62,16 @@ def allowed_overlap(config: StationConfig) -> float:
 
 
 def check_start_overlap(config: StationConfig, ports: StationPorts, root: Context) -> None:
-    """Check that no bodies are so deep in each other at the start that a run would make no sense.
+    """Check that no piece is so deep in another body at the start that a run would make no sense.
+
+    A robot on its own feet may begin in the floor, as one that lies there: it pushes itself out.
 
     Raises:
-        InvalidParameter: two bodies are; with both names and what to change.
+        InvalidParameter: one is; with both names and what to change.
     """
     if config.mode == "kinematic" or config.contact is None:
         return
-    overlap = deepest_overlap(ports, root)
+    overlap = deepest_overlap(ports, root, of_pieces=True)
     if overlap is None or overlap.depth <= allowed_overlap(config):
         return
     depth = f"{overlap.depth * 1e3:.1f} mm"
