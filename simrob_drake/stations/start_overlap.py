@@ -42,7 +42,8 @@ class StartOverlap(NamedTuple):
 def deepest_overlap(ports: StationPorts, root: Context, *, of_pieces: bool = False) -> StartOverlap | None:
     """Find the two bodies that can touch and are deepest in each other, in a context of the station's diagram.
 
-    With ``of_pieces``, one of the two is a piece. Returns None if none are deeper in each other than contact forces press them.
+    With ``of_pieces``, one of the two is a piece. Returns None if none are deeper in each other than contact forces
+    press them.
     """
     if ports.plant.replaced_pairs:
         root = ports.plant.with_whole_shapes(root)
