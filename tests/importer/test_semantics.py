@@ -55,8 +55,10 @@ def test_a_station_goes_to_them(file):
     (file.parent / "own.yaml").write_text("robot: {urdf: gantry.urdf}\nmode: kinematic\n")
     arm = Arm(load_station(file.parent / "own.yaml", mesh_path=[file.parents[1]]))
     arm.move_abs_j("far")
-    # The posture names one finger, and the other one follows it.
-    np.testing.assert_allclose(arm.reference, [0.25, 0, 0.01, 0.01])
+    # The posture names one finger, and the other one follows it. The second axis stays at home, where it began.
+    home = arm.cell.robot("robot").model.home[1]
+    np.testing.assert_allclose(arm.reference, [0.25, home, 0.01, 0.01])
+    assert home == pytest.approx(0.1)
 
 
 def test_fingers_are_open_where_it_says_so(file, tmp_path):
