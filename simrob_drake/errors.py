@@ -99,8 +99,16 @@ def one_of(kind: str, name: object, known: Iterable[str]) -> str:
 
 
 def shown(value: object) -> str:
-    """Return any value as messages show it: on one line, cut where it is long."""
+    """Return a value as messages show it: on one line, cut if it is long. The file name of a long path stays whole."""
+    if isinstance(value, Path):
+        return _shortened_path(value)
     return shortened(value) if isinstance(value, str) else quoted(value)
+
+
+def _shortened_path(path: Path, length: int = 80) -> str:
+    """Return a path on one line. If it is long, the folders at its beginning are cut, not the name of the file."""
+    text = shortened(str(path), length=1000)
+    return text if len(text) <= length else "…" + text[len(text) - length + 1 :]
 
 
 def quoted(value: object) -> str:

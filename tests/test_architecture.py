@@ -113,11 +113,6 @@ def test_classes_of_the_package_are_three_deep_at_most():
     assert {name for name in own if depth(name) > 3} == set()
 
 
-def test_modules_hold_one_concept_each():
-    long = {str(file): count for file in MODULES if (count := len(file.read_text().splitlines())) > 400}
-    assert long == {}
-
-
 def test_the_package_loads_nothing_heavy():
     """What draws, solves and reads meshes is loaded where it is first used: `Arm` too."""
     script = (

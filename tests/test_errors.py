@@ -1,5 +1,7 @@
 """Messages that users meet: one line each, with what would be right."""
 
+from pathlib import Path
+
 import pytest
 
 from simrob_drake.errors import (
@@ -31,6 +33,17 @@ def test_where_nothing_is_known_nothing_is_proposed() -> None:
 def test_a_place_without_an_element_leaves_no_empty_colons() -> None:
     assert str(InvalidModel("arm.urdf", "", "is not XML")) == "arm.urdf: is not XML"
     assert str(InvalidConfig("a.yaml", "b.c", "unknown key")) == "a.yaml: b.c: unknown key"
+
+
+def test_a_long_path_keeps_the_name_of_its_file() -> None:
+    file = Path("/folder" * 50, "net.onnx")
+    message = str(InvalidParameter("policy", file, "a network"))
+    assert message.startswith("policy is …")
+    assert message.endswith("/folder/net.onnx; it must be a network")
+    assert len(message) < 120
+    assert str(InvalidParameter("policy", Path("a/net.onnx"), "a network")) == (
+        "policy is a/net.onnx; it must be a network"
+    )
 
 
 @pytest.mark.parametrize("value", ["line\n" * 100, list(range(1000)), None])

@@ -22,7 +22,7 @@ def pallet(**overrides):
     """Return a parcel that has been let go a little askew on a pallet, under a scheme that cannot hold contacts."""
     pieces = {
         "pallet": {"parent": "world"},
-        "parcel": {"free": True, "pose": [0, 0, 0.051, 0.1, 0.02, 0.01]},
+        "parcel": {"free": True, "pose": [0, 0, 0.087, 0.1, 0.02, 0.01]},
         "ball": {"free": True, "pose": [3, 0, 5, 0, 0, 0]},
     }
     given = {"solver": RADAU, "pieces": pieces, "contact": {"model": "point", "corners": False}, "sensors": {}}

@@ -67,4 +67,4 @@ def test_whatever_a_user_prints_takes_a_line_or_three(result):
             assert len(told) < 600, type(thing)
             assert " at 0x" not in told
     assert "tool load at 0.592 0 0.63 m, Rz Ry Rx 90 0 90 deg" in repr(Arm("irb120_kinematic"))
-    assert repr(load_station("irb120_dynamic").robots["robot"]) == "RobotConfig(model='irb120')"  # no defaults
+    assert repr(load_station("irb120_dynamic").robots["robot"]) == "RobotConfig(model='irb120', initial_deg=0.0)"

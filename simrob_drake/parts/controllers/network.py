@@ -59,22 +59,22 @@ class Network:
         try:
             content = content_of(file, _LARGEST_FILE)
         except NotRead as problem:
-            raise InvalidParameter(key, str(file), f"an ONNX file that can be read ({problem})") from problem
+            raise InvalidParameter(key, file, f"an ONNX file that can be read ({problem})") from problem
         try:
             model = onnx.ModelProto.FromString(content)
         except Exception as problem:  # protobuf has an error class for each of its implementations
-            raise InvalidParameter(key, str(file), f"a network as ONNX ({shown(str(problem))})") from problem
+            raise InvalidParameter(key, file, f"a network as ONNX ({shown(str(problem))})") from problem
         _check_operators(model, file, key)
         try:
             self._session: Any = _new_session(content)
         except Exception as problem:  # ONNX Runtime has many classes of its own, without a base
             detail = " ".join(str(problem).split())
-            raise InvalidParameter(key, str(file), f"a network as ONNX ({detail})") from problem
+            raise InvalidParameter(key, file, f"a network as ONNX ({detail})") from problem
         takes = self._session.get_inputs()
         gives = self._session.get_outputs()
         if len(takes) != 1 or len(gives) != 1:
             detail = f"a network of one input and one output (it has {len(takes)} and {len(gives)})"
-            raise InvalidParameter(key, str(file), detail)
+            raise InvalidParameter(key, file, detail)
         self.inputs = _size(takes[0], file, key)
         self.outputs = _size(gives[0], file, key)
         self._input = takes[0].name
@@ -114,7 +114,7 @@ class Network:
             elif "Available memory" in detail or "bad allocation" in detail:
                 detail = f"it needs more than {_MOST_MEMORY // 2**20} MiB of memory"
             detail = shown(detail)
-            raise InvalidParameter(key, str(file), f"a network that can be evaluated ({detail})") from problem
+            raise InvalidParameter(key, file, f"a network that can be evaluated ({detail})") from problem
         finally:
             deadline.cancel()
 
@@ -164,13 +164,13 @@ def _check_operators(model: Any, file: Path, key: str) -> None:
             continue
         if node.op_type in _CONTROL_FLOW:
             expected = f"a network without loops and branches (it has the operator {node.op_type})"
-            raise InvalidParameter(key, str(file), expected)
+            raise InvalidParameter(key, file, expected)
         if node.op_type in _RANDOM or _is_training_dropout(node, constants):
             expected = f"a network without random numbers (it has the operator {node.op_type})"
-            raise InvalidParameter(key, str(file), expected)
+            raise InvalidParameter(key, file, expected)
     if _written_out(model.graph, functions) > _MOST_NODES:
         expected = f"a network of at most {_MOST_NODES} operators, with its functions written out"
-        raise InvalidParameter(key, str(file), expected)
+        raise InvalidParameter(key, file, expected)
 
 
 def _is_training_dropout(node: Any, constants: Mapping[str, Any]) -> bool:
@@ -219,5 +219,5 @@ def _size(port: Any, file: Path, key: str) -> int:
         expected = (
             f"a network of floats of shapes (size,) or (batch, size) ('{port.name}' is a {port.type} of {port.shape})"
         )
-        raise InvalidParameter(key, str(file), expected)
+        raise InvalidParameter(key, file, expected)
     return size
