@@ -16,8 +16,8 @@ import numpy as np
 import yaml
 
 from simrob_drake.arguments import as_path
-from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
+from simrob_drake.constants import LARGEST_GAIN, STANDARD_GRAVITY
+from simrob_drake.errors import InvalidConfig, OutputError, SimrobError, listed
 from simrob_drake.files import ROBOT_FILE, opened, text_of
 from simrob_drake.folders import cache_entry, filled_at_once
 from simrob_drake.frames import Vector
@@ -255,8 +255,17 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Sema
             report.add("read", "robot.yaml", f"servo gains of {len(own['kp'])} axes are those of the file's actuators")
         if len(own["kp"]) < len(robot.axes):
             report.add("defaulted", "robot.yaml", "servo gains from the mass matrix")
+        _report_stiff_joints(robot, made["kp"], report)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     return _HEADER + text
+
+
+def _report_stiff_joints(robot: RobotModel, kp: Mapping[str, float], report: ImportReport) -> None:
+    """Report the axes whose joints are so heavily damped that no servo moves them."""
+    held = [axis for axis in robot.axes if kp[axis] >= LARGEST_GAIN]
+    if held:
+        text = f"no servo moves {listed(held)}: the damping of the joint is too large. Make the joint fixed"
+        report.add("approximated", "robot.yaml", f"{text} if it is not to move")
 
 
 _CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]
@@ -362,7 +371,9 @@ def first_gains(robot: RobotModel) -> FirstGains:
     for place, ends in robot.fingers.items():
         stiffness[place] = max(stiffness[place], robot.efforts[place] / (_PRESSES * abs(ends[1] - ends[0])))
     kp = np.maximum(stiffness, _FREQUENCY * np.maximum(_FREQUENCY * load.inertias, load.dampings))
-    kd = 2 * np.sqrt(load.coupling * kp * load.inertias)
+    # Some files hold a joint by an immense damping, such as 1e11 N·s/m: a servo does not move it with any gain.
+    kp = np.minimum(kp, LARGEST_GAIN)
+    kd = np.minimum(2 * np.sqrt(load.coupling * kp * load.inertias), LARGEST_GAIN)
     return FirstGains(_rounded(kp), _rounded(kd))
 
 

@@ -10,8 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from simrob_drake.blocks.servo import LARGEST_GAIN
-from simrob_drake.constants import STANDARD_GRAVITY
+from simrob_drake.constants import LARGEST_GAIN, STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.parts.controllers import Controllers

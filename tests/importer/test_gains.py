@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from simrob_drake.constants import LARGEST_GAIN
 from simrob_drake.files import models_root
-from simrob_drake.importer.importing import first_gains
+from simrob_drake.importer.importing import first_gains, import_robot
 from simrob_drake.robots.catalog import load_robot_from_urdf
 from simrob_drake.robots.parse import lone_robot
 from simrob_drake.simulation import simulate
@@ -66,3 +67,16 @@ def test_a_light_joint_with_damping_of_its_own_keeps_up(one_joint_urdf, write_ur
     error = np.rad2deg(np.abs(result.axes("q_ref") - result.axes("q")))
     assert error.max() == pytest.approx(np.rad2deg(np.abs(result.axes("v")).max()) / 30, rel=0.02)
     assert error[-1].max() < 1e-3
+
+
+def test_a_joint_that_its_damping_holds_gets_the_largest_gain_and_the_report_names_it(one_joint_urdf, tmp_path):
+    """Some published files fix a joint by a damping of 1e11: 30 rad/s times that is no gain that a servo accepts."""
+    (tmp_path / "arm").mkdir()
+    source = tmp_path / "arm" / "arm.urdf"
+    source.write_text(changed(one_joint_urdf, damping="1e11"))
+    report = import_robot(source, tmp_path / "imported").report
+    assert first_gains(load_robot_from_urdf(source)).kp == [LARGEST_GAIN]
+    assert any("no servo moves shoulder" in entry.text for entry in report.entries)
+    load_station_text = draft_station(tmp_path / "imported" / "arm.urdf", folder=tmp_path)
+    (tmp_path / "station.yaml").write_text(load_station_text)
+    assert load_station(tmp_path / "station.yaml").mode == "dynamic"
