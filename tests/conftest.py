@@ -68,6 +68,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         gc.freeze()  # else a third of the time goes into looking through the imported libraries, again and again
 
 
+def pytest_unconfigure() -> None:
+    """Thaw what `gc.freeze` has frozen, so that the interpreter can collect it at its end.
+
+    Otherwise the bindings of OMPL report all of their types and functions as leaks.
+    """
+    gc.unfreeze()
+
+
 BY_THE_CLOCK = ("e2e", "test_server", "test_kills", "test_live", "test_cli_interrupts", "test_study", "test_sweep")
 """Folders and files whose tests press, kill and await other processes: on a busy machine one may come too late."""
 
