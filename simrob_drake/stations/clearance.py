@@ -213,7 +213,7 @@ class Clearance(PosedStation):
         Bodies of different owners that already touch at the start, by at most
         START_TOLERANCE, may overlap by that depth plus the usual tolerance.
         """
-        collisions = self.policy.overlaps(begun=self._depths_at_start)
+        collisions = self.policy.overlaps(depths_at_start=self._depths_at_start)
         return [overlap for overlap in collisions if FLOOR not in overlap.bodies]
 
 
