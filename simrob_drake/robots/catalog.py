@@ -17,7 +17,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.robots.axis import Axis, axes_by_name
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
 from simrob_drake.robots.bodies import Gripper, fingers_of, links_without_inertia, tool_links
-from simrob_drake.robots.coupled_axes import Asked, asked_by
+from simrob_drake.robots.coupled_axes import Firmness, firmness_of_values
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.followers import MimicFollower, followers_among, with_followers
@@ -318,9 +318,9 @@ class RobotModel(Strict):
             raise InvalidParameter(name, values, f"one number, or {count} numbers, one an axis of {self.name}")
         return np.broadcast_to(vector, (count,)).copy()
 
-    def asked(self, values: AxisValues | None) -> list[Asked]:
-        """How firmly a user's values per axis ask each of the n axes: see :func:`asked_by`."""
-        return asked_by(values, len(self.axes), self.axis_index)
+    def firmness(self, values: AxisValues | None) -> list[Firmness]:
+        """Find how firmly a user's values give the position of each of the n axes: see :func:`firmness_of_values`."""
+        return firmness_of_values(values, len(self.axes), self.axis_index)
 
     def axis_index(self, axis: str, where: str = "") -> int:
         """Return the place of an axis given by its name or an alias."""

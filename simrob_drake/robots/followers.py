@@ -8,7 +8,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.robots.bodies import FOLLOWS, followed
-from simrob_drake.robots.coupled_axes import Asked, CoupledAxes, Equation
+from simrob_drake.robots.coupled_axes import Firmness, CoupledAxes, Equation
 
 
 class MimicFollower(NamedTuple):
@@ -52,6 +52,6 @@ def with_followers(axes: Sequence[str], followers: Mapping[str, MimicFollower], 
         for axis, follower in followers.items()
     ]
     coupled = CoupledAxes(axes, equations)
-    asked = [Asked.UNNAMED if axis in followers else Asked.NAMED for axis in axes]
+    asked = [Firmness.UNNAMED if axis in followers else Firmness.NAMED for axis in axes]
     dependence = coupled.solve(asked, coupled.totals(np.zeros(len(axes))))
     return np.asarray(positions @ dependence.matrix.T + dependence.offset)
