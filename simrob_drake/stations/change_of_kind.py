@@ -81,7 +81,8 @@ class KeyLosses:
     def begin_new_kind(self, section: dict[str, Any], path: list[str], kind: str) -> None:
         """Empty a section whose kind is about to change, and record a warning that names the dropped keys.
 
-        The caller writes the new kind into the section. A section without a kind, or with the new kind already, stays as it is.
+        The caller writes the new kind into the section. A section without a kind, or with the new kind already, stays
+        as it is.
 
         Args:
             section: content of the section, which is changed.
