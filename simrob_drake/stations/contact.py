@@ -224,25 +224,52 @@ def with_friction(
     *,
     axes: Sequence[int] | None = None,
 ) -> OutputPort:
-    """Add to torques (n,) [N·m or N] what the motors give against friction.
+    """Add the torques that overcome Coulomb friction to the torques of a robot's motors.
 
-    ``axes`` are the indices of those axes whose torques are without friction: all of
-    them unless given.
+    Args:
+        builder: builder of the station's diagram, to which blocks are added.
+        ports: ports of the station; its plant's state drives the friction.
+        robot: the robot.
+        torque: output port with torques (n,) [N·m or N], which lack friction.
+        axes: indices of the axes whose torques lack friction; None stands for all axes.
+
+    Returns:
+        output port with the sum, shape (n,) [N·m or N]; the given port if none of these axes has friction.
     """
     count = len(robot.axes)
-    counted = np.zeros(count)
-    counted[list(range(count)) if axes is None else list(axes)] = 1.0
-    if not (counted * robot.model.friction).any():
+    is_added = np.ones(count)
+    if axes is not None:
+        is_added = np.zeros(count)
+        is_added[list(axes)] = 1.0
+    if not (is_added * robot.model.friction).any():
         return torque
-    sliding = _sliding(builder, ports, robot, np.full(count, robot.model.drives.friction_speed))
-    if not counted.all():
-        sliding = mapped(builder, f"{robot.prefix}friction.counted", np.diag(counted), sliding)
-    return summed(builder, f"{robot.prefix}friction.torque", torque, sliding)
+    speeds = np.full(count, robot.model.drives.friction_speed)
+    friction = _sliding(builder, ports, robot, speeds)
+    if not is_added.all():
+        # A diagonal matrix of ones and zeros drops the friction of the other axes.
+        friction = mapped(builder, f"{robot.prefix}friction.counted", np.diag(is_added), friction)
+    return summed(builder, f"{robot.prefix}friction.torque", torque, friction)
 
 
 def _sliding(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, speed: Vector) -> OutputPort:
-    """Add c sat(v / v_s), size n, of the plant's state."""
-    name, friction = f"{robot.prefix}friction", robot.model.friction
+    """Add a block for the Coulomb friction of a robot's axes: c sat(v / v_s), of the plant's state.
+
+    Here c are the friction torques of the robot's model, v the speeds of its axes, and sat limits to -1 and 1.
+
+    Args:
+        builder: builder of the station's diagram.
+        ports: ports of the station.
+        robot: the robot.
+        speed: speeds v_s above which friction is constant, shape (n,) [rad/s or m/s].
+
+    Returns:
+        output port with torques in the direction of the motion, shape (n,) [N·m or N].
+    """
+    name = f"{robot.prefix}friction"
+    friction = robot.model.friction
     ports.draw(name, "force", f"Friction\nof {robot.model.name}", robot)
-    slope = (friction / speed)[:, np.newaxis] * robot.axis_map.state_matrix[len(friction) :]
-    return fed(builder, name, Saturation(-friction, friction), mapped(builder, f"{name}.slope", slope, ports.state))
+    # The lower half of the state matrix gives the speeds of the axes.
+    speeds_of_state = robot.axis_map.state_matrix[len(friction) :]
+    slope = (friction / speed)[:, np.newaxis] * speeds_of_state
+    unlimited = mapped(builder, f"{name}.slope", slope, ports.state)
+    return fed(builder, name, Saturation(-friction, friction), unlimited)
