@@ -1,7 +1,7 @@
 """The robots that a station can name: folders of ``models/`` with a ``robot.yaml``, such a file, or any clean URDF.
 
 A robot has n axes. An axis is a joint of the robot's URDF with a sense: it is positive in the direction of the joint or
-against it. Users write positions in degrees, or in metres for prismatic axes; the properties of a robot are in SI units.
+against it. Users write positions in degrees, or in metres for prismatic axes; properties of a robot are in SI units.
 A follower is an axis that follows another one, its leader, by a ``mimic`` joint of the URDF.
 """
 
@@ -25,7 +25,7 @@ from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.coupled_axes import Firmness, firmness_of_values
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
-from simrob_drake.robots.fingers import Gripper, Hand, fingers_of
+from simrob_drake.robots.fingers import FingerHand, Gripper, fingers_of
 from simrob_drake.robots.followers import MimicFollower, followers_among, with_followers
 from simrob_drake.robots.limits import AxisLimits, Flags, middles
 from simrob_drake.robots.motors import Drives, Gains, set_drives
@@ -337,7 +337,7 @@ class RobotModel(Strict):
         return [unit.effort for unit in self.units]
 
     def bounds(self, degrees: float, metres: float) -> Vector:
-        """Assign each axis its bound: a number of degrees if revolute, of metres if prismatic. Shape (n,) [rad or m]."""
+        """Assign a bound to each axis: degrees if it is revolute, metres if prismatic. Returns SI units, shape (n,)."""
         return np.where(self.prismatic, metres, np.deg2rad(degrees))
 
     def axis_vector(self, values: AxisValues, name: str, default: float | Vector = 0.0) -> Vector:
@@ -448,7 +448,7 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
     return robot.model_copy(update={"home_deg": _home_of_urdf(robot)})
 
 
-def _gripper(robot: RobotModel, hand: Hand) -> Gripper:
+def _gripper(robot: RobotModel, hand: FingerHand) -> Gripper:
     """Convert the fingers of a hand from rad or m to the user's units, as in a ``robot.yaml``. Axes are joints here."""
     unit_sizes = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
     axes = {}

@@ -67,7 +67,7 @@ class FingerRange(NamedTuple):
     opened: float
 
 
-class Hand(NamedTuple):
+class FingerHand(NamedTuple):
     """Fingers that move together.
 
     Attributes:
@@ -101,7 +101,7 @@ class _HandCandidate(NamedTuple):
     palm: str
 
 
-def fingers_of(root: ET.Element) -> Hand | None:
+def fingers_of(root: ET.Element) -> FingerHand | None:
     """Find the fingers in the ``robot`` element of a URDF.
 
     Returns None if there are none, or if it is not clear at which end they are closed.
@@ -124,10 +124,10 @@ def fingers_of(root: ET.Element) -> Hand | None:
             fingers[name] = FingerRange(closed=travel.second, opened=travel.first)
         else:
             fingers[name] = FingerRange(closed=travel.first, opened=travel.second)
-    return Hand(fingers, hand.palm)
+    return FingerHand(fingers, hand.palm)
 
 
-def _jaw(root: ET.Element, joints: Mapping[str, ET.Element]) -> Hand | None:
+def _jaw(root: ET.Element, joints: Mapping[str, ET.Element]) -> FingerHand | None:
     """Find the only moving jaw of a hand whose other jaw is fixed, as most hobby arms have it.
 
     An import marks the joint that its user names. Unless one is marked, it is the only joint at the end of the tree
@@ -154,7 +154,7 @@ def _jaw(root: ET.Element, joints: Mapping[str, ET.Element]) -> Hand | None:
     # The jaws are closed at the end of the range at which they are nearest to each other.
     is_closed_low = _distance_from_palm(root, joint, low) <= _distance_from_palm(root, joint, high)
     finger = FingerRange(closed=low, opened=high) if is_closed_low else FingerRange(closed=high, opened=low)
-    return Hand({name: finger}, palm)
+    return FingerHand({name: finger}, palm)
 
 
 def _joints_named_as_jaws(root: ET.Element, joints: Mapping[str, ET.Element]) -> list[str]:

@@ -82,7 +82,7 @@ class SupportPoints(NamedTuple):
     points: Vector
 
 
-class Contact(NamedTuple):
+class StandingContact(NamedTuple):
     """A point on which a robot stands.
 
     Attributes:
@@ -94,7 +94,7 @@ class Contact(NamedTuple):
     point: Vector
 
 
-class Chain(NamedTuple):
+class BodyChain(NamedTuple):
     """The axes that move one body of a robot.
 
     Attributes:
@@ -129,7 +129,7 @@ def standing(station: StationPlant, robot: StationRobot, context: Context | None
     heights = points[:, 2] - station.ground.beneath(points)
     gap = float(heights.min())
     carrying = np.flatnonzero(heights <= gap + _TOUCHING).tolist()
-    contacts = [Contact(frames[index], points[index]) for index in carrying]
+    contacts = [StandingContact(frames[index], points[index]) for index in carrying]
 
     mass = plant.CalcTotalMass(context, [robot.instance])
     com = plant.CalcCenterOfMassPositionInWorld(context, [robot.instance])
@@ -192,10 +192,10 @@ def outline(station: StationPlant, body: RigidBody) -> Vector:
 
 
 def _contact_distances(
-    station: StationPlant, robot: StationRobot, context: Context, contacts: Collection[Contact]
+    station: StationPlant, robot: StationRobot, context: Context, contacts: Collection[StandingContact]
 ) -> dict[str, float]:
     """Compute for each link with contacts their smallest distance from its joint, see `Standing.ends`."""
-    by_link: dict[str, list[Contact]] = {}
+    by_link: dict[str, list[StandingContact]] = {}
     for contact in contacts:
         by_link.setdefault(contact.frame.name(), []).append(contact)
     distances = {}
@@ -215,7 +215,7 @@ def _contact_distances(
 
 
 def _holding_torque(
-    plant: MultibodyPlant, robot: StationRobot, context: Context, contacts: Collection[Contact]
+    plant: MultibodyPlant, robot: StationRobot, context: Context, contacts: Collection[StandingContact]
 ) -> Vector:
     """Compute the torques with which the joints hold a robot that stands at rest, shape (n,) [N·m or N].
 
@@ -232,7 +232,7 @@ def _holding_torque(
     return np.asarray(-robot.axis_map.efforts(generalized))
 
 
-def _vertical_jacobian(plant: MultibodyPlant, context: Context, contact: Contact) -> Vector:
+def _vertical_jacobian(plant: MultibodyPlant, context: Context, contact: StandingContact) -> Vector:
     """Compute the derivative of a contact's vertical velocity by the plant's velocities, shape (nv,).
 
     An upward force at the contact, times this row, gives its generalized forces.
@@ -342,7 +342,7 @@ class Clearance(PosedStation):
             heights[name] = min(height, heights.get(name, height))
         return heights
 
-    def chains(self, robot: StationRobot) -> list[Chain]:
+    def chains(self, robot: StationRobot) -> list[BodyChain]:
         """Find the axes that move each body of a robot."""
         # The axis that moves each body directly, by the body's index.
         axis_of_body = {joint.child_body().index(): axis for axis, joint in enumerate(robot.joints)}
@@ -354,7 +354,7 @@ class Clearance(PosedStation):
                 axis = axis_of_body[inboard]
                 axes.insert(0, axis)
                 inboard = robot.joints[axis].parent_body().index()
-            chains.append(Chain(self.plant.get_body(index), axes))
+            chains.append(BodyChain(self.plant.get_body(index), axes))
         return chains
 
     def overlaps(self) -> list[Overlap]:

@@ -171,7 +171,8 @@ def coupled_start(
         positions: initial positions of each robot's axes before couplings are considered, shape (n,) each [rad or m].
 
     Returns:
-        initial positions by robot, shape (n,) each [rad or m]. If no axis has to move, these are the given arrays.
+        initial positions by robot, shape (n,) each [rad or m]. If no axis has to move, they are those of
+        ``positions``.
 
     Raises:
         InvalidParameter: ``initial_deg`` contradicts a coupling, or couplings contradict each other.
@@ -181,28 +182,28 @@ def coupled_start(
     if not fixed:
         return dict(positions)
     # The axes of all robots in one vector: a coupling may tie axes of two robots.
-    given = np.concatenate([positions[name] for name in models])
+    initial = np.concatenate([positions[name] for name in models])
     firmness = list[Firmness]()
     for name, model in models.items():
         firmness += model.firmness(config.robots[name].initial_deg)
     units = axis_units(models.values())
 
-    dependence = fixed.solve(firmness, fixed.totals(given))
+    dependence = fixed.solve(firmness, fixed.totals(initial))
     for condition in dependence.conditions:
         _check_solvable(condition)
-        violation = fixed.find_violation(condition, given[np.newaxis], units.rounding)
+        violation = fixed.find_violation(condition, initial[np.newaxis], units.rounding)
         if violation is not None:
             axis = violation.axis
-            expected = expected_position(fixed, condition, violation, given, units)
-            value = f"{position_text(given[axis] / units.sizes[axis])} {units.names[axis]}"
+            expected = expected_position(fixed, condition, violation, initial, units)
+            value = f"{position_text(initial[axis] / units.sizes[axis])} {units.names[axis]}"
             raise InvalidParameter(f"initial_deg of {fixed.names[axis]}", value, expected)
 
     # Axes that obey their couplings up to rounding keep the very numbers of the station file.
-    solved = dependence.matrix @ given + dependence.offset
-    moved = [axis for axis in dependence.moved if abs(solved[axis] - given[axis]) > units.rounding[axis]]
+    solved = dependence.matrix @ initial + dependence.offset
+    moved = [axis for axis in dependence.moved if abs(solved[axis] - initial[axis]) > units.rounding[axis]]
     if not moved:
         return dict(positions)
-    starts = given.copy()
+    starts = initial.copy()
     starts[moved] = solved[moved]
     # Split the vector at the first axis of each robot but the first.
     counts = [len(model.axes) for model in models.values()]
