@@ -96,7 +96,7 @@ class RobotModel(Strict):
     @model_validator(mode="before")
     @classmethod
     def _of_table(cls, content: Any) -> Any:
-        """Add the keys that a table of Denavit-Hartenberg parameters determines; other content is returned as it is."""
+        """Add the keys that a table of Denavit-Hartenberg parameters determines, if the content has a table."""
         if isinstance(content, dict) and isinstance(content.get("dh"), dict):
             return described_by_table(content)
         return content

@@ -321,10 +321,12 @@ def _mean_distance(root: ET.Element, positions: Mapping[str, float], palm: str) 
     poses = {palm: RigidTransform()}  # poses of the links beyond the palm, in the frame of the palm
     centres = list[Vector]()
     for joint in outward(joints_at(root), palm):
+        name = name_of(joint)
         child = link_of(joint, "child")
-        motion = _joint_motion(joint, positions.get(name_of(joint), 0.0))
-        poses[child] = poses[link_of(joint, "parent")] @ pose_of(joint) @ motion
-        if name_of(joint) in positions:
+        motion = _joint_motion(joint, positions.get(name, 0.0))
+        pose_of_parent = poses[link_of(joint, "parent")]
+        poses[child] = pose_of_parent @ pose_of(joint) @ motion
+        if name in positions:
             centres.append(poses[child] @ _centre_of_mass(links[child]))
     distances = [float(np.linalg.norm(first - second)) for first, second in combinations(centres, 2)]
     return sum(distances) / max(len(distances), 1)

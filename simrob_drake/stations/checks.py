@@ -223,7 +223,7 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
 
 
 def _gap_finding(robot: StationRobot, found: Standing) -> Finding:
-    """Check the height of the lowest point of a robot that stands: it must not drop on the ground, nor lie in it."""
+    """Check the height of a robot's lowest point: the robot must not drop on the ground, and not begin inside of it."""
     parts = "feet's" if robot.feet else "collision shapes'"
     side = "over" if found.gap >= 0 else "below"
     text = f"the {parts} lowest point is {abs(found.gap) * 1e3:.2f} mm {side} the floor at the start"

@@ -233,14 +233,17 @@ class ClearStart:
         one, two or three axes differ from the latter, and random postures. Postures near a
         singularity are left out.
         """
-        dexterities = [self._dexterity(posture) for posture in self._random_postures]
-        least = _DEXTERITY * float(np.quantile(dexterities, 0.8))
-        changed = [self._changed_postures(count) for count in (1, 2, 3)]
-        for postures in ([self._home], [self._reduced_home], *changed, list(self._random_postures)):
-            # The index makes the order unique for equal dexterities, and arrays cannot be compared.
-            rated = [(self._dexterity(posture), index) for index, posture in enumerate(postures)]
-            ordered = [postures[index] for dexterity, index in sorted(rated, reverse=True) if dexterity >= least]
-            yield [posture for posture in ordered if not any(self._faults(posture))]
+        random_dexterities = [self._dexterity(posture) for posture in self._random_postures]
+        least = _DEXTERITY * float(np.quantile(random_dexterities, 0.8))
+        groups = [[self._home], [self._reduced_home]]
+        groups += [self._changed_postures(count) for count in (1, 2, 3)]
+        groups.append(list(self._random_postures))
+        for postures in groups:
+            dexterities = [self._dexterity(posture) for posture in postures]
+            # Sort by dexterity; the index makes the order unique for equal dexterities.
+            ranking = sorted(zip(dexterities, range(len(postures)), strict=True), reverse=True)
+            dexterous = [postures[index] for dexterity, index in ranking if dexterity >= least]
+            yield [posture for posture in dexterous if not any(self._faults(posture))]
 
     def _changed_postures(self, count: int) -> list[Vector]:
         """Draw different postures (n,) in which ``count`` axes are moved away from home, within the limits.
@@ -310,12 +313,15 @@ class ClearStart:
         """
         model = self._robot.model
         lower, upper = model.axis_limits
-        is_upper_farther = upper - posture >= posture - lower
-        to_limit = np.where(is_upper_farther, upper - posture, lower - posture)
+        to_upper = upper - posture
+        to_lower = lower - posture  # negative
+        to_limit = np.where(to_upper >= -to_lower, to_upper, to_lower)
+        by_range = _RANGE_SHARE * np.abs(to_limit)
         by_speed = _SPEED_SHARE * model.speed_limits * self._duration
-        largest = np.minimum(model.bounds(_STEP_DEG, _STEP_METRES), by_speed)
+        by_size = model.bounds(_STEP_DEG, _STEP_METRES)
+        largest = np.minimum(by_size, by_speed)
         largest[list(model.fingers)] = 0.0
-        return np.asarray(np.sign(to_limit) * np.minimum(largest, _RANGE_SHARE * np.abs(to_limit)))
+        return np.asarray(np.sign(to_limit) * np.minimum(largest, by_range))
 
     def _combined_step(self, posture: Vector, step: Vector) -> Vector:
         """Combine the parts of a step that have no faults, axis by axis.

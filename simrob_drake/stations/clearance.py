@@ -228,7 +228,8 @@ def _holding_torque(
     weight = mass * float(np.linalg.norm(plant.gravity_field().gravity_vector()))
     forces = _vertical_forces(points, com, weight)
     jacobians = np.array([_vertical_jacobian(plant, context, contact) for contact in contacts])
-    generalized = plant.CalcGravityGeneralizedForces(context) + np.einsum("kv,k->v", jacobians, forces)
+    from_contacts = np.einsum("kv,k->v", jacobians, forces)
+    generalized = plant.CalcGravityGeneralizedForces(context) + from_contacts
     return np.asarray(-robot.axis_map.efforts(generalized))
 
 

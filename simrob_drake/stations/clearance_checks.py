@@ -92,7 +92,7 @@ def clearance_findings(config: StationConfig, references: Mapping[str, Reference
         when_checked = "where it starts"
         if name in references:
             when_checked = f"at {len(measured.times)} times along its reference"
-        # A robot that floats stands on the floor, so only other robots are checked against it.
+        # A robot that floats touches the floor with its feet, which is no collision.
         if not robot.floats:
             findings += _floor_findings(clearance, robot, measured, when_checked)
         findings += _self_findings(clearance, robot, measured, when_checked)
@@ -170,15 +170,18 @@ class _HeightsByMotion(NamedTuple):
 
 def _split_by_motion(clearance: Clearance, robot: StationRobot, measured: _Measurements) -> _HeightsByMotion:
     """Separate the heights of a robot's fixed links from those of its moving links."""
-    bodies = [clearance.plant.get_body(index) for index in clearance.plant.GetBodyIndices(robot.instance)]
-    fixed_links = {body.name() for body in bodies if clearance.plant.IsAnchored(body)}
-    heights = measured.heights[robot.name]
-    # Fixed links have the same height at all times.
-    fixed = [height for link, height in heights[0].items() if link in fixed_links]
-    moving = list[_LinkHeight]()
-    for time, at_time in zip(measured.times.tolist(), heights, strict=True):
-        moving += [_LinkHeight(height, time, link) for link, height in at_time.items() if link not in fixed_links]
-    return _HeightsByMotion(fixed, moving)
+    plant = clearance.plant
+    bodies = [plant.get_body(index) for index in plant.GetBodyIndices(robot.instance)]
+    fixed_links = {body.name() for body in bodies if plant.IsAnchored(body)}
+    by_motion = _HeightsByMotion(fixed=[], moving=[])
+    for time, heights in zip(measured.times.tolist(), measured.heights[robot.name], strict=True):
+        for link, height in heights.items():
+            if link not in fixed_links:
+                by_motion.moving.append(_LinkHeight(height, time, link))
+            elif time == 0.0:
+                # Fixed links have the same height at all times, so the first one suffices.
+                by_motion.fixed.append(height)
+    return by_motion
 
 
 def _self_findings(
@@ -245,6 +248,7 @@ def _contact_finding(clearance: Clearance, subject: str, text: str, remedy: str,
         is_own: whether both bodies belong to the same robot.
     """
     contact = clearance.config.contact
+    # Contact forces hold bodies apart in a dynamic station; between links of one robot they are optional.
     is_simulated = clearance.config.mode == "dynamic" and contact is not None and (contact.self_collision or not is_own)
     if is_simulated:
         return Finding("note", subject, f"{text}, if nothing held them back; the run shows what comes of it")

@@ -104,7 +104,7 @@ class CollisionPolicy:
         """
         self._posed = posed
         self._trusts_home = trusts_home
-        self._fine = FineShapes(posed.station)
+        self._fine = FineShapes(posed.station)  # the convex parts of concave meshes
 
         # These owners never change, so each is looked up only once. Fingers may grasp a piece
         # or release it, which changes its owner, see :meth:`owner`.
@@ -255,6 +255,7 @@ class CollisionPolicy:
         """
         if not self._trusts_home:
             return {}
+        # The positions are restored at the end: a caller may be in the middle of a check.
         before = self._posed.plant.GetPositions(self._posed.context)
         homes = {}
         for name, robot in self._posed.station.robots.items():
@@ -274,7 +275,7 @@ class CollisionPolicy:
         An example is a ball in its socket.
         """
         before = self._posed.plant.GetPositions(self._posed.context)
-        random = np.random.default_rng(0)
+        random = np.random.default_rng(0)  # a fixed seed, so that the pairs are always the same
         counts = Counter[Bodies]()  # count of postures in which two links overlap
         robot_of: dict[Bodies, str] = {}
         for _ in range(_SAMPLES):
@@ -307,14 +308,18 @@ class CollisionPolicy:
             robot: the robot's name. The pieces that it carries or holds now belong to it.
         """
         inspector = self._posed.station.scene_graph.model_inspector()
-        owners = {shape: self.owner(shape) for shape in inspector.GetAllGeometryIds(Role.kProximity)}
-        own_shapes = [shape for shape, owner in owners.items() if owner.robot == robot]
+        owner_of_shape = {}
+        for shape in inspector.GetAllGeometryIds(Role.kProximity):
+            owner = self.owner(shape)
+            if owner.robot == robot:
+                owner_of_shape[shape] = owner
         pairs = []
-        for first, second in combinations(own_shapes, 2):
-            if owners[first].body == owners[second].body or inspector.CollisionFiltered(first, second):
+        for first, second in combinations(owner_of_shape, 2):
+            bodies = _sorted_names(owner_of_shape[first], owner_of_shape[second])
+            is_one_body = bodies[0] == bodies[1]
+            if is_one_body or bodies in self.left_out or inspector.CollisionFiltered(first, second):
                 continue
-            if _sorted_names(owners[first], owners[second]) not in self.left_out:
-                pairs.append((first, second))
+            pairs.append((first, second))
         return OwnDistances(pairs, inspector, self._fine)
 
 

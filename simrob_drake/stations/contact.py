@@ -189,7 +189,7 @@ def _material(config: StationConfig, contact: ContactConfig, piece: str | None) 
 
 
 def _write_material(properties: ProximityProperties, material: ContactMaterial) -> None:
-    """Write stiffness, dissipation and friction into the properties of a shape; None keeps the present value.
+    """Write stiffness, dissipation and friction into the properties of a shape, except values that are None.
 
     Drake combines the stiffnesses of two shapes like springs in series. So two shapes with twice the stiffness make a
     contact with the stiffness that the user gives.

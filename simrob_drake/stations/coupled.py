@@ -178,8 +178,8 @@ def coupled_start(
         InvalidParameter: ``initial_deg`` contradicts a coupling, or couplings contradict each other.
     """
     # A coupling without a total keeps the sum of the initial posture, so any initial posture obeys it.
-    fixed = CoupledAxes(coupled.names, [equation for equation in coupled.equations if equation.total is not None])
-    if not fixed:
+    with_totals = CoupledAxes(coupled.names, [equation for equation in coupled.equations if equation.total is not None])
+    if not with_totals:
         return dict(positions)
     # The axes of all robots in one vector: a coupling may tie axes of two robots.
     initial = np.concatenate([positions[name] for name in models])
@@ -188,15 +188,16 @@ def coupled_start(
         firmness += model.firmness(config.robots[name].initial_deg)
     units = axis_units(models.values())
 
-    dependence = fixed.solve(firmness, fixed.totals(initial))
+    dependence = with_totals.solve(firmness, with_totals.totals(initial))
+    # A condition is an equation that is left for axes whose positions are all given in ``initial_deg``.
     for condition in dependence.conditions:
         _check_solvable(condition)
-        violation = fixed.find_violation(condition, initial[np.newaxis], units.rounding)
+        violation = with_totals.find_violation(condition, initial[np.newaxis], units.rounding)
         if violation is not None:
             axis = violation.axis
-            expected = expected_position(fixed, condition, violation, initial, units)
+            expected = expected_position(with_totals, condition, violation, initial, units)
             value = f"{position_text(initial[axis] / units.sizes[axis])} {units.names[axis]}"
-            raise InvalidParameter(f"initial_deg of {fixed.names[axis]}", value, expected)
+            raise InvalidParameter(f"initial_deg of {with_totals.names[axis]}", value, expected)
 
     # Axes that obey their couplings up to rounding keep the very numbers of the station file.
     solved = dependence.matrix @ initial + dependence.offset

@@ -97,6 +97,7 @@ def _check_conditions(
     Raises:
         InvalidParameter: a condition is broken; the message names the axis, its position and the time.
     """
+    # A condition is an equation that is left for axes whose references are all given firmly.
     for condition in dependence.conditions:
         violation = coupled.find_violation(condition, positions, units.rounding)
         if violation is None:
