@@ -72,6 +72,7 @@ def links_without_inertia(robot: ET.Element, *, floating: bool = False) -> list[
         robot: a ``robot`` element.
         floating: whether the root link moves, too.
     """
+    # A link without mass is no problem if another link of its body has mass.
     weightless = {carrier for carrier, links in bodies(robot).items() if not any(mass_of(link) > 0 for link in links)}
     moving = {link_of(joint, "child") for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS}
     if floating:
@@ -128,6 +129,7 @@ def merge_fixed_links(robot: ET.Element) -> None:
         child_name = link_of(joint, "child")
         parent_name = link_of(joint, "parent")
         pose = pose_of(joint)
+        # The child may have been extended by other merged links before, and the parent may be merged later.
         child = links.pop(child_name)
         moved = starting.pop(child_name)
         _merge_link(child, links[parent_name], pose)
@@ -136,6 +138,7 @@ def merge_fixed_links(robot: ET.Element) -> None:
             start = element.find("parent") if element.tag == "joint" else element
             assert start is not None  # checked before
             start.set("link", parent_name)
+        # In place of the link, a frame of the same name stays.
         robot.remove(child)
         robot.remove(joint)
         starting[parent_name].remove(joint)

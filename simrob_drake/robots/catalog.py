@@ -140,6 +140,7 @@ class RobotModel(Strict):
             check_urdf(root, self.urdf_path)
         if self.root != root_link(root):
             raise InvalidParameter("root", self.root, f"{root_link(root)}, the root link of {self.urdf_path}")
+        # Values of the description take the place of those in the URDF.
         joints = [axis.joint for axis in self.axes.values()]
         for key in ("rotor_inertia", "gear_ratio", "damping", "friction"):
             values = getattr(self.drives, key)
@@ -149,6 +150,7 @@ class RobotModel(Strict):
 
     def _by_joint(self, joints: list[str], values: AxisValues, key: str) -> dict[str, float]:
         """Spread the values of a key over the joints, by name; joints of axes without a value are left out."""
+        # NaN stands for axes without a value.
         vector = self.axis_vector(values, key, np.nan)
         return {joint: value for joint, value in zip(joints, vector.tolist(), strict=True) if np.isfinite(value)}
 
@@ -305,7 +307,7 @@ class RobotModel(Strict):
         """
         known = {"home": self.home_deg, **self.postures}
         one_of(f"posture of {self.name}", name, known)
-        if name not in self.postures:
+        if name not in self.postures:  # it is `home`, which need not be among the named postures
             return self.home
         position = self.axis_vector(self.postures[name], f"postures.{name}", others / self.user_units)
         return self.with_followers(self.user_units * position)
@@ -361,6 +363,7 @@ class RobotModel(Strict):
             for key, value in values.items():
                 vector[self.axis_index(key, name)] = value
             return vector
+        # A number becomes a vector without dimensions, which is spread over all axes below.
         vector = np.asarray(values, dtype=float)
         if vector.ndim == 1 and vector.size != count:
             raise InvalidParameter(name, values, f"one number, or {count} numbers, one an axis of {self.name}")

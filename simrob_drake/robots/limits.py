@@ -113,20 +113,23 @@ class AxisLimits:
         if not outside.any():
             return None
         row, axis = np.argwhere(outside)[0].tolist()
-        numbers = np.array([postures[row, axis], self.lower[axis], self.upper[axis]])
-        is_revolute = self.revolute[axis]
-        unit = "deg" if is_revolute else "m"
-        value, lower, upper = np.rad2deg(numbers) if is_revolute else numbers
+        value = postures[row, axis]
+        lower = self.lower[axis]
+        upper = self.upper[axis]
+        unit = "m"
+        if self.revolute[axis]:
+            value = np.rad2deg(value)
+            lower = np.rad2deg(lower)
+            upper = np.rad2deg(upper)
+            unit = "deg"
 
         # The position and the limit that it passes get so many digits that they differ: a message such as "180 deg is
         # not within -180 to 180 deg" helps nobody. Five digits are enough for the other limit.
         is_below = value < lower
         limit = lower if is_below else upper
         value_text, limit_text = distinct_texts(float(value), float(limit))
-        if is_below:
-            lower_text, upper_text = limit_text, f"{upper:.5g}"
-        else:
-            lower_text, upper_text = f"{lower:.5g}", limit_text
+        lower_text = limit_text if is_below else f"{lower:.5g}"
+        upper_text = f"{upper:.5g}" if is_below else limit_text
         return Violation(
             row=row,
             axis=axis,

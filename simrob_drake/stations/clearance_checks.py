@@ -146,6 +146,7 @@ def _floor_findings(
     if not moving_heights:
         text = "not looked at: no link that moves has a shape to touch with"
         return [*findings, Finding("note", subject, text)]
+    # The tuples are compared by their heights first.
     lowest = min(moving_heights)
     if lowest.height >= -allowed_depth:
         height_mm = max(lowest.height, 0.0) * 1e3
@@ -213,6 +214,7 @@ def _left_out_text(clearance: Clearance, robot: StationRobot) -> str:
     policy = clearance.policy
     at_home = {bodies for bodies, owner in policy.home_contacts.items() if owner == robot.name}
     always = {bodies for bodies, owner in policy.permanent_overlaps.items() if owner == robot.name}
+    # A pair with both reasons is listed with the stronger one.
     text = ""
     if always:
         text += f"; left out: {_pairs_text(always)}, whose shapes always overlap"
@@ -229,7 +231,7 @@ def _pairs_text(pairs: Collection[Bodies]) -> str:
 
 def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Finding]:
     """Find collisions between different robots, or between robots and pieces."""
-    if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:
+    if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:  # there is nothing to collide with
         return []
     others = [timed for timed in measured.overlaps if timed.overlap.is_between_owners]
     if others:

@@ -160,7 +160,7 @@ def add_contact_points(
     owners = _ShapeOwners(plant, scene_graph.model_inspector(), station, robots)
     flat = [shape for shape in owners.inspector.GetAllGeometryIds(Role.kProximity) if is_flat(owners.inspector, shape)]
     free = [shape for shape in flat if owners.is_free(shape)]
-    if not free:
+    if not free:  # nothing rests on a face, and balls would only cost time
         return points
     supports = [shape for shape in flat if owners.is_support(shape)]
     heaviest = max(owners.moved_mass(shape) for shape in free)
@@ -256,6 +256,7 @@ class _ShapeOwners:
         If the robot has feet, its feet carry it, and of its own links only these count.
         """
         piece = self.piece(shape)
+        # A piece that no robot carries has the world as its carrier.
         if piece is not None and self.station.pieces[piece].carrier == WORLD:
             return self.station.pieces[piece].free
         robot = self.robot(shape)
@@ -263,6 +264,7 @@ class _ShapeOwners:
             return False
         if robot.feet is None or piece is not None:
             return True
+        # Feet may be named after links that were merged into other bodies, so that bodies are compared, not names.
         feet = [self.plant.GetFrameByName(link, robot.instance).body().index() for link in robot.feet.links]
         return self.body(shape).index() in feet
 
@@ -301,6 +303,7 @@ def _register_balls(owners: _ShapeOwners, shape: GeometryId, load: float, points
     name = own_name(inspector, shape)
 
     def register(ball: ContactBall, label: str) -> GeometryId:
+        # The ball's name begins with that of the shape, so that forces on it count as forces on the shape's piece.
         centre = RigidTransform(pose.multiply(ball.centre))
         properties = ProximityProperties(material)
         return owners.plant.RegisterCollisionGeometry(body, centre, Sphere(ball.radius), f"{name}.{label}", properties)
@@ -333,6 +336,7 @@ def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float =
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     shortest_side = float(np.ptp(corners, axis=0).min())
     radius = _ball_radius(shortest_side, depth)
+    # Signs of the directions along x, y and z from the middle to each corner.
     outward = np.sign(corners - middle)
     centres = corners - outward * (radius - protrusion)
     return [ContactBall(centre, radius) for centre in centres]
@@ -349,6 +353,7 @@ def balls_on_edges(corners: Sequence[ContactBall], edges: Sequence[Edge]) -> Ite
         edges: edges between these corners.
     """
     centres = np.array([ball.centre for ball in corners])
+    # The sides of the box around the balls are a little shorter than those of the polyhedron.
     longest_part = float(np.ptp(centres, axis=0).min()) / 2
     for edge in edges:
         start = centres[edge.first]
@@ -393,7 +398,7 @@ def _sinking_depth(config: StationConfig, piece: str | None, load: float) -> flo
 
     Args:
         config: configuration of the station.
-        piece: name of the piece to which the balls belong, or None if they belong to a robot's link.
+        piece: name of the piece to which the balls belong, or None if they belong to a robot or the floor.
         load: the load on all balls together [N].
     """
     stiffness = None if config.contact is None else config.contact.stiffness
@@ -466,6 +471,7 @@ def _ball_radius(shortest_side: float, depth: float) -> float:
             too small for such balls.
     """
     usual = min(LARGEST_RADIUS, RADIUS_SHARE * shortest_side)
+    # With the factor 2, a ball sinks in by no more than half of its radius.
     soft = min(2 * depth, SOFT_RADIUS_SHARE * shortest_side)
     return max(usual, soft)
 
