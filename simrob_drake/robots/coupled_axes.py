@@ -241,7 +241,8 @@ class CoupledAxes:
             # The largest pivot gives the smallest rounding errors.
             pivot = max(unused, key=lambda row: abs(rows[row, axis]))
             if abs(rows[pivot, axis]) < _ZERO:
-                continue
+                continue  # no row that is left contains the axis
+            # Solve the pivot row for the axis, and remove the axis from all other rows.
             rows[pivot] /= rows[pivot, axis]
             for other in range(len(rows)):
                 if other != pivot:

@@ -112,7 +112,7 @@ class KeyLosses:
 
 
 def _is_default(section: Mapping[str, Any], key: str, section_class: type[BaseModel] | None) -> bool:
-    """Whether a key of a section has its default value. It has not if the class of the section is None, unknown."""
+    """Whether a key of a section has its default value. Returns False if the section's class is not known (None)."""
     if section_class is None or key not in section_class.model_fields:
         return False
     declared = section_class.model_fields[key]
